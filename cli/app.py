@@ -1,0 +1,76 @@
+"""The `sonarhw` command: its table of contents, and the one place where errors become exit statuses.
+
+A command lives in the file of its name and does its heavy imports inside its function, so that `--help` stays quick.
+"""
+
+import os
+import sys
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from cli import simulate
+from sonarhw.errors import SonarError
+
+app = typer.Typer(
+    name="sonarhw",
+    help="Scan a room with an ultrasonic ranging board and see the scan over its prediction.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+app.command("simulate")(simulate.simulate)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"sonarhw {version('sonarhw')}")
+        raise typer.Exit
+
+
+@app.callback()
+def sonarhw(
+    show_version: Annotated[
+        bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Scan a room with an ultrasonic ranging board and see the scan over its prediction."""
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """The exit status of one command line: 0 done, 2 bad usage or input, 1 failed at run time, 130 after Ctrl-C."""
+    try:
+        status = app(args=arguments, prog_name="sonarhw", standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except SonarError as error:
+        return _complain(str(error), error.exit_status)
+    except typer.TyperException as error:
+        return _complain(error.format_message(), error.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    except BrokenPipeError:
+        return _close_quietly()
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{where}{error.strerror or error}", SonarError.exit_status)
+
+
+def _complain(message: str, status: int) -> int:
+    if message:  # help shown for want of arguments has said it all
+        typer.echo(f"sonarhw: {' '.join(message.split())}", err=True)
+    return status
+
+
+def _close_quietly() -> int:
+    # Python flushes standard output once more at exit and would complain about the pipe that is gone
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def main() -> None:
+    """Entry point of the `sonarhw` command."""
+    sys.exit(run())

@@ -1,0 +1,52 @@
+"""Options that several commands share, and what they are made into: degrees and names in, SI values out."""
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw.readings import ScanOrder, headings_between
+
+RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
+PlaceName = Annotated[
+    str | None, typer.Option("--place", help="Place of the room file, or X,Y in metres.", metavar="NAME|X,Y")
+]
+BoardName = Annotated[str, typer.Option("--board", help="Board profile: name or file.", metavar="NAME|FILE.toml")]
+FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
+ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this, degrees.")]
+StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
+DEFAULT_BOARD = "polaroid-6500"
+
+
+def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
+    """The scan from `start` to below `stop` (degrees). Raises InputError where there is no heading between them."""
+    try:
+        headings = headings_between(start, stop, step)
+    except ValueError as error:
+        raise InputError(f"--from, --to, --step: {error} degrees; give a step that leads from one to the other") from error
+    return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def refuse_existing(path: Path, force: bool) -> None:
+    """Raise InputError where `path` exists and may not be overwritten, or its folder is missing."""
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already; choose another --out or add --force")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+
+
+@contextmanager
+def text_output(out: str, force: bool) -> Iterator[TextIO]:
+    """Standard output for `-`, else the file `out`, opened for writing text."""
+    if out == "-":
+        yield sys.stdout
+        return
+    refuse_existing(Path(out), force)
+    with open(out, "w", encoding="utf-8", newline="") as file:
+        yield file

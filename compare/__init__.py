@@ -1,0 +1,1 @@
+"""Measured held against predicted: match, explain, score, fit."""

@@ -1,0 +1,1 @@
+"""The prediction: room model, air, transducer, ray following, receivers."""

@@ -1,0 +1,1 @@
+"""Board profiles that ship with the product."""

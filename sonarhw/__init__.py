@@ -1,0 +1,1 @@
+"""The instrument: readings and scans, wire protocol, driver, fake scanner, logs, replay."""

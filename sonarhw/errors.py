@@ -1,0 +1,63 @@
+"""Every error this project raises on purpose, and the exit status the command line gives it.
+
+    SonarError
+    ├── InputError             what a person handed in is wrong: option, room file, profile, CSV   exit 2
+    ├── LinkError              the way to the scanner is shut
+    │   ├── LinkBusy           somebody else holds the port                                        exit 1
+    │   └── LinkLost           it was open and went away                                           exit 1
+    ├── DeviceError            something answers, but not as a scanner should
+    │   ├── NoAnswer           a deadline passed                                                   exit 1
+    │   ├── Incompatible       it speaks another protocol version                                  exit 1
+    │   └── CommandRefused     it said no, with a code and a text                                  exit 1
+    └── LogError               a log cannot be read or written                                     exit 1
+
+A message says what was expected, what came, where, and what to do; it fits on one line.
+"""
+
+
+class SonarError(Exception):
+    """Root of the tree; `exit_status` is what the command line ends with."""
+
+    exit_status = 1
+
+
+class InputError(SonarError):
+    """What a person handed in is wrong; nothing has been done yet."""
+
+    exit_status = 2
+
+
+class LinkError(SonarError):
+    """The way to the scanner cannot be opened or used."""
+
+
+class LinkBusy(LinkError):
+    """Another process holds the port."""
+
+
+class LinkLost(LinkError):
+    """The link was open and went away."""
+
+
+class DeviceError(SonarError):
+    """Something answers, but not as a scanner should."""
+
+
+class NoAnswer(DeviceError):
+    """The device stayed silent past a deadline."""
+
+
+class Incompatible(DeviceError):
+    """The device speaks a protocol version this driver does not."""
+
+
+class CommandRefused(DeviceError):
+    """The device answered a command with a refusal; `code` is the protocol's refusal code."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class LogError(SonarError):
+    """A log cannot be read or written."""

@@ -1,0 +1,91 @@
+"""Readings and scans: the plain values that everything else hands round.
+
+A reading is what one ping gave; a scan order says which pings to make. Nothing here knows bytes, files or physics.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale."""
+
+    samples: FloatArray  # (n,), 0..1
+    rate: float  # Hz
+    start: float  # s from the start of transmission to the first sample
+
+    @property
+    def times(self) -> FloatArray:
+        """Time of every sample since the start of transmission, (n,) float, s."""
+        return self.start + np.arange(len(self.samples), dtype=np.float64) / self.rate
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one ping gave."""
+
+    number: int  # counts from 0 within its scan
+    sweep: int
+    ping: int  # counts from 0 at each heading
+    angle: float  # turntable angle, rad
+    time: float  # s on the device's clock, start of transmission
+    echo_times: tuple[float, ...]  # s after the start of transmission, earliest first; empty: no echo
+    speed_of_sound: float  # m/s
+    temperature_c: float | None = None
+    trace: Trace | None = None
+
+    @property
+    def echo_ranges(self) -> tuple[float, ...]:
+        """Range of every echo, m: speed of sound × time of flight / 2."""
+        return tuple(self.speed_of_sound * time / 2 for time in self.echo_times)
+
+    @property
+    def range(self) -> float | None:
+        """Range of the first echo, m; None where the board heard nothing."""
+        return self.speed_of_sound * self.echo_times[0] / 2 if self.echo_times else None
+
+
+@dataclass(frozen=True)
+class ScanOrder:
+    """Which pings a scan makes: `headings` turntable angles from `start` in steps of `step`, to and fro."""
+
+    start: float  # rad
+    step: float  # rad
+    headings: int
+    sweeps: int = 1
+    pings: int = 1  # at each heading
+
+    @property
+    def readings(self) -> int:
+        """How many readings the whole scan has."""
+        return self.headings * self.sweeps * self.pings
+
+    def angles(self) -> FloatArray:
+        """Turntable angles of one sweep, (headings,) float, rad."""
+        return self.start + self.step * np.arange(self.headings, dtype=np.float64)
+
+    def ping_at(self, number: int) -> tuple[int, float, int]:
+        """Sweep, turntable angle (rad) and ping of reading `number`; odd sweeps run backwards."""
+        place, ping = divmod(number, self.pings)
+        sweep, index = divmod(place, self.headings)
+        if sweep % 2:
+            index = self.headings - 1 - index
+        return sweep, self.start + self.step * index, ping
+
+
+def headings_between(start: float, stop: float, step: float) -> int:
+    """How many angles A, A+S, … lie below B (above it for a negative step); 0 to 360 by 5 are 72.
+
+    Raises ValueError where the step is zero, not finite, or leads away from `stop`.
+    """
+    if not all(map(math.isfinite, (start, stop, step))) or step == 0 or (stop - start) / step <= 0:
+        raise ValueError(f"no angle lies from {start:g} below {stop:g} in steps of {step:g}")
+    # a hair less, so that 0 to 360 by 0.1 is 3600 and not 3601 where the division lands just above
+    return math.ceil((stop - start) / step - 1e-9)
