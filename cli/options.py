@@ -29,7 +29,9 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
     try:
         headings = headings_between(start, stop, step)
     except ValueError as error:
-        raise InputError(f"--from, --to, --step: {error} degrees; give a step that leads from one to the other") from error
+        raise InputError(
+            f"--from, --to, --step: {error} degrees; give a step that leads from one to the other"
+        ) from error
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 

@@ -1,0 +1,26 @@
+"""The board's side of the line, seen from the line: what a fake scanner and a replayed log have in common.
+
+A device is a machine without threads, ports or clock: it is told the time, takes bytes and gives bytes.
+"""
+
+from typing import Protocol
+
+
+class Device(Protocol):
+    """Something that answers as a scanner."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether it homes, turns or scans; an idle device has only heartbeats to send."""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes from the host; `now` in s on any clock that does not run backwards."""
+
+    def next_event(self) -> float | None:
+        """When `advance` next has something to do, s; None: only after bytes from the host."""
+
+    def advance(self, now: float) -> bytes:
+        """Do what is due by `now`; the bytes that have left for the host since the last call."""
+
+    def hang_up(self) -> None:
+        """The host has gone: stop, forget the conversation, wait for the next Hello."""
