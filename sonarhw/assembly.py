@@ -4,6 +4,7 @@ Takes messages in the order they came; hands on each reading once, with its trac
 """
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from sonarhw.messages import (
     NO_TEMPERATURE,
     Finished,
     Heartbeat,
+    Info,
     Message,
     ReadingMessage,
     Settings,
@@ -20,6 +22,8 @@ from sonarhw.messages import (
 from sonarhw.readings import FloatArray, Reading, Trace
 
 FULL_SCALE = 255
+_REMEMBERED = 256  # pings known by their time; a device sends none again that is older than 64
+_TRACES_HELD = 4  # traces whose reading may still be sent again
 
 
 def degrees_c(centidegrees: int) -> float | None:
@@ -37,25 +41,52 @@ def microdegrees_of(angle: float) -> int:
     return round(math.degrees(angle) * 1e6)
 
 
+class _PartialTrace:
+    """The chunks of one trace that have come so far."""
+
+    def __init__(self, chunk: TraceChunk) -> None:
+        self._period, self._start = chunk.period_ns * 1e-9, chunk.start_ns * 1e-9
+        self._samples: FloatArray = np.full(chunk.total, np.nan)
+
+    @property
+    def complete(self) -> bool:
+        return not np.isnan(self._samples).any()
+
+    def add(self, chunk: TraceChunk) -> None:
+        values = np.frombuffer(chunk.samples, np.uint8) / FULL_SCALE
+        if chunk.offset + len(values) <= len(self._samples):
+            self._samples[chunk.offset : chunk.offset + len(values)] = values
+
+    def trace(self) -> Trace:
+        return Trace(self._samples, 1 / self._period, self._start)
+
+
 class ReadingAssembler:
-    """Holds the newest reading until its trace is complete or something later shows that it never will be."""
+    """Holds the newest reading until its trace is complete or something later shows that it never will be.
+
+    A ping is known by the device's clock at its start, so a reading sent again, whole or after its scan's Started was
+    lost, is handed on once and no more. Samples of a trace that never came are NaN.
+    """
 
     def __init__(self) -> None:
         self.settings: Settings | None = None
-        self._seen: set[int] = set()
+        self._seen: deque[int] = deque(maxlen=_REMEMBERED)
+        self._newest = -1  # device clock of the newest ping, µs
+        self._scan = -1  # sequence number of the StartScan
         self._waiting: ReadingMessage | None = None
-        self._samples: FloatArray | None = None
-        self._timing: tuple[float, float] = (0.0, 0.0)  # period, start; s
+        self._traces: dict[int, _PartialTrace] = {}
 
     def feed(self, message: Message) -> list[Reading]:
         """The readings that this message completes, in the order they were made known."""
         match message:
             case Settings():
                 self.settings = message
-            case Started():
-                ended = self.flush()
+            case Info():
                 self._seen.clear()
-                return ended
+                self._newest = -1
+                return self._begin(scan=-1)
+            case Started() if message.command != self._scan:
+                return self._begin(scan=message.command)
             case ReadingMessage():
                 return self._start(message)
             case TraceChunk():
@@ -71,35 +102,41 @@ class ReadingAssembler:
         if self._waiting is None:
             return []
         message, self._waiting = self._waiting, None
-        trace = None
-        if self._samples is not None:
-            period, start = self._timing
-            trace, self._samples = Trace(self._samples, 1 / period, start), None
-        return [self._reading(message, trace)]
+        return [self._reading(message)]
+
+    def _begin(self, scan: int) -> list[Reading]:
+        self._scan = scan
+        ended = self.flush()
+        self._traces.clear()
+        return ended
 
     def _start(self, message: ReadingMessage) -> list[Reading]:
-        if message.number in self._seen:
+        if message.fired_us in self._seen:
             return []
-        self._seen.add(message.number)
+        self._seen.append(message.fired_us)
+        if message.fired_us < self._newest:  # sent again: its trace has come already or never will
+            return [self._reading(message)]
+        self._newest = message.fired_us
         ended = self.flush()
-        if self.settings is not None and self.settings.trace:
-            self._waiting = message
-            return ended
-        return [*ended, self._reading(message, None)]
+        if self.settings is None or not self.settings.trace:
+            return [*ended, self._reading(message)]
+        self._waiting = message
+        trace = self._traces.get(message.number)
+        return [*ended, *self.flush()] if trace and trace.complete else ended
 
     def _add(self, chunk: TraceChunk) -> list[Reading]:
-        if self._waiting is None or chunk.number != self._waiting.number or chunk.period_ns == 0:
+        if chunk.period_ns == 0:
             return []
-        if self._samples is None:
-            self._samples = np.full(chunk.total, np.nan)
-            self._timing = chunk.period_ns * 1e-9, chunk.start_ns * 1e-9
-        values = np.frombuffer(chunk.samples, np.uint8) / FULL_SCALE
-        if chunk.offset + len(values) > len(self._samples):
-            return []
-        self._samples[chunk.offset : chunk.offset + len(values)] = values
-        return [] if np.isnan(self._samples).any() else self.flush()
+        if chunk.number not in self._traces:
+            while len(self._traces) >= _TRACES_HELD:
+                del self._traces[next(iter(self._traces))]
+            self._traces[chunk.number] = _PartialTrace(chunk)
+        trace = self._traces[chunk.number]
+        trace.add(chunk)
+        return self.flush() if self._waiting and self._waiting.number == chunk.number and trace.complete else []
 
-    def _reading(self, message: ReadingMessage, trace: Trace | None) -> Reading:
+    def _reading(self, message: ReadingMessage) -> Reading:
+        partial = self._traces.pop(message.number, None)
         return Reading(
             number=message.number,
             sweep=message.sweep,
@@ -109,5 +146,5 @@ class ReadingAssembler:
             echo_times=tuple(nanoseconds * 1e-9 for nanoseconds in message.echoes),
             speed_of_sound=self.settings.speed_of_sound / 1000 if self.settings else math.nan,
             temperature_c=degrees_c(message.temperature),
-            trace=trace,
+            trace=partial.trace() if partial else None,
         )

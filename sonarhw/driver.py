@@ -1,0 +1,339 @@
+"""The host's side of the protocol, without threads, ports or clock.
+
+Takes bytes and commands, each with the time; hands on bytes for the device, answers and readings. What the protocol
+promises is kept here: commands are repeated until answered, missing readings are asked for again, silence is an error.
+"""
+
+from dataclasses import dataclass, replace
+
+from sonarhw.arrivals import Arrivals
+from sonarhw.assembly import ReadingAssembler
+from sonarhw.errors import CommandRefused, NoAnswer
+from sonarhw.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.messages import (
+    Accepted,
+    Finished,
+    Heartbeat,
+    Home,
+    Info,
+    Message,
+    MessageError,
+    ReadingMessage,
+    Refused,
+    Resend,
+    Settings,
+    Started,
+    StartScan,
+    State,
+    TraceChunk,
+    Turn,
+    unpack_message,
+)
+from sonarhw.readings import Reading
+from sonarhw.recorder import Recorder
+
+ANSWER_WITHIN = 0.5  # s, then the command is sent again
+TRIES = 6
+SILENCE = 3.0  # s without a byte; heartbeats come every 0.25 s
+ASK_AGAIN = 0.3  # s after a Resend was accepted
+ASKS = 20  # for one stretch of readings, or for one Finished
+_ACTIONS = (Home, Turn, StartScan)
+Answer = Info | Accepted | Refused | Settings | Started
+
+
+@dataclass(frozen=True)
+class LinkStatistics:
+    """What has passed over the link; the numbers that show a bad cable."""
+
+    frames_received: int = 0
+    frames_sent: int = 0
+    bytes_received: int = 0
+    bytes_sent: int = 0
+    rejected_blocks: int = 0  # stretches between delimiters that are no frame
+    rejected_messages: int = 0  # undamaged frames whose payload does not have the shape of its type
+    missing_frames: int = 0  # gaps in the device's sequence numbers
+    repeated_commands: int = 0
+    resends: int = 0  # Resend commands
+    lost_readings: int = 0  # made, but no longer kept when they were asked for
+
+
+class Command:
+    """A command on its way: sent, repeated, answered; for home, turn and scan also finished."""
+
+    def __init__(self, sequence: int, message: Message, wire: bytes, now: float) -> None:
+        self.sequence = sequence
+        self.message = message
+        self.wire = wire  # the very same bytes go out at every repeat, so that the device knows it
+        self.due = now + ANSWER_WITHIN
+        self.sent = 1
+        self.answer: Answer | None = None
+        self.finished: Finished | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the message."""
+        return type(self.message).__name__
+
+
+class Driver:
+    """One conversation with a device. Times are s on one clock that does not run backwards."""
+
+    def __init__(self, first_sequence: int = 0, recorder: Recorder | None = None, where: str = "the device") -> None:
+        self.where = where  # for messages
+        self.info: Info | None = None
+        self._statistics = LinkStatistics()
+        self._lost_before = 0  # readings lost in earlier scans
+        self.heartbeat: Heartbeat | None = None
+        self.assembler = ReadingAssembler()
+        self._recorder = recorder
+        self._greeting: list[tuple[bool, float, bytes]] = []  # Hello and Info, for a recorder that comes later
+        self._decoder = FrameDecoder()
+        self._outgoing = bytearray()
+        self._sequence = first_sequence % 0x10000
+        self._device_sequence: int | None = None
+        self._device_time = 0  # µs, of the newest frame
+        self._open: dict[int, Command] = {}
+        self._action: Command | None = None
+        self._action_since = 0  # device time when the running action was ordered, µs
+        self._repeats_for_finish = 0
+        self._arrivals = Arrivals(0)
+        self._asking: Command | None = None
+        self._ask_at = 0.0
+        self._asks: tuple[tuple[int, int] | None, int] = (None, 0)
+        self._readings: list[Reading] = []
+        self._heard = 0.0
+
+    # what the caller does
+
+    def command(self, message: Message, now: float) -> Command:
+        """Send a command; its `answer` and `finished` fill in as bytes come.
+
+        One of home, turn and scan at a time: the caller waits for the one before, or stops it.
+        """
+        frame = Frame(message.TYPE, self._sequence, max(0, round(now * 1e6)), message.pack())
+        self._sequence = (self._sequence + 1) % 0x10000
+        command = Command(frame.sequence, message, encode_frame(frame), now)
+        self._open[command.sequence] = command
+        self._heard = max(self._heard, now)  # the silence of a link nobody waited on is no fault
+        if isinstance(message, _ACTIONS):
+            self._begin(command)
+        self._send(command, now)
+        return command
+
+    def outgoing(self) -> bytes:
+        """The bytes to write to the device, each handed out once."""
+        data, self._outgoing = bytes(self._outgoing), bytearray()
+        self._count(bytes_sent=len(data))
+        return data
+
+    def readings(self) -> list[Reading]:
+        """Readings completed since the last call; each reading of a scan is handed out once."""
+        ready, self._readings = self._readings, []
+        return ready
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What has passed over the link until now."""
+        return replace(self._statistics, lost_readings=self._lost_before + self._arrivals.lost)
+
+    @property
+    def scan_complete(self) -> bool:
+        """Whether the scan has finished and every reading that can still be had is here."""
+        action = self._action
+        return action is None or (action.finished is not None and self._arrivals.wanted() is None)
+
+    @property
+    def running(self) -> bool:
+        """Whether a home, turn or scan was ordered and has not finished."""
+        return self._action is not None and self._action.finished is None
+
+    def record(self, recorder: Recorder) -> None:
+        """Hand everything from now on to `recorder`, and first the greeting, so that it knows who speaks."""
+        for received, time, wire in self._greeting:
+            recorder.frame(received, time, wire)
+        self._recorder = recorder
+
+    def forget(self, command: Command) -> None:
+        """Wait for a command no longer."""
+        self._open.pop(command.sequence, None)
+        if self._action is command:
+            self._action = None
+
+    # what comes in
+
+    def receive(self, data: bytes, now: float, arrived: float | None = None) -> None:
+        """Take bytes from the device; `arrived` is when, where that was before `now`.
+
+        Damaged and unknown frames are counted and dropped. Raises NoAnswer where the device is idle again and does
+        not say how what it did has ended.
+        """
+        self._heard = now
+        self._count(bytes_received=len(data))
+        for item in self._decoder.feed(data):
+            if isinstance(item, Rejected):
+                self._count(rejected_blocks=1)
+            else:
+                self._take(item, now, now if arrived is None else arrived)
+        self._ask_for_missing(now)
+
+    def advance(self, now: float) -> None:
+        """Do what is due: repeat commands, ask for readings. To be called when no bytes are waiting to be received.
+
+        Raises NoAnswer where the device stayed silent or left a command unanswered for too long.
+        """
+        self._complain_of_silence(now)
+        for command in [*self._open.values()]:
+            if now >= command.due:
+                self._repeat(command, now)
+        self._ask_for_missing(now)
+
+    def next_event(self) -> float:
+        """When `advance` next has something to do, s."""
+        asking = self._arrivals.wanted() is not None and self._asking is None
+        return min([self._heard + SILENCE, *(c.due for c in self._open.values()), *([self._ask_at] if asking else [])])
+
+    def _take(self, frame: Frame, now: float, arrived: float) -> None:
+        self._count_gap(frame.sequence)
+        self._device_time = frame.time_us
+        wire = encode_frame(frame) if self._recorder or frame.type == Info.TYPE else b""
+        if self._recorder:
+            self._recorder.frame(True, arrived, wire)
+        try:
+            message = unpack_message(frame.type, frame.payload)
+        except MessageError:
+            self._count(rejected_messages=1)
+            return
+        if isinstance(message, Info):
+            self._greeting = [*self._greeting[:1], (True, arrived, wire)]
+        if message is not None:
+            self._handle(message, now)
+
+    def _handle(self, message: Message, now: float) -> None:
+        match message:
+            case Info() | Accepted() | Refused() | Settings() | Started():
+                if not self._answered(message, now):
+                    return
+            case Finished():
+                self._finish(message)
+            case Heartbeat():
+                self.heartbeat = message
+                self._check_heartbeat(message, now)
+            case ReadingMessage():
+                if not self._expects(message) or not self._arrivals.arrived(message.number):
+                    return
+            case TraceChunk():
+                if self._action is None:
+                    return
+        self._hand_on(self.assembler.feed(message))
+
+    def _answered(self, message: Answer, now: float) -> bool:
+        # an answer to a command of an earlier conversation is none
+        command = self._open.pop(message.command, None)
+        if command is None:
+            return False
+        command.answer = message
+        if isinstance(message, Info):
+            self.info = message
+        if isinstance(message, Refused) and self._action is command:
+            self._action = None
+        if command is self._asking:
+            self._asking, self._ask_at = None, now + ASK_AGAIN
+            if isinstance(message, Refused):
+                self._arrivals.give_up()
+        return True
+
+    # home, turn and scan
+
+    def _begin(self, command: Command) -> None:
+        self._action, self._action_since, self._repeats_for_finish = command, self._device_time, 0
+        order = command.message
+        self._lost_before += self._arrivals.lost
+        self._arrivals = Arrivals(order.headings * order.sweeps * order.pings if isinstance(order, StartScan) else 0)
+        self._asking, self._asks = None, (None, 0)
+        self._readings.clear()
+
+    def _expects(self, message: ReadingMessage) -> bool:
+        # a reading of an earlier scan may still be under way when the next is ordered
+        return self._action is not None and message.fired_us >= self._action_since
+
+    def _finish(self, message: Finished) -> None:
+        action = self._action
+        if action is None or message.command != action.sequence:
+            return
+        self._open.pop(action.sequence, None)
+        action.finished = message
+        self._arrivals.device_made(message.readings)
+
+    def _check_heartbeat(self, message: Heartbeat, now: float) -> None:
+        action = self._action
+        if action is None or action.answer is None or action.finished is not None:
+            return
+        if isinstance(action.message, StartScan):
+            self._arrivals.device_made(message.readings)
+        if message.state == State.IDLE:  # its Finished was lost; the repeated command brings it again
+            self._repeats_for_finish += 1
+            if self._repeats_for_finish > ASKS:
+                raise NoAnswer(f"{self.where}: idle, but does not say how {action.name} ended; start again")
+            self._send(action, now, repeat=True)
+
+    # missing readings
+
+    def _ask_for_missing(self, now: float) -> None:
+        wanted = self._arrivals.wanted()
+        if wanted is None:
+            if self._action and self._action.finished:  # nothing more will come for the last reading's trace
+                self._hand_on(self.assembler.flush())
+            return
+        if self._asking is not None or now < self._ask_at:
+            return
+        count = self._asks[1] + 1 if self._asks[0] == wanted else 1
+        self._asks = wanted, count
+        if count > ASKS:
+            self._arrivals.give_up()
+            return
+        self._count(resends=1)
+        self._asking = self.command(Resend(*wanted), now)
+
+    def _hand_on(self, readings: list[Reading]) -> None:
+        for reading in readings:
+            self._readings.append(reading)
+            if self._recorder:
+                self._recorder.reading(reading)
+
+    # commands out, silence, books
+
+    def _send(self, command: Command, now: float, repeat: bool = False) -> None:
+        # the delimiter in front ends whatever damaged bytes the device still holds
+        self._outgoing += DELIMITER + command.wire
+        self._count(frames_sent=1, repeated_commands=int(repeat))
+        if command.name == "Hello":
+            self._greeting = [(False, now, command.wire)]
+        if self._recorder:
+            self._recorder.frame(False, now, command.wire)
+
+    def _repeat(self, command: Command, now: float) -> None:
+        if command.sent >= TRIES:
+            raise NoAnswer(f"{self.where}: no answer to {command.name} after {TRIES} tries; is the cable sound?")
+        command.sent += 1
+        command.due = now + ANSWER_WITHIN
+        self._send(command, now, repeat=True)
+
+    def _complain_of_silence(self, now: float) -> None:
+        if now >= self._heard + SILENCE:
+            raise NoAnswer(f"{self.where}: not a byte for {SILENCE:g} s; is the scanner powered and still connected?")
+
+    def _count_gap(self, sequence: int) -> None:
+        gap = 0 if self._device_sequence is None else (sequence - self._device_sequence - 1) % 0x10000
+        self._device_sequence = sequence
+        self._count(frames_received=1, missing_frames=gap if gap < 0x8000 else 0)
+
+    def _count(self, **more: int) -> None:
+        books = self._statistics
+        self._statistics = replace(books, **{name: getattr(books, name) + count for name, count in more.items()})
+
+
+def raise_if_refused(command: Command, where: str) -> None:
+    """Raise CommandRefused where the device said no to the command."""
+    if isinstance(command.answer, Refused):
+        text = command.answer.text
+        raise CommandRefused(f"{where}: refused {command.name}: {text}", command.answer.code)

@@ -1,0 +1,124 @@
+"""The way to the scanner: any URL that pyserial opens, with errors a person can act on.
+
+Takes bytes to write; hands on the bytes that have come. One thread may read while another writes.
+"""
+
+import errno
+import os
+import select
+import time
+from contextlib import suppress
+
+import serial
+from serial.serialutil import SerialException
+
+from sonarhw.errors import LinkBusy, LinkError, LinkLost
+
+BAUD = 1_000_000
+WRITE_WITHIN = 2.0  # s
+READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
+_MOST = 4096  # bytes a read returns
+_POLL = 0.005  # s, where the system cannot tell that bytes have come
+
+
+class Link:
+    """An open link. A context manager; closing it twice does no harm."""
+
+    def __init__(self, url: str) -> None:
+        """Open `url`. Raises LinkBusy where another process holds it, LinkError where it cannot be opened."""
+        self.url = url
+        try:
+            self._port = serial.serial_for_url(
+                url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=WRITE_WITHIN
+            )
+            # a rising DTR resets many boards
+            self._port.dtr = False
+            if os.name == "posix" and "://" not in url:
+                self._port.exclusive = True
+            self._port.open()
+        except (SerialException, OSError, ValueError) as error:
+            raise _why_not_open(url, error) from error
+        self._selectable = os.name == "posix" and _has_descriptor(self._port)
+
+    def __enter__(self) -> "Link":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def read(self) -> bytes:
+        """The bytes that have come, waiting up to READ_PATIENCE for the first; empty where none came.
+
+        Raises LinkLost where the link has gone away.
+        """
+        try:
+            self._wait()
+            return self._port.read(_MOST)
+        except (SerialException, OSError, ValueError, TypeError) as error:
+            # a port closed meanwhile has no descriptor: pyserial then hands None to the system
+            raise LinkLost(f"{self.url}: the link went away: {_reason(error)}; plug it in and connect again") from error
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes. Raises LinkLost where the link has gone away or takes nothing for WRITE_WITHIN."""
+        try:
+            self._port.write(data)
+        except serial.SerialTimeoutException as error:
+            raise LinkLost(f"{self.url}: takes no bytes for {WRITE_WITHIN:g} s; is the scanner alive?") from error
+        except (SerialException, OSError, ValueError, TypeError) as error:
+            raise LinkLost(f"{self.url}: the link went away: {_reason(error)}; plug it in and connect again") from error
+
+    def close(self) -> None:
+        """Close the link. Never raises."""
+        # pyserial leaves the socket open where the peer has gone first
+        socket = getattr(self._port, "_socket", None)
+        with suppress(SerialException, OSError):
+            self._port.close()
+        if socket is not None:
+            with suppress(OSError):
+                socket.close()
+
+    def _wait(self) -> None:
+        if self._selectable:
+            select.select([self._port.fileno()], [], [], READ_PATIENCE)
+            return
+        waited = 0.0
+        while not self._port.in_waiting and waited < READ_PATIENCE:
+            time.sleep(_POLL)
+            waited += _POLL
+
+
+def _has_descriptor(port: serial.SerialBase) -> bool:
+    try:
+        return int(port.fileno()) >= 0
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _reason(error: Exception) -> str:
+    return str(error) or type(error).__name__
+
+
+def _why_not_open(url: str, error: Exception) -> LinkError:
+    code = error.errno if isinstance(error, OSError) else None
+    text = str(error)
+    if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in text:
+        return LinkBusy(f"{url}: another program holds the port; close it and try again")
+    if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
+        return LinkError(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
+    if code == errno.ENOENT or "FileNotFoundError" in text:
+        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are")
+    if "refused" in text:
+        return LinkError(f"{url}: nobody listens there; start the scanner or check host and port")
+    return LinkError(f"{url}: cannot be opened: {text}")
+
+
+def _how_to_be_allowed(url: str) -> str:
+    if os.name != "posix":
+        return "another program may hold it: close that one"
+    import grp
+
+    try:
+        group = grp.getgrgid(os.stat(url).st_gid).gr_name
+    except (OSError, KeyError):
+        return "ask whoever runs this machine"
+    return f"join the group {group} (sudo usermod -aG {group} $USER), then log in again"
