@@ -1,0 +1,45 @@
+"""A sweep as the foxglove.LaserScan message that log viewers draw.
+
+Takes the readings of one sweep; hands on the protobuf message. No echo is +inf, a heading without a reading NaN.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import pairwise
+from statistics import median_low
+
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+
+from sonarhw.readings import Reading
+
+FRAME_ID = "turntable"
+_MOST_RANGES = 36_000  # a hundredth of a degree all round; a finer grid is a slip of the headings, not a sweep
+_SAME_HEADING = 1e-6  # rad; the wire carries microdegrees
+
+
+def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
+    """The message for the readings of one sweep, at least one; `time` (s since the epoch) becomes its time stamp.
+
+    The message knows equal steps only, so ranges lie on the grid of the smallest step between two headings. Of
+    several pings at one heading the middle range counts.
+    """
+    ranges = _by_heading(readings)
+    headings = sorted(ranges)
+    start, span = headings[0], headings[-1] - headings[0]
+    step = max(min((after - before for before, after in pairwise(headings)), default=1.0), span / _MOST_RANGES)
+    grid = [math.nan] * (round(span / step) + 1)
+    for heading in headings:
+        grid[round((heading - start) / step)] = median_low(ranges[heading])
+    message = LaserScan(frame_id=FRAME_ID, start_angle=start, end_angle=start + step * (len(grid) - 1), ranges=grid)
+    message.timestamp.FromNanoseconds(round(time * 1e9))
+    message.pose.orientation.w = 1.0
+    return message
+
+
+def _by_heading(readings: Sequence[Reading]) -> dict[float, list[float]]:
+    ranges: dict[float, list[float]] = defaultdict(list)
+    for reading in readings:
+        heading = round(reading.angle / _SAME_HEADING) * _SAME_HEADING
+        ranges[heading].append(math.inf if reading.range is None else reading.range)
+    return ranges

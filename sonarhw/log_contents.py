@@ -1,0 +1,70 @@
+"""What a log holds: the values that the writer takes and the reader gives, and the names inside the file.
+
+Takes nothing, hands on frozen dataclasses; bytes and files are in log_writer and log_reader.
+"""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from sonarhw.messages import Finished, Info, Settings
+from sonarhw.readings import Reading
+
+FORMAT_VERSION = 1
+PROFILE = "sonarhw"  # of the MCAP header
+METADATA_NAME = "sonarhw"  # of the MCAP metadata record
+
+FRAMES_RECEIVED = "/frames/rx"
+FRAMES_SENT = "/frames/tx"
+READINGS = "/readings"
+SWEEPS = "/scan"
+
+
+@dataclass(frozen=True)
+class LogMetadata:
+    """Where a log comes from; stands at the beginning of the file."""
+
+    made_by: str  # "scan", "import", "simulate"; "unknown" where a torn file ends before it
+    started: float  # s since the epoch
+    room_file: str = ""  # name of the room file, empty where none was given
+    room_text: str = ""  # the room file's text as it was then
+    place: str = ""
+    board: str = ""  # board profile
+    product_version: str = version("sonarhw")
+    format_version: int = FORMAT_VERSION
+
+
+@dataclass(frozen=True)
+class RecordedFrame:
+    """One frame as it passed over the link."""
+
+    time: float  # host clock, s since the epoch
+    received: bool  # True: from the device; False: from the host
+    wire: bytes  # with delimiter
+
+
+@dataclass(frozen=True)
+class RecordedScan:
+    """The readings from one Started to the next."""
+
+    began: float  # s on the clock of the readings
+    expected: int | None  # readings announced by Started; None where the log does not hold it
+    settings: Settings | None
+    readings: tuple[Reading, ...]  # by number
+    finished: Finished | None  # None where the log ends before the scan does
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log as it was read."""
+
+    metadata: LogMetadata
+    info: Info | None  # the last one, where the device was greeted more than once
+    settings: Settings | None  # the last in force
+    frames: tuple[RecordedFrame, ...]
+    scans: tuple[RecordedScan, ...]
+    torn: str | None  # where the file ends too early or is damaged; None: it is whole
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """The readings of all scans, one scan after the other."""
+        return tuple(reading for scan in self.scans for reading in scan.readings)
