@@ -1,0 +1,124 @@
+"""`sonarhw log`: look into a log, export its readings, mend a torn one."""
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.log_input import LogFile, open_log
+from cli.options import Force, refuse_existing, text_output
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from sonarhw.log import Log, RecordedScan
+
+app = typer.Typer(help="Look into a log, export its readings, mend a torn one.", no_args_is_help=True)
+
+
+@app.command()
+def info(log: LogFile) -> None:
+    """Say what a log holds: where it comes from, which device spoke, and its scans."""
+    for name, text in _described(open_log(log)):
+        typer.echo(f"{name:<9} {text}")
+
+
+@app.command()
+def export(
+    log: LogFile,
+    out: Annotated[str, typer.Option("--out", help="File to write; - is CSV on standard output.")],
+    force: Force = False,
+) -> None:
+    """Write the readings of a log as CSV or arrays (FILE.npz), or the log anew (FILE.mcap)."""
+    kind = Path(out).suffix.lower()
+    if out != "-" and kind not in (".csv", ".npz", ".mcap"):
+        raise InputError(f"--out {out}: ends in none of .csv, .npz, .mcap; choose one, or - for CSV on standard output")
+    if out != "-":
+        _refuse(log, Path(out), force)
+    recorded = open_log(log)
+    if kind == ".mcap":
+        from sonarhw.log import copy_log
+
+        copy_log(recorded, Path(out), overwrite=force)
+    elif kind == ".npz":
+        from sonarhw.reading_arrays import save_arrays
+
+        save_arrays(Path(out), recorded.scans)
+    else:
+        _write_csv(recorded, out, force)
+
+
+@app.command()
+def recover(
+    log: LogFile,
+    out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
+    force: Force = False,
+) -> None:
+    """Write a whole log with everything that can be read of a torn one, and say what was lost."""
+    from sonarhw.log import copy_log, read_log
+
+    _refuse(log, out, force)
+    if not log.is_file():
+        raise InputError(f"{log}: there is no such file; give the name of a log (*.mcap)")
+    recorded = read_log(log)
+    copy_log(recorded, out, overwrite=force)
+    kept = f"{out}: {len(recorded.readings)} readings in {len(recorded.scans)} scans"
+    typer.echo(f"{kept}; lost: {_lost(recorded)}" if recorded.torn else f"{kept}; {log} was whole, nothing is lost")
+
+
+def _refuse(log: Path, out: Path, force: bool) -> None:
+    refuse_existing(out, force)
+    if out.exists() and log.exists() and out.samefile(log):
+        raise InputError(f"--out {out}: is the log that is read; choose another name")
+
+
+def _lost(log: "Log") -> str:
+    missing = sum(max(0, (scan.expected or 0) - len(scan.readings)) for scan in log.scans if scan.finished is None)
+    readings = f"{missing} of the readings ordered were not recorded; " if missing else ""
+    return f"{readings}the file {log.torn}"
+
+
+def _write_csv(log: "Log", out: str, force: bool) -> None:
+    from sonarhw.reading_csv import HEADER, row
+
+    with text_output(out, force) as file:
+        file.write(HEADER + "\n")
+        for scan in log.scans:
+            file.writelines(row(reading, scan.began) + "\n" for reading in scan.readings)
+
+
+def _described(log: "Log") -> list[tuple[str, str]]:
+    made, device = log.metadata, log.info
+    lines = [
+        ("made by", f"{made.made_by}, sonarhw {made.product_version}"),
+        ("started", f"{datetime.fromtimestamp(made.started, UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("room", made.room_file or "not recorded"),
+        ("place", made.place or "not recorded"),
+        ("board", made.board or (device.board if device else "") or "not recorded"),
+    ]
+    if device:
+        serial = f", serial number {device.serial}" if device.serial else ""
+        lines.append(("device", f"{device.firmware}{serial}, protocol {device.major}.{device.minor}"))
+    if log.settings:
+        lines.append(("sound", f"{log.settings.speed_of_sound / 1000:.3f} m/s"))
+    lines += [(f"scan {number}", _scan_line(scan)) for number, scan in enumerate(log.scans, 1)]
+    lines.append(("frames", str(len(log.frames))))
+    lines.append(("torn", log.torn or "no"))
+    return lines
+
+
+def _scan_line(scan: "RecordedScan") -> str:
+    readings = scan.readings
+    ordered = "" if scan.expected is None else f" of {scan.expected}"
+    if not readings:
+        return f"0{ordered} readings"
+    echoes = sum(reading.range is not None for reading in readings)
+    traces = sum(reading.trace is not None for reading in readings)
+    angles = [math.degrees(reading.angle) for reading in readings]
+    end = "" if scan.finished else "; the log ends before the scan"
+    return (
+        f"{len(readings)}{ordered} readings, {echoes} with an echo, {traces} with a trace; "
+        f"{min(angles):.6g}° to {max(angles):.6g}°, {max(r.sweep for r in readings) + 1} sweeps, "
+        f"{readings[-1].time - scan.began:.1f} s{end}"
+    )
