@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cli import simulate
+from cli import paths, simulate
 from sonarhw.errors import SonarError
 
 app = typer.Typer(
@@ -23,6 +23,7 @@ app = typer.Typer(
 )
 
 app.command("simulate")(simulate.simulate)
+app.command("paths")(paths.paths)
 
 
 def _show_version(wanted: bool) -> None:

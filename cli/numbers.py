@@ -1,0 +1,19 @@
+"""Numbers as the command line writes them: 9 significant digits, nothing for what is not there."""
+
+import csv
+import math
+from collections.abc import Iterable
+from typing import TextIO
+
+
+def written(value: float | int | str | None) -> str:
+    """One CSV field; None and NaN are empty."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def write_csv(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
+    """Write a header and rows as CSV with plain line ends."""
+    out.write(header + "\n")
+    csv.writer(out, lineterminator="\n").writerows(map(written, row) for row in rows)

@@ -1,0 +1,47 @@
+"""`sonarhw paths`: every path of a place, whatever the heading."""
+
+import math
+from typing import Annotated
+
+import typer
+
+from cli.numbers import write_csv
+from cli.options import DEFAULT_BOARD, Force, PlaceName, RoomFile, text_output
+
+HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
+
+
+def paths(
+    room_file: RoomFile,
+    place: PlaceName = None,
+    max_bounces: Annotated[int, typer.Option(min=0, help="At most so many reflections.")] = 64,
+    max_range: Annotated[
+        float | None, typer.Option(min=0, help="Paths of length up to twice this, metres; default: the board's range.")
+    ] = None,
+    no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
+    out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
+    force: Force = False,
+) -> None:
+    """List every path of sound from a place back to it, shortest first."""
+    from sim.board import load_board
+    from sim.paths import PathSearch, find_paths
+    from sim.room import load_room
+
+    room = load_room(room_file)
+    here, board = room.place(place), load_board(DEFAULT_BOARD)
+    reach = board.max_range if max_range is None else max_range
+    search = PathSearch(2 * reach, board.wavelength(room.air), max_bounces, not no_diffraction)
+    with text_output(out, force) as file:
+        found = find_paths(room, here.position, search)
+        rows = (
+            (
+                float(found.lengths[k]),
+                math.degrees(found.departures[k]) % 360,
+                math.degrees(found.arrivals[k]) % 360,
+                float(found.gains[k]),
+                int(found.bounces[k]),
+                ">".join(found.via(k, room)),
+            )
+            for k in range(len(found))
+        )
+        write_csv(file, HEADER, rows)

@@ -1,0 +1,60 @@
+"""Pictures on paper: the plan of a room with a scan, measured over predicted.
+
+Takes a prediction and, where there is one, a measured scan; hands on a matplotlib figure that the caller saves.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from sim.prediction import PredictedScan
+from sim.room import Room
+from sonarhw.readings import FloatArray
+
+# Okabe and Ito's palette; one meaning, one colour, here and in the window
+PREDICTED = "#0072B2"
+MEASURED = "#D55E00"
+WALL = "#555555"
+
+
+def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (), title: str = "") -> Figure:
+    """A figure of the room with predicted points and `measured` (heading rad, range m) over them."""
+    figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_room(axes, scan.room)
+    x, y = scan.place.position
+    predicted = points_at(scan.place.position, scan.headings, scan.ranges)
+    axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
+    if measured:
+        headings, ranges = np.array(measured).T
+        axes.plot(*points_at(scan.place.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
+    axes.plot(x, y, "^", color="black", ms=9, label="sensor")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=title or f"{scan.room.name}, place {scan.place.name}")
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.25)
+    axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    return figure
+
+
+def draw_room(axes: Axes, room: Room) -> None:
+    """Draw walls and posts."""
+    for x0, y0, x1, y1 in room.walls:
+        axes.plot((x0, x1), (y0, y1), "-", color=WALL, lw=2)
+    for x, y, radius in room.posts:
+        axes.add_patch(Circle((x, y), radius, color=WALL))
+
+
+def points_at(position: tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
+    """Where readings lie in the plan, (n, 2) float, m; NaN where the range is."""
+    return np.column_stack((position[0] + ranges * np.cos(headings), position[1] + ranges * np.sin(headings)))
+
+
+def degrees_name(heading: float) -> str:
+    """A heading as people read it, 0 to 360 degrees."""
+    return f"{math.degrees(heading) % 360:.1f}°"

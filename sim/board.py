@@ -1,0 +1,92 @@
+"""Board profiles: everything that makes one ranging board answer differently from another.
+
+Takes the name of a profile that ships with the product, or a file; hands on a frozen `Board`.
+"""
+
+import math
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from sim.air import Air, absorption
+from sim.toml_file import TomlModel, parse_toml, read_text
+from sonarhw.errors import InputError
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class BoardFile(TomlModel):
+    """What may stand in a profile."""
+
+    name: str
+    aperture_radius: Positive  # m
+    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
+    transmit_cycles: Annotated[int, Field(ge=1)]
+    blanking: Annotated[float, Field(ge=0)]  # s
+    max_range: Positive  # m
+    threshold_db: Annotated[float, Field(le=0)]
+    rounding: Annotated[float, Field(ge=0)] = 0.0  # m; 0: none
+    absorption: bool = True
+
+
+@dataclass(frozen=True)
+class Board:
+    """A ranging board; lengths in m, times in s."""
+
+    name: str
+    aperture_radius: float
+    frequency: float  # Hz
+    transmit_cycles: int
+    blanking: float  # nothing is heard before this time
+    max_range: float
+    threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
+    rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
+    absorption: bool = True  # whether air other than the ideal gain expects makes a difference
+
+    def wavenumber(self, air: Air) -> float:
+        """2π over the wavelength, rad/m."""
+        return math.tau * self.frequency / air.speed_of_sound
+
+    def wavelength(self, air: Air) -> float:
+        """Wavelength in that air, m."""
+        return air.speed_of_sound / self.frequency
+
+    def blanked_range(self, air: Air) -> float:
+        """Range below which nothing is heard, m."""
+        return self.blanking * air.speed_of_sound / 2
+
+    def excess_absorption(self, air: Air) -> float:
+        """What this air takes beyond what the ideal gain gives back, dB/m.
+
+        The gain is made for 20 °C and 50 % humidity (the defaults of `Air`).
+        """
+        return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
+
+    def reported(self, distance: float) -> float:
+        """The range the board would report for one of `distance`, m."""
+        return round(distance / self.rounding) * self.rounding if self.rounding else distance
+
+
+def load_board(wanted: str) -> Board:
+    """The profile that ships under this name, or in this file. Raises InputError where there is none or it is wrong."""
+    if wanted.endswith(".toml"):
+        return parse_board(read_text(Path(wanted), "board profile"), wanted)
+    shipped = files("sim.boards") / f"{wanted}.toml"
+    if wanted not in board_names():
+        raise InputError(f"no board {wanted!r}; known: {', '.join(board_names())}, or a file NAME.toml")
+    return parse_board(shipped.read_text(encoding="utf-8"), shipped.name)
+
+
+def parse_board(text: str, where: str) -> Board:
+    """The board in the text of a profile. Raises InputError naming `where` and the key."""
+    return Board(**parse_toml(text, where, BoardFile).model_dump())
+
+
+def board_names() -> list[str]:
+    """Names of the profiles that ship with the product."""
+    return sorted(
+        entry.name.removesuffix(".toml") for entry in files("sim.boards").iterdir() if entry.name.endswith(".toml")
+    )

@@ -1,0 +1,99 @@
+"""Edges: the wall ends and corners that diffract sound.
+
+Takes wall segments; hands on one `Edges` row for every wedge of air that meets at a vertex and bends sound. A wedge
+whose angle divides 180°, such as an inner right angle, does not diffract, it reflects: Keller's coefficient is 0.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+
+_DIVIDES = 1e-6  # how near 180° / angle must come to a whole number
+_MEETING = 1e-6  # m
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Diffracting wedges, one row each; a vertex may have several."""
+
+    points: FloatArray  # (n, 2), m
+    starts: FloatArray  # (n,), rad: direction of the wedge's first face
+    openings: FloatArray  # (n,), rad of air, counter-clockwise from the first face
+    names: tuple[str, ...]  # as `via` writes them
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def opens_towards(self, point: FloatArray) -> NDArray[np.bool_]:
+        """Whether each wedge's air lies towards `point`, (n,) bool."""
+        away = point - self.points
+        return np.asarray(inside_wedge(np.arctan2(away[:, 1], away[:, 0]), self.starts, self.openings))
+
+
+def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) -> NDArray[np.bool_]:
+    """Whether directions (rad) lie in wedges, faces included, (n,) bool."""
+    turned = np.mod(direction - start, math.tau)
+    return np.asarray((turned <= opening + 1e-9) | (turned >= math.tau - 1e-9))
+
+
+class _Face(NamedTuple):
+    direction: float  # rad, from the vertex along the wall
+    wall: int
+
+
+def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
+    """The diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
+    vertices = np.unique(walls.reshape(-1, 2), axis=0)
+    rows = [
+        (vertex, first.direction, opening, _edge_name(first, second, names))
+        for vertex in vertices
+        for first, second, opening in _wedges(_faces_at(vertex, walls))
+        if _diffracts(opening)
+    ]
+    return Edges(
+        np.array([row[0] for row in rows], dtype=np.float64).reshape(-1, 2),
+        np.array([row[1] for row in rows], dtype=np.float64),
+        np.array([row[2] for row in rows], dtype=np.float64),
+        tuple(row[3] for row in rows),
+    )
+
+
+def _faces_at(vertex: FloatArray, walls: FloatArray) -> list[_Face]:
+    faces = []
+    for k, (x0, y0, x1, y1) in enumerate(walls):
+        along = np.array([x1 - x0, y1 - y0])
+        length = float(np.hypot(*along))
+        to_vertex = vertex - (x0, y0)
+        at = float(to_vertex @ along) / length
+        aside = float(along[0] * to_vertex[1] - along[1] * to_vertex[0]) / length
+        if abs(aside) > _MEETING or not -_MEETING <= at <= length + _MEETING:
+            continue
+        forward = math.atan2(along[1], along[0])
+        if at < length - _MEETING:
+            faces.append(_Face(forward % math.tau, k))
+        if at > _MEETING:
+            faces.append(_Face((forward + math.pi) % math.tau, k))
+    return sorted(faces)
+
+
+def _wedges(faces: list[_Face]) -> list[tuple[_Face, _Face, float]]:
+    following = faces[1:] + faces[:1]
+    # one face alone has all the air round it
+    return [(a, b, (b.direction - a.direction) % math.tau or math.tau) for a, b in zip(faces, following, strict=True)]
+
+
+def _diffracts(opening: float) -> bool:
+    times = math.pi / opening
+    return opening > 1e-6 and abs(times - round(times)) > _DIVIDES
+
+
+def _edge_name(first: _Face, second: _Face, names: tuple[str, ...]) -> str:
+    if first.wall == second.wall:
+        return f"{names[first.wall]}/"
+    lower, upper = sorted((first.wall, second.wall))
+    return f"{names[lower]}/{names[upper]}"

@@ -1,0 +1,111 @@
+"""The room as the ray follower sees it: walls, posts, reflectances and edges as arrays.
+
+Takes a room file; hands on a frozen `Room` and its places. Surfaces are numbered walls first, then posts, both in the
+order of the file.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from sim.air import Air
+from sim.edges import Edges, find_edges
+from sim.room_file import MEETING, RoomFile
+from sim.toml_file import parse_toml, read_text
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+
+
+@dataclass(frozen=True)
+class Place:
+    """A sensor position."""
+
+    name: str
+    position: tuple[float, float]  # m
+    heading: float = 0.0  # rad: where step 0 of the turntable points in the room
+
+
+@dataclass(frozen=True)
+class Room:
+    """Everything sound can touch, and where the sensor may stand."""
+
+    name: str
+    walls: FloatArray  # (n, 4): x, y of start and end, m
+    posts: FloatArray  # (m, 3): x, y of the centre, radius, m
+    reflectances: FloatArray  # (n + m,), amplitude ratio
+    names: tuple[str, ...]  # of the n + m surfaces
+    materials: tuple[str, ...]  # of the n + m surfaces
+    edges: Edges
+    air: Air
+    places: dict[str, Place]
+    text: str  # the file, so that a log can carry it
+
+    def place(self, wanted: str | None) -> Place:
+        """The place of that name, or at `X,Y`; where None is wanted, the only one.
+
+        Raises InputError where there is no such place, or it lies inside a post.
+        """
+        if wanted is None:
+            if len(self.places) == 1:
+                return next(iter(self.places.values()))
+            raise InputError(f"room {self.name!r}: --place is needed; {self._known_places()}")
+        if wanted in self.places:
+            return self.places[wanted]
+        return self._place_at(wanted)
+
+    def _place_at(self, wanted: str) -> Place:
+        try:
+            x, y = map(float, wanted.split(","))
+        except ValueError as error:
+            raise InputError(
+                f"room {self.name!r}: no place {wanted!r}; {self._known_places()}, or X,Y in metres"
+            ) from error
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"place {wanted!r}: expected two finite numbers X,Y in metres")
+        inside = np.flatnonzero(np.hypot(self.posts[:, 0] - x, self.posts[:, 1] - y) <= self.posts[:, 2])
+        if len(inside):
+            name = self.names[len(self.walls) + int(inside[0])]
+            raise InputError(f"place {wanted!r} lies inside post {name!r}; sound cannot leave it")
+        return Place(wanted, (x, y))
+
+    def _known_places(self) -> str:
+        return f"its places: {', '.join(self.places)}" if self.places else "it names no places"
+
+
+def load_room(path: Path | str) -> Room:
+    """The room in a file. Raises InputError with file, key and reason where it is wrong."""
+    return parse_room(read_text(Path(path), "room file"), str(path))
+
+
+def parse_room(text: str, where: str) -> Room:
+    """The room in the text of a room file; `where` names it in errors. Raises InputError."""
+    file = parse_toml(text, where, RoomFile)
+    walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
+    names = tuple(name for wall in file.walls for name in wall.segment_names)
+    materials = [wall.material for wall in file.walls for _ in wall.segments] + [post.material for post in file.posts]
+    return Room(
+        name=file.name,
+        walls=walls,
+        posts=np.array([(*post.center, post.radius) for post in file.posts], dtype=np.float64).reshape(-1, 3),
+        reflectances=np.array([file.materials[material].reflectance for material in materials]),
+        names=names + tuple(post.name for post in file.posts),
+        materials=tuple(materials),
+        edges=find_edges(walls, names),
+        air=Air(**file.air.model_dump()),
+        places={
+            name: Place(name, place.position, math.radians(place.heading_deg)) for name, place in file.places.items()
+        },
+        text=text,
+    )
+
+
+def _join_ends(walls: FloatArray) -> FloatArray:
+    """The walls with ends that meet moved to one point, so that no sound slips through a gap of rounding."""
+    ends = walls.reshape(-1, 2).copy()
+    # pairs come sorted, so an end follows the first one it meets
+    for first, second in sorted(cKDTree(ends).query_pairs(MEETING)):
+        ends[second] = ends[first]
+    return ends.reshape(-1, 4)

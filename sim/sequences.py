@@ -1,0 +1,199 @@
+"""Sequences of surfaces solved exactly: the path that touches just these, in this order, or the proof that none does.
+
+Takes a sequence that a ray found; hands on the points of the exact path. Walls are solved by image reflection;
+where a post is among them there is no finite image, and the ray's own direction is refined by Newton's rule along the
+ray tube. Either way the path is then held against the room: every touch on its surface, every leg free. Compiled by
+numba.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sim.rays import IntArray, post_distance, reflect
+from sonarhw.readings import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+_ON_WALL = 1e-9  # m: how far beyond its end a wall may still be touched; a vertex counts as on both its walls
+_LEG_ENDS = 1e-8  # m: what touches a leg this near to its end is the surface it starts or ends on
+_ON_TARGET = 1e-12  # m
+
+
+@njit(cache=True)
+def solve_candidates(
+    place: FloatArray,
+    directions: FloatArray,
+    touched: IntArray,
+    candidates: IntArray,
+    targets: FloatArray,
+    walls: FloatArray,
+    posts: FloatArray,
+) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """Solve candidates (c, 3) of `follow_fan`.
+
+    Hands on whether each is a path (c,) bool, its points (c, max_bounces + 2, 2) from the place to the target (m, NaN
+    behind), its length (c,) m and the divergence (c,): width of its ray tube over its length, 1 without posts.
+    """
+    count, most = candidates.shape[0], touched.shape[1]
+    real = np.zeros(count, np.bool_)
+    points = np.full((count, most + 2, 2), np.nan)
+    lengths = np.zeros(count)
+    divergences = np.ones(count)
+    for c in range(count):
+        ray, bounces, target = candidates[c]
+        sequence = touched[ray, :bounces]
+        path = points[c, : bounces + 2]
+        path[0] = place
+        path[bounces + 1] = targets[target]
+        if bounces and sequence.max() >= walls.shape[0]:
+            solved, divergences[c] = _refine(path, directions[ray], sequence, walls, posts)
+        else:
+            solved = _unfold(path, sequence, walls)
+        real[c] = solved and path_is_free(path, walls, posts)
+        for k in range(bounces + 1):
+            lengths[c] += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    return real, points, lengths, divergences
+
+
+@njit(cache=True)
+def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
+    """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
+    bounces = sequence.shape[0]
+    images = np.empty((bounces + 1, 2))
+    images[bounces] = path[bounces + 1]
+    for k in range(bounces - 1, -1, -1):
+        images[k] = _mirror(images[k + 1], walls[sequence[k]])
+    for k in range(bounces):
+        wall = walls[sequence[k]]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        px, py = path[k]
+        dx, dy = images[k, 0] - px, images[k, 1] - py
+        across = dx * ey - dy * ex
+        if across == 0.0:
+            return False
+        rx, ry = wall[0] - px, wall[1] - py
+        ahead = (rx * ey - ry * ex) / across
+        along = (rx * dy - ry * dx) / across
+        slack = _ON_WALL / math.hypot(ex, ey)
+        if ahead < -1e-9 or ahead > 1.0 + 1e-9 or along < -slack or along > 1.0 + slack:
+            return False
+        path[k + 1, 0], path[k + 1, 1] = px + ahead * dx, py + ahead * dy
+    return True
+
+
+@njit(cache=True)
+def _mirror(point: FloatArray, wall: FloatArray) -> FloatArray:
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    aside = ((point[0] - wall[0]) * ey - (point[1] - wall[1]) * ex) / (ex * ex + ey * ey)
+    return np.array((point[0] - 2.0 * aside * ey, point[1] + 2.0 * aside * ex))
+
+
+@njit(cache=True)
+def _refine(
+    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
+) -> tuple[bool, float]:
+    """Turn a ray until it goes through path[-1] after touching `sequence`; whether it does, and its divergence."""
+    sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
+    for _ in range(30):
+        reached, miss, width, length = _shoot(path, direction, sequence, walls, posts)
+        if not reached:
+            return False, 1.0
+        if abs(miss) <= _ON_TARGET * length:
+            return _touches_lie_on_walls(path, sequence, walls), width / length
+        direction += sign * miss / width
+    return False, 1.0
+
+
+@njit(cache=True)
+def _shoot(
+    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
+) -> tuple[bool, float, float, float]:
+    """Follow one ray off `sequence`, filling in its touches.
+
+    Hands on whether it met every surface, by how much it passes path[-1] (m, to its left), the width of its tube there
+    (m/rad) and its length (m).
+    """
+    n, last = walls.shape[0], sequence.shape[0] + 1
+    x, y = path[0]
+    dx, dy = math.cos(direction), math.sin(direction)
+    length, width, opening = 0.0, 0.0, 1.0
+    for k in range(last - 1):
+        surface = sequence[k]
+        if surface < n:
+            distance = _wall_distance(x, y, dx, dy, walls[surface])
+        else:
+            distance = post_distance(x, y, dx, dy, posts[surface - n])
+        if not -1e-9 < distance < np.inf:
+            return False, 0.0, 1.0, 1.0
+        x, y = x + distance * dx, y + distance * dy
+        path[k + 1, 0], path[k + 1, 1] = x, y
+        length += distance
+        width += opening * distance
+        dx, dy, curvature = reflect(x, y, dx, dy, surface, walls, posts)
+        opening += curvature * width
+    tx, ty = path[last, 0] - x, path[last, 1] - y
+    ahead = tx * dx + ty * dy
+    return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
+
+
+@njit(cache=True)
+def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
+    # the wall's whole line: a ray still being turned may run past the end
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    across = dx * ey - dy * ex
+    return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
+
+
+@njit(cache=True)
+def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
+    for k in range(sequence.shape[0]):
+        if sequence[k] >= walls.shape[0]:
+            continue
+        wall = walls[sequence[k]]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        length = math.hypot(ex, ey)
+        along = ((path[k + 1, 0] - wall[0]) * ex + (path[k + 1, 1] - wall[1]) * ey) / length
+        if not -_ON_WALL <= along <= length + _ON_WALL:
+            return False
+    return True
+
+
+@njit(cache=True)
+def path_is_free(path: FloatArray, walls: FloatArray, posts: FloatArray) -> bool:
+    """Whether no surface stands in any leg of a path (k, 2); surfaces touched at its corners do not."""
+    for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
+        if not leg_is_free(path[k], path[k + 1], walls, posts):
+            return False
+    return True
+
+
+@njit(cache=True)
+def leg_is_free(start: FloatArray, end: FloatArray, walls: FloatArray, posts: FloatArray) -> bool:
+    """Whether sound gets straight from `start` to `end`, (2,) each; what stands at either end is no hindrance."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length = math.hypot(dx, dy)
+    if length <= 2 * _LEG_ENDS:
+        return True
+    slack = _LEG_ENDS / length
+    for k in range(walls.shape[0]):
+        wall = walls[k]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        across = dx * ey - dy * ex
+        if across == 0.0:
+            continue
+        rx, ry = wall[0] - start[0], wall[1] - start[1]
+        ahead = (rx * ey - ry * ex) / across
+        along = (rx * dy - ry * dx) / across
+        if slack < ahead < 1.0 - slack and -1e-12 <= along <= 1.0 + 1e-12:
+            return False
+    for k in range(posts.shape[0]):
+        post = posts[k]
+        ahead = ((post[0] - start[0]) * dx + (post[1] - start[1]) * dy) / (length * length)
+        ahead = min(max(ahead, 0.0), 1.0)
+        gap = math.hypot(start[0] + ahead * dx - post[0], start[1] + ahead * dy - post[1])
+        if gap < post[2] - 1e-7:
+            return False
+    return True

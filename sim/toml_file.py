@@ -1,0 +1,66 @@
+"""TOML at the door: a file is read, checked against its model, and refused with one clear line where it is wrong."""
+
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from sonarhw.errors import InputError
+
+
+class TomlModel(BaseModel):
+    """Base of what may stand in a file: no unknown keys, no NaN, no text where a number belongs."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+Model = TypeVar("Model", bound=TomlModel)
+
+
+def parse_toml(text: str, where: str, model: type[Model]) -> Model:
+    """The checked content of a file. Raises InputError naming `where`, the line or the key, and what was expected."""
+    try:
+        return model.model_validate(_arrays_as_tuples(tomllib.loads(text)))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{where}: not TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise InputError(f"{where}: {_key(first['loc'])}: {_reason(first)}{more}") from error
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file. Raises InputError where there is none or it is not UTF-8."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: there is no such {what}; check the name") from error
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError(f"{path}: cannot be read as a {what}: {reason}") from error
+
+
+def _arrays_as_tuples(value: object) -> object:
+    # a strict model takes no list for a tuple, and frozen models hold tuples
+    if isinstance(value, list):
+        return tuple(_arrays_as_tuples(item) for item in value)
+    if isinstance(value, dict):
+        return {key: _arrays_as_tuples(item) for key, item in value.items()}
+    return value
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return key.removeprefix(".") or "file"
+
+
+def _reason(error: object) -> str:
+    assert isinstance(error, dict)
+    kind, message, got = error["type"], error["msg"], error["input"]
+    if kind == "extra_forbidden":
+        return "unknown key; check its spelling"
+    if kind == "missing":
+        return "missing; it is required"
+    message = message.removeprefix("Value error, ").replace("Input should be", "expected")
+    return message if isinstance(got, dict | tuple) else f"{message}, got {got!r}"

@@ -1,0 +1,133 @@
+"""The world in front of a fake scanner: the room as it really is, which is never quite as its file says.
+
+Takes a room, a place, a board and a seed; hands on an echo source for a fake board. Everything random is a function of
+seed, angle, sweep and ping, never of the order of calls.
+"""
+
+import math
+import threading
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.board import Board
+from sim.paths import Paths, PathSearch, find_paths
+from sim.prediction import PredictedScan, weigh_paths
+from sim.rays import first_hit
+from sim.room import Place, Room
+from sim.traces import RATE, predicted_trace
+from sonarhw.echo_source import Heard, Ping
+from sonarhw.readings import FloatArray, Trace
+
+REARM = 0.44e-3  # s: the 6500 hears its next echo no sooner after one (data sheet, BLNK)
+MAX_ECHOES = 5  # a ping
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """How far the truth is from the room file; standard deviations."""
+
+    position: float = 0.003  # m, each of x and y
+    temperature: float = 1.0  # K
+    thermometer: float = 0.2  # K, error of what the board reports
+    timing: float = 6e-6  # s on every echo time, about 1 mm
+    level_db: float = 0.5  # on every echo, so that faint ones come and go
+    trace_noise: float = 0.004  # of full scale
+    furniture: bool = True  # one post that the file does not know
+
+
+EXACT = Disturbance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)  # the truth is the room file
+
+
+class RoomEchoes:
+    """An echo source (sonarhw.echo_source) that hears a room by following its sound."""
+
+    def __init__(
+        self, room: Room, place: Place, board: Board, seed: int = 0, disturbance: Disturbance | None = None
+    ) -> None:
+        self._seed = seed
+        self._disturbance = disturbance or Disturbance()
+        self._board = board
+        self._asked = room, place
+        self._paths: tuple[Room, Place, Paths] | None = None
+        self._ready = threading.Event()
+        random = np.random.default_rng((seed, 1))
+        warmer, error = random.normal(0, (self._disturbance.temperature, self._disturbance.thermometer))
+        self._temperature_c = room.air.temperature_c + float(warmer)
+        self.temperature_c: float | None = self._temperature_c + float(error)
+
+    @property
+    def ready(self) -> bool:
+        """Whether `prepare` is done, so that `hear` answers at once."""
+        return self._ready.is_set()
+
+    def prepare(self) -> None:
+        """Find the paths, compiling the ray kernel where that is still to do; seconds, so a thread may do it."""
+        self._truth()
+
+    def hear(self, ping: Ping) -> Heard:
+        """What the board hears of one ping; the same for the same ping, whatever was asked before."""
+        room, place, paths = self._truth()
+        microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
+        random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))
+        scan = weigh_paths(room, place, self._board, np.array([place.heading + ping.angle]), paths)
+        times = self._echo_times(scan, ping, random)
+        return Heard(times, self._trace(scan, ping, random) if ping.trace else None)
+
+    def _truth(self) -> tuple[Room, Place, Paths]:
+        if self._paths is None:
+            room, place = self._disturbed()
+            search = PathSearch(2 * self._board.max_range, self._board.wavelength(room.air))
+            self._paths = room, place, find_paths(room, place.position, search)
+            self._ready.set()
+        return self._paths
+
+    def _disturbed(self) -> tuple[Room, Place]:
+        room, place = self._asked
+        room = replace(room, air=replace(room.air, temperature_c=self._temperature_c))
+        random = np.random.default_rng((self._seed, 3))
+        x, y = np.array(place.position) + random.normal(0, self._disturbance.position, 2)
+        if self._disturbance.furniture:
+            room = with_furniture(room, (float(x), float(y)), random)
+        return room, replace(place, position=(float(x), float(y)))
+
+    def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
+        count = len(scan.paths)
+        levels = scan.levels[0] + random.normal(0, self._disturbance.level_db, count)
+        times = scan.paths.lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
+        heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
+        echoes: list[float] = []
+        for time in np.sort(heard):
+            if not echoes or time - echoes[-1] >= REARM:
+                echoes.append(float(time))
+        return tuple(echoes[:MAX_ECHOES])
+
+    def _trace(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Trace:
+        clean = predicted_trace(scan, 0, ping.listen, RATE)
+        noise = np.abs(random.normal(0, self._disturbance.trace_noise, len(clean.samples)))
+        return replace(clean, samples=np.minimum(np.hypot(clean.samples, noise), 1.0))
+
+
+def with_furniture(room: Room, position: tuple[float, float], random: np.random.Generator) -> Room:
+    """The room with one slim post more, in sight of `position` and between it and some wall.
+
+    Its radius is 3 % of the way to that wall; the room stays as it is where no wall is in sight.
+    """
+    x, y = position
+    for direction in random.uniform(0, math.tau, 32):
+        dx, dy = math.cos(direction), math.sin(direction)
+        distance, surface = first_hit(x, y, dx, dy, -1, room.walls, room.posts)
+        if surface >= 0 and distance > 0.1:
+            at = distance * random.uniform(0.6, 0.8)
+            return _with_post(room, np.array([[x + at * dx, y + at * dy, 0.03 * distance]]))
+    return room
+
+
+def _with_post(room: Room, post: FloatArray) -> Room:
+    return replace(
+        room,
+        posts=np.vstack((room.posts, post)),
+        reflectances=np.append(room.reflectances, 0.9),
+        names=(*room.names, "furniture"),
+        materials=(*room.materials, "unknown"),
+    )
