@@ -7,7 +7,7 @@ its line could carry them. It is a `Device`: no thread, no port, no clock of its
 import math
 import random
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from sonarhw.frames import Frame, FrameDecoder, Rejected, encode_frame
 from sonarhw.messages import (
     BY_TYPE,
     FROM_HOST,
+    MAX_ECHOES,
     NO_TEMPERATURE,
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,
@@ -55,7 +56,7 @@ BYTE_TIME = 10 / 1_000_000  # s: eight bits, start and stop at 1 000 000 baud
 REACH = 720_000_000  # µdeg either way; the transducer's cable winds no further
 BACKLOG = 65_536  # bytes waiting for the line; commands that come on top of that are dropped
 _MICROSTEPS = 3200
-_MAX_ECHOES = 255
+_PATIENCE = 0.05  # s between two looks whether the echo source is ready
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,16 @@ class Board:
     """The fake board. Its clock starts at 0 with the first time it is told; its noise is the echo source's affair."""
 
     def __init__(
-        self, echoes: EchoSource, seed: int = 0, blanking: float = 0.00238, identity: BoardIdentity | None = None
+        self,
+        echoes: EchoSource,
+        seed: int = 0,
+        blanking: float = 0.00238,
+        identity: BoardIdentity | None = None,
+        ready: Callable[[], bool] = lambda: True,
     ) -> None:
+        """`ready` tells whether the echo source answers at once by now; until then home and scan take longer."""
         self._echoes = echoes
+        self._ready = ready
         self._identity = identity or BoardIdentity(serial=f"FAKE-{seed:04d}")
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         self._line = Line()
@@ -149,8 +157,8 @@ class Board:
 
     @property
     def busy(self) -> bool:
-        """Whether it homes, turns or scans."""
-        return self._running is not None
+        """Whether it homes, turns or scans; not while it waits for its echo source, which needs real time."""
+        return self._running is not None and self._ready()
 
     def receive(self, data: bytes, now: float) -> None:
         """Take bytes from the host."""
@@ -355,6 +363,9 @@ class Board:
     def _homing(self, now: float) -> Iterator[float]:
         found = self._turntable.home(now)
         yield found
+        while not self._ready():
+            found += _PATIENCE
+            yield found
         self._turntable.found(found)
 
     def _turning(self, order: Turn, now: float) -> Iterator[float]:
@@ -362,6 +373,9 @@ class Board:
 
     def _scanning(self, order: StartScan, now: float) -> Iterator[float]:
         scan = ScanOrder(radians_of(order.start), radians_of(order.step), order.headings, order.sweeps, order.pings)
+        while not self._ready():
+            now += _PATIENCE
+            yield now
         for number in range(scan.readings):
             sweep, angle, ping = scan.ping_at(number)
             fire = self._turntable.turn(angle, now)
@@ -377,7 +391,7 @@ class Board:
         ping = Ping(ping.angle, ping.sweep, ping.index, ping.listen, bool(self._settings.trace))
         heard = self._echoes.hear(ping)
         blanking = self._settings.blanking_us * 1e-6
-        echoes = sorted(time for time in heard.echo_times if blanking <= time <= ping.listen)[:_MAX_ECHOES]
+        echoes = sorted(time for time in heard.echo_times if blanking <= time <= ping.listen)[:MAX_ECHOES]
         reading = ReadingMessage(
             number=number,
             sweep=ping.sweep,

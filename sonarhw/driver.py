@@ -67,6 +67,7 @@ class Command:
         self.due = now + ANSWER_WITHIN
         self.sent = 1
         self.answer: Answer | None = None
+        self.answered_at = 0.0  # s on the device's clock
         self.finished: Finished | None = None
 
     @property
@@ -231,7 +232,7 @@ class Driver:
         command = self._open.pop(message.command, None)
         if command is None:
             return False
-        command.answer = message
+        command.answer, command.answered_at = message, self._device_time * 1e-6
         if isinstance(message, Info):
             self.info = message
         if isinstance(message, Refused) and self._action is command:

@@ -7,12 +7,14 @@ Takes a `Device`; hands its bytes to one client after another. One thread; it ne
 Nothing piles up: bytes a client does not read hold back the device's time, and with it everything it does.
 """
 
+import math
 import os
 import select
 import socket
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -144,10 +146,11 @@ class PtyDoor:
             raise InputError("this system has no pseudo-terminals; use --tcp 127.0.0.1:0")
         import tty
 
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
+        self._master, slave = os.openpty()
+        self._descriptors: tuple[int, ...] = (self._master, slave)
+        tty.setraw(slave)
         os.set_blocking(self._master, False)
-        self._path = os.ttyname(self._slave)
+        self._path = os.ttyname(slave)
         self._link = link
         try:
             if link:
@@ -180,7 +183,7 @@ class PtyDoor:
             return 0
 
     def close(self) -> None:
-        """Remove the link, where it is still ours, and close."""
+        """Remove the link, where it is still ours, and close. Twice does no harm."""
         if self._link:
             with suppress(OSError):
                 if os.readlink(self._link) == self._path:
@@ -188,37 +191,30 @@ class PtyDoor:
         self._close_descriptors()
 
     def _close_descriptors(self) -> None:
-        os.close(self._master)
-        os.close(self._slave)
+        for descriptor in self._descriptors:
+            os.close(descriptor)
+        self._descriptors = ()
+
+
+def check_pace(pace: Pace) -> Pace:
+    """`pace`, where it is one. Raises InputError otherwise."""
+    if pace not in ("real", "max") and not (isinstance(pace, float | int) and 0 < pace < math.inf):
+        raise InputError(f"pace {pace}: expected real, max, or a factor above 0 such as 10")
+    return pace
 
 
 class Endpoint:
-    """A device being served; a context manager that serves it in a thread of its own, joined at the end."""
+    """A device behind a door: `run` serves it in the caller's thread until `stop`."""
 
     def __init__(self, device: Device, door: Door, pace: Pace = "real") -> None:
         self.url = door.url
         self._device = device
         self._door = door
-        self._clock = Clock(pace)
+        self._clock = Clock(check_pace(pace))
         self._pending = b""
         self._stopping = False
         self._waker, self._wake = socket.socketpair()
         self._wake.setblocking(False)
-        self._thread: threading.Thread | None = None
-        self._failure: BaseException | None = None
-
-    def __enter__(self) -> "Endpoint":
-        self._thread = threading.Thread(target=self._run_in_thread, name=f"serve {self.url}", daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
-        if self._thread:
-            self._thread.join()
-        self.close()
-        if self._failure:
-            raise self._failure
 
     def stop(self) -> None:
         """End serving; callable from any thread and from a signal handler."""
@@ -226,26 +222,17 @@ class Endpoint:
         with suppress(OSError):
             self._wake.send(b"x")
 
-    def close(self) -> None:
-        """Shut the door; to be called when `run` has ended."""
-        self._door.close()
-        self._waker.close()
-        self._wake.close()
-
     def run(self) -> None:
         """Serve until stopped."""
-        while not self._stopping:
-            self._clock.tick(held=bool(self._pending))
-            if not self._pending:
-                self._pending = self._device.advance(self._clock.now)
-            self._converse(self._wait_for())
-
-    def _run_in_thread(self) -> None:
         try:
-            self.run()
-        except BaseException as failure:  # noqa: BLE001 - handed to whoever closes the endpoint
-            self._failure = failure
-            self._door.close()
+            while not self._stopping:
+                self._clock.tick(held=bool(self._pending))
+                if not self._pending:
+                    self._pending = self._device.advance(self._clock.now)
+                self._converse(self._wait_for())
+        finally:
+            self._waker.close()
+            self._wake.close()
 
     def _wait_for(self) -> float:
         """How long nothing needs to be done, s of real time."""
@@ -275,16 +262,46 @@ class Endpoint:
                 self._device.receive(data, self._clock.now)
 
 
-def serve(device: Device, pty: Path | str | None = None, tcp: str | None = None, pace: Pace = "real") -> Endpoint:
-    """An endpoint for `device` on TCP (`tcp` is HOST:PORT) or, without it, on a pseudo-terminal (behind link `pty`).
+@contextmanager
+def open_door(pty: Path | None = None, tcp: str | None = None) -> Iterator[Door]:
+    """A door on TCP (`tcp` is HOST:PORT) or, without it, on a pseudo-terminal (behind the link `pty`), then shut.
 
-    It listens from now on and serves once entered or run. Raises InputError for an address or link that cannot be,
-    LinkError where the port is taken.
+    Clients may knock from now on. Raises InputError for an address or link that cannot be, LinkError where the port
+    is taken.
     """
-    if isinstance(pace, float | int) and not pace > 0:
-        raise InputError(f"pace is {pace:g}; expected real, max, or a factor above 0")
-    door: Door = TcpDoor(tcp) if tcp is not None else PtyDoor(Path(pty) if pty is not None else None)
-    return Endpoint(device, door, pace)
+    door: Door = TcpDoor(tcp) if tcp is not None else PtyDoor(pty)
+    try:
+        yield door
+    finally:
+        door.close()
+
+
+@contextmanager
+def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace: Pace = "real") -> Iterator[Endpoint]:
+    """Serve `device` in a thread of its own, which has ended when the block has. Raises what `open_door` does.
+
+    What went wrong in the device is raised at the end of the block.
+    """
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            endpoint.run()
+        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the endpoint
+            failures.append(failure)
+            door.close()  # clients see it go
+
+    with open_door(pty, tcp) as door:
+        endpoint = Endpoint(device, door, pace)
+        thread = threading.Thread(target=run, name=f"serve {door.url}", daemon=True)
+        thread.start()
+        try:
+            yield endpoint
+        finally:
+            endpoint.stop()
+            thread.join()
+    if failures:
+        raise failures[0]
 
 
 def _host_and_port(address: str) -> tuple[str, int]:

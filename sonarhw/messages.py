@@ -13,6 +13,7 @@ PROTOCOL_MAJOR = 1
 PROTOCOL_MINOR = 0
 
 NO_TEMPERATURE = -32768  # centidegrees that mean: no thermometer
+MAX_ECHOES = 122  # of one reading; more do not fit a payload of 512 bytes
 
 
 class MessageError(ValueError):

@@ -80,12 +80,13 @@ class Scanner:
         self._lost: LinkError | None = None
         self._closing = threading.Event()
         self._stop_wanted = threading.Event()
+        self._scan: Command | None = None
         self._in_use = threading.Lock()
         self._thread = threading.Thread(target=self._read, name=f"read {link.url}", daemon=True)
         self._thread.start()
 
     @classmethod
-    def open(cls, url: str, recorder: Recorder | None = None, patience: float = 3.0) -> "Scanner":
+    def open(cls, url: str, recorder: Recorder | None = None, patience: float = 5.0) -> "Scanner":
         """Open `url`, greet whoever answers within `patience` s, and stop whatever it was doing.
 
         Raises LinkError (LinkBusy, LinkLost), NoAnswer, or Incompatible where it speaks another protocol version.
@@ -140,6 +141,11 @@ class Scanner:
         """What has passed over the link until now."""
         return self._driver.statistics
 
+    @property
+    def scan_began(self) -> float:
+        """When the last scan began on the clock of `Reading.time`, s; 0 before the first."""
+        return self._scan.answered_at if self._scan else 0.0
+
     def record(self, recorder: Recorder) -> None:
         """Hand every frame and reading from now on to `recorder`, and first the greeting."""
         self._driver.record(recorder)
@@ -184,7 +190,7 @@ class Scanner:
         with self._using():
             if self.settings is None:
                 self._ask(_DEFAULTS)
-            command = self._ask(_start_scan(order))
+            self._scan = command = self._ask(_start_scan(order))
             try:
                 while not self._driver.scan_complete:
                     self._pump()

@@ -1,0 +1,112 @@
+"""What a URL on the command line leads to: a port, a fake scanner in this process, or a log that plays as one.
+
+Takes the URL as it was typed; hands on one that pyserial opens, or the opened scanner, for as long as the block lasts.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import parse_qsl
+
+import typer
+
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from sim.truth import RoomEchoes
+    from sonarhw.board import Board as FakeBoard
+    from sonarhw.endpoint import Pace
+    from sonarhw.scanner import Scanner
+
+ScannerUrl = Annotated[
+    str, typer.Argument(help="Serial port, socket://HOST:PORT, fake:ROOM?place=NAME&seed=1, or a log.", metavar="URL")
+]
+LOOPBACK = "127.0.0.1:0"
+_FAKE = "fake:"
+_FAKE_KEYS = ("place", "board", "seed", "pace")
+
+
+@contextmanager
+def connect(url: str) -> "Iterator[Scanner]":
+    """The scanner at `url`, greeted. Raises InputError for a URL that says nothing, LinkError, DeviceError."""
+    from sonarhw.scanner import Scanner
+
+    with resolve(url) as target, Scanner.open(target) as scanner:
+        yield scanner
+
+
+@contextmanager
+def resolve(url: str) -> Iterator[str]:
+    """A URL that pyserial opens; what `fake:` and log files need runs in this process meanwhile."""
+    if url.startswith(_FAKE):
+        with _fake(url) as target:
+            yield target
+    elif Path(url).suffix == ".mcap":
+        with _replay(Path(url)) as target:
+            yield target
+    else:
+        yield url
+
+
+def read_pace(text: str) -> "Pace":
+    """The pace that `real`, `max` or a factor above 0 stands for. Raises InputError for anything else."""
+    from sonarhw.endpoint import check_pace
+
+    try:
+        return check_pace(float(text))
+    except ValueError:
+        return check_pace(text)  # type: ignore[arg-type]  # whether it is one of the two words is what is checked
+
+
+def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tuple[FakeBoard, RoomEchoes]":
+    """A fake board that hears the room in `room_file`, and its ears, on which `prepare` is to be called.
+
+    Raises InputError where room, place or board is wrong.
+    """
+    from sim.board import load_board
+    from sim.room import load_room
+
+    room = load_room(room_file)
+    here, profile = room.place(place), load_board(board)
+    from sim.truth import RoomEchoes
+    from sonarhw.board import Board, BoardIdentity
+
+    echoes = RoomEchoes(room, here, profile, seed)
+    identity = BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name)
+    return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready), echoes
+
+
+@contextmanager
+def _fake(url: str) -> Iterator[str]:
+    from cli.options import DEFAULT_BOARD
+    from sonarhw.endpoint import serve
+
+    room_file, _, query = url.removeprefix(_FAKE).partition("?")
+    wishes = dict(parse_qsl(query, keep_blank_values=True))
+    if unknown := sorted(set(wishes) - set(_FAKE_KEYS)):
+        raise InputError(f"{url}: does not know {', '.join(unknown)}; known: {', '.join(_FAKE_KEYS)}")
+    pace = read_pace(wishes.get("pace", "real"))
+    seed = read_seed(wishes.get("seed", "0"))
+    board, echoes = fake_board(Path(room_file), wishes.get("place"), wishes.get("board", DEFAULT_BOARD), seed)
+    echoes.prepare()
+    with serve(board, tcp=LOOPBACK, pace=pace) as endpoint:
+        yield endpoint.url
+
+
+def read_seed(text: str) -> int:
+    """The seed in a text. Raises InputError where it is no whole number from 0 up."""
+    if not text.isdecimal():
+        raise InputError(f"seed {text!r}: expected a whole number from 0 up")
+    return int(text)
+
+
+@contextmanager
+def _replay(path: Path) -> Iterator[str]:
+    from sonarhw.replay import ReplayDevice
+
+    from cli.log_input import open_log
+    from sonarhw.endpoint import serve
+
+    with serve(ReplayDevice(open_log(path)), tcp=LOOPBACK) as endpoint:
+        yield endpoint.url

@@ -1,0 +1,70 @@
+"""`sonarhw fake`: a scanner that is not there, on a pseudo-terminal or a TCP port."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli.connect import fake_board, read_pace
+from cli.interruption import sigterm_raises
+from cli.options import DEFAULT_BOARD, BoardName, PlaceName, RoomFile
+from sonarhw.errors import InputError
+
+
+class _Terminated(SystemExit):
+    """SIGTERM: a clean end."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+
+
+def fake(
+    room_file: RoomFile,
+    place: PlaceName = None,
+    board: BoardName = DEFAULT_BOARD,
+    pty: Annotated[Path | None, typer.Option(help="Serve on a pseudo-terminal behind this link.", metavar="LINK")] = (
+        None
+    ),
+    tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
+) -> None:
+    """Serve a scanner that is not there; the first line of standard output is its URL."""
+    from sim.board import load_board
+    from sim.room import load_room
+    from sonarhw.endpoint import Endpoint, open_door
+
+    if pty is not None and tcp is not None:
+        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+    load_board(board)
+    load_room(room_file).place(place)
+    chosen_pace = read_pace(pace)
+    with sigterm_raises(_Terminated), open_door(pty, tcp) as door:
+        typer.echo(door.url)
+        # clients may connect from here on; the slow part comes behind the URL
+        device, echoes = fake_board(room_file, place, board, seed)
+        endpoint = Endpoint(device, door, chosen_pace)
+        with _prepared_behind(echoes.prepare, endpoint.stop):
+            endpoint.run()
+
+
+@contextmanager
+def _prepared_behind(prepare: Callable[[], None], stop: Callable[[], None]) -> Iterator[None]:
+    """Run `prepare` in a thread; where it fails, `stop` is called and its error raised at the end."""
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            prepare()
+        except BaseException as failure:  # noqa: BLE001 - raised again in the main thread
+            failures.append(failure)
+            stop()
+
+    # a daemon: a compiler at work must not keep the process from ending
+    threading.Thread(target=run, name="prepare", daemon=True).start()
+    yield
+    if failures:
+        raise failures[0]

@@ -1,0 +1,70 @@
+"""Ctrl-C and SIGTERM while something must be ended whole: noticed between two steps, not in the middle of one."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """What a signal does: the first asks for an end through `stop`, the second is a KeyboardInterrupt at once."""
+
+    def __init__(self, stop: Callable[[], None]) -> None:
+        self.wanted = False
+        self._stop = stop
+        self._at_once = False
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        """Take a signal."""
+        if self.wanted or self._at_once:
+            self.wanted = True
+            raise KeyboardInterrupt
+        self.wanted = True
+        self._stop()
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """While this lasts a signal is a KeyboardInterrupt: for what may block and leaves nothing half done."""
+        self._at_once = True
+        try:
+            yield
+        finally:
+            self._at_once = False
+
+
+@contextmanager
+def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
+    """Let Ctrl-C and SIGTERM call `stop`; KeyboardInterrupt at the end where one came."""
+    handler = Interruption(stop)
+    with handled_by(handler):
+        try:
+            yield handler
+        finally:
+            if handler.wanted:
+                # whatever else went wrong on the way out, the person asked for the end
+                raise KeyboardInterrupt from None
+
+
+@contextmanager
+def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
+    """Let SIGTERM unwind the program like Ctrl-C does."""
+
+    def unwind(_number: int, _frame: FrameType | None) -> None:
+        raise error
+
+    with handled_by(unwind, (signal.SIGTERM,)):
+        yield
+
+
+@contextmanager
+def handled_by(handler: Callable[[int, FrameType | None], Any], signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
+    """Install `handler` for `signals` and put back what was there before."""
+    before = {number: signal.signal(number, handler) for number in signals}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)

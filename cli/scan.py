@@ -1,0 +1,195 @@
+"""`sonarhw scan`: scan and record."""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.connect import ScannerUrl, connect
+from cli.interruption import Interruption, interruption, sigterm_raises
+from cli.options import (
+    DEFAULT_BOARD,
+    Force,
+    FromDegrees,
+    PlaceName,
+    StepDegrees,
+    ToDegrees,
+    refuse_existing,
+    scan_order,
+)
+from sonarhw.errors import InputError, LinkError, NoAnswer
+from sonarhw.readings import Reading, ScanOrder
+
+if TYPE_CHECKING:
+    from sim.board import Board
+    from sonarhw.log import LogMetadata
+    from sonarhw.scanner import Scanner
+
+DEFAULT_TEMPERATURE = 20.0  # °C
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """What the person asked for."""
+
+    order: ScanOrder
+    out: Path
+    force: bool
+    board: str | None
+    max_range: float | None  # m
+    temperature: float | None  # °C
+    traces: bool
+    show: bool
+
+
+def scan(
+    url: ScannerUrl,
+    out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
+    room: Annotated[Path | None, typer.Option(help="Room file, kept in the log.", metavar="ROOM")] = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile; default: what the scanner says.", metavar="NAME|FILE.toml")
+    ] = None,
+    start: FromDegrees = 0.0,
+    stop: ToDegrees = 360.0,
+    step: StepDegrees = 5.0,
+    sweeps: Annotated[int, typer.Option(help="Sweeps, to and fro.", min=1, max=65535)] = 1,
+    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 1,
+    max_range: Annotated[float | None, typer.Option(help="Listen no further than this, metres.")] = None,
+    temperature: Annotated[float | None, typer.Option(help="Air, °C; default: the scanner's own, else 20.")] = None,
+    traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
+    show: Annotated[bool, typer.Option("--print", help="Write each reading to standard output as CSV.")] = False,
+    force: Force = False,
+) -> None:
+    """Scan and record a log; with --print each reading is also written out as it arrives."""
+    wish = _Wish(scan_order(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show)
+    _check(wish)
+    metadata = _metadata(room, place)
+    with sigterm_raises(), connect(url) as scanner:
+        _record(scanner, wish, metadata)
+
+
+def _check(wish: _Wish) -> None:
+    from sim.board import load_board
+
+    refuse_existing(wish.out, wish.force)
+    if wish.board is not None:
+        load_board(wish.board)
+    if wish.max_range is not None and not 0 < wish.max_range < math.inf:
+        raise InputError(f"--max-range {wish.max_range:g}: expected metres above 0")
+    if wish.temperature is not None and not -40 <= wish.temperature <= 60:
+        raise InputError(f"--temperature {wish.temperature:g}: expected -40 to 60 °C")
+
+
+def _metadata(room_file: Path | None, place: str | None) -> "LogMetadata":
+    from sonarhw.log import LogMetadata
+
+    if room_file is None:
+        if place is not None:
+            raise InputError("--place needs --room: it is a place of a room file")
+        return LogMetadata(made_by="scan", started=time.time())
+    from sim.room import load_room
+
+    room = load_room(room_file)
+    here = room.place(place)
+    return LogMetadata(
+        made_by="scan", started=time.time(), room_file=room_file.name, room_text=room.text, place=here.name
+    )
+
+
+def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
+    from dataclasses import replace
+
+    from sonarhw.log import LogWriter
+
+    board = _board(scanner, wish)
+    metadata = replace(metadata, board=board.name)
+    taken = _Taken()
+    with (
+        interruption(scanner.stop) as interrupted,
+        LogWriter(wish.out, metadata, overwrite=wish.force) as log,
+    ):
+        scanner.record(log)
+        try:
+            _prepare(scanner, wish, board)
+            if not interrupted.wanted:
+                _take(scanner, wish, taken, interrupted)
+        except (LinkError, NoAnswer) as error:
+            raise type(error)(f"{error}; {taken.count} readings are kept in {wish.out}") from error
+    lost = scanner.statistics.lost_readings
+    if lost:
+        typer.echo(f"sonarhw: warning: {lost} readings were lost on the link; see the statistics of `info`", err=True)
+
+
+@dataclass
+class _Taken:
+    """How far the scan has come."""
+
+    count: int = 0
+
+
+def _board(scanner: "Scanner", wish: _Wish) -> "Board":
+    from sim.board import board_names, load_board
+
+    named = scanner.info.board
+    return load_board(wish.board or (named if named in board_names() else DEFAULT_BOARD))
+
+
+def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
+    from sim.air import speed_of_sound
+
+    own = scanner.info.temperature_c
+    temperature = next(value for value in (wish.temperature, own, DEFAULT_TEMPERATURE) if value is not None)
+    speed = speed_of_sound(temperature)
+    reach = board.max_range if wish.max_range is None else wish.max_range
+    scanner.configure(2 * reach / speed, board.blanking, wish.traces, speed)
+    scanner.home()
+
+
+def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interruption) -> None:
+    with _progress(wish.order.readings) as advance, _printed(wish, scanner, interrupted) as show:
+        for reading in scanner.scan(wish.order):
+            taken.count += 1
+            show(reading)
+            advance()
+
+
+@contextmanager
+def _printed(wish: _Wish, scanner: "Scanner", interrupted: Interruption) -> Iterator[Callable[[Reading], None]]:
+    from sonarhw.reading_csv import HEADER, row
+
+    def line(text: str) -> None:
+        # a pipe that nobody reads blocks here; nothing of the log is half written meanwhile
+        with interrupted.at_once():
+            sys.stdout.write(text + "\n")
+            sys.stdout.flush()
+
+    began: list[float] = []
+
+    def show(reading: Reading) -> None:
+        if not began:
+            began.append(min(scanner.scan_began, reading.time))
+        line(row(reading, began[0]))
+
+    if wish.show:
+        line(HEADER)
+    yield show if wish.show else lambda reading: None
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[], None]]:
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("Scanning", total=total)
+        yield lambda: bar.advance(task)
