@@ -1,45 +1,38 @@
 """Readings become the frames that a scanner would have sent for them: how imported and simulated scans become logs.
 
-Takes readings; hands on messages, or a whole log file whose decoding gives back the same ranges. One decoder for
+Takes readings; hands on a log file whose decoding gives back the same ranges. One decoder for
 everything: nothing that reads a log can tell an imported scan from a recorded one but by its metadata.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from sonarhw.assembly import FULL_SCALE, microdegrees_of
-from sonarhw.frames import MAX_PAYLOAD, Frame, encode_frame
+from sonarhw.frames import Frame, encode_frame
 from sonarhw.log_contents import LogMetadata
 from sonarhw.log_writer import LogWriter
 from sonarhw.messages import (
-    NO_TEMPERATURE,
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,
     Finished,
     Info,
     Message,
     Outcome,
-    ReadingMessage,
     Settings,
     Started,
-    TraceChunk,
 )
-from sonarhw.readings import Reading, Trace
+from sonarhw.reading_messages import centidegrees_of, reading_message, trace_chunks
+from sonarhw.readings import Reading
 
-MAX_ECHOES = (MAX_PAYLOAD - len(ReadingMessage(0, 0, 0, 0, 0, 0, ()).pack())) // 4
-CHUNK = 256  # samples
 _HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the commands that nobody sent
 
 
 def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False) -> None:
     """Write one scan as a log that began at `metadata.started`.
 
-    Decoding gives back angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm and traces to 8 bits; of more than MAX_ECHOES
-    echoes the earliest. Readings are numbered anew in their order. Raises LogError where the file exists (unless
+    Decoding gives back angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm and traces to 8 bits; of more than
+    122 echoes the earliest. Readings are numbered anew in their order. Raises LogError where the file exists (unless
     `overwrite`) or cannot be written, ValueError where a reading has values that no frame can carry.
     """
     # everything is encoded before the file is made: what no frame can carry leaves none behind
@@ -50,41 +43,6 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
                 writer.frame(True, metadata.started + time, wire)
             if reading is not None:
                 writer.reading(reading)
-
-
-def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
-    """The message of a reading where the settings in force carry `speed_of_sound`, mm/s: the same ranges.
-
-    Of more than MAX_ECHOES echoes it has the earliest.
-    """
-    scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
-    return ReadingMessage(
-        number=reading.number,
-        sweep=reading.sweep,
-        ping=reading.ping,
-        angle=microdegrees_of(reading.angle),
-        fired_us=round(reading.time * 1e6),
-        temperature=centidegrees(reading.temperature_c),
-        echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
-    )
-
-
-def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
-    """The messages that carry the trace of reading `number`, 8 bits a sample; a trace beyond 65 535 samples is cut.
-
-    A stretch that was lost on the line (NaN) stays lost.
-    """
-    levels = np.clip(np.rint(trace.samples[:0xFFFF] * FULL_SCALE), 0, FULL_SCALE)
-    period, start = round(1e9 / trace.rate), round(trace.start * 1e9)
-    for offset in range(0, len(levels), CHUNK):
-        stretch = levels[offset : offset + CHUNK]
-        if not np.isnan(stretch).any():
-            yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes())
-
-
-def centidegrees(temperature_c: float | None) -> int:
-    """Temperature for a message."""
-    return NO_TEMPERATURE if temperature_c is None else round(temperature_c * 100)
 
 
 _Stamped = tuple[float, bytes]  # s since the scan began, frame
@@ -138,7 +96,7 @@ def _info(metadata: LogMetadata, readings: Sequence[Reading]) -> Info:
         firmware=f"sonarhw {metadata.made_by} {metadata.product_version}",
         serial="",
         board=metadata.board,
-        temperature=centidegrees(readings[0].temperature_c if readings else None),
+        temperature=centidegrees_of(readings[0].temperature_c if readings else None),
         trace_rate=round(traces[0].rate) if traces else 0,
         microsteps=0,
     )

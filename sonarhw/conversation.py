@@ -1,0 +1,285 @@
+"""The device's part of every conversation, whoever plays the device: the fake board and the replayed log share it.
+
+Takes bytes from a host; hands on answers, heartbeats and readings, no sooner than a line could carry them. A command
+that comes twice is carried out once and answered twice; the last readings are kept to be sent again.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from sonarhw.frames import Frame, FrameDecoder, Rejected
+from sonarhw.line import Line
+from sonarhw.messages import (
+    BY_TYPE,
+    FROM_HOST,
+    Accepted,
+    Configure,
+    Finished,
+    Heartbeat,
+    Hello,
+    Home,
+    Info,
+    Message,
+    MessageError,
+    Outcome,
+    ReadingMessage,
+    Refusal,
+    Refused,
+    Resend,
+    Settings,
+    Started,
+    StartScan,
+    State,
+    Stop,
+    TraceChunk,
+    Turn,
+)
+
+HEARTBEAT = 0.250  # s
+KEPT_READINGS = 64
+BACKLOG = 65_536  # bytes waiting for the line; commands that come on top of that are dropped
+
+
+class Refusing(Exception):
+    """The command at hand is answered with a refusal."""
+
+    def __init__(self, code: Refusal, text: str) -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+@dataclass
+class _Action:
+    """A home, turn or scan: running, or the last one that ran."""
+
+    key: tuple[int, int, bytes]  # type, sequence and payload of its command
+    accepted: Message
+    state: State
+    wakes: Iterator[float]  # when it wants to go on, s; ends when it is done
+    due: float = 0.0
+    finished: Finished | None = None
+
+
+class Conversation(ABC):
+    """A `Device` that speaks the protocol; what it can do is filled in below it.
+
+    Its clock starts at 0 with the first time it is told. Homing, turning and scanning are iterators of the times at
+    which they want to go on; they end when they are done, or are dropped when the host says stop.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self.line = line
+        self._decoder = FrameDecoder()
+        self._born: float | None = None
+        self._greeted = False
+        self._next_heartbeat = 0.0
+        self._action: _Action | None = None
+        self._kept: deque[ReadingMessage] = deque(maxlen=KEPT_READINGS)
+        self._made = 0
+
+    # what a device fills in; times are s on its own clock
+
+    @abstractmethod
+    def temperature(self) -> int:
+        """Air at the board, as messages carry it."""
+
+    @abstractmethod
+    def angle(self, now: float) -> int:
+        """Where the turntable points, µdeg."""
+
+    @abstractmethod
+    def info(self, sequence: int) -> Info:
+        """Who it is, in answer to the Hello of that sequence number."""
+
+    @abstractmethod
+    def configure(self, wish: Configure, sequence: int) -> Settings:
+        """The settings from now on in force. Raises Refusing."""
+
+    @abstractmethod
+    def homing(self, now: float) -> Iterator[float]:
+        """Find the zero of the turntable."""
+
+    @abstractmethod
+    def turning(self, order: Turn, now: float) -> Iterator[float]:
+        """Turn to an angle. Raises Refusing, at once and not when it is gone through."""
+
+    @abstractmethod
+    def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
+        """How many readings will come, and the scan, which hands them to `report`. Raises Refusing, at once."""
+
+    @abstractmethod
+    def halt(self, now: float) -> None:
+        """Stand still where it is: what ran was stopped."""
+
+    def report(self, reading: ReadingMessage, trace: Iterable[TraceChunk], now: float) -> None:
+        """Send a reading and its trace; the reading is kept to be sent again."""
+        self._kept.append(reading)
+        self._made = reading.number + 1
+        self.line.send(reading, now)
+        for chunk in trace:
+            self.line.send(chunk, now)
+
+    # Device
+
+    @property
+    def busy(self) -> bool:
+        """Whether it homes, turns or scans."""
+        return self._running is not None
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes from the host."""
+        time = self._time(now)
+        self._work(time)
+        for item in self._decoder.feed(data):
+            # the text of a damaged command is not known, so there is nothing to answer; the host sends it again
+            if not isinstance(item, Rejected) and self.line.waiting < BACKLOG:
+                self._obey(item, time)
+
+    def next_event(self) -> float | None:
+        """When `advance` next has something to do, s on the caller's clock."""
+        due = [time for time in (self.line.departure(), self._wake()) if time is not None]
+        return min(due) + (self._born or 0.0) if due else None
+
+    def advance(self, now: float) -> bytes:
+        """Do what is due by `now`; the bytes that have left for the host since the last call."""
+        time = self._time(now)
+        self._work(time)
+        return self.line.depart(time)
+
+    def hang_up(self) -> None:
+        """The host has gone: stand still, forget the conversation."""
+        self._greeted = False
+        self._stop_action(self._wake() or 0.0)
+        self._action = None
+        self.line.clear()
+        self._decoder = FrameDecoder()
+
+    # time
+
+    def _time(self, now: float) -> float:
+        if self._born is None:
+            self._born = now
+        return now - self._born
+
+    @property
+    def _running(self) -> _Action | None:
+        return self._action if self._action and self._action.finished is None else None
+
+    def _wake(self) -> float | None:
+        running = self._running
+        due = [running.due] if running else []
+        if self._greeted:
+            due.append(self._next_heartbeat)
+        return min(due) if due else None
+
+    def _work(self, now: float) -> None:
+        while (due := self._wake()) is not None and due <= now:
+            running = self._running
+            if running and running.due <= due:
+                self._step(running, due)
+            else:
+                self._beat(due)
+
+    def _beat(self, now: float) -> None:
+        state = self._running.state if self._running else State.IDLE
+        self.line.send(Heartbeat(state, self.angle(now), self._made, self.temperature()), now)
+        self._next_heartbeat = now + HEARTBEAT
+
+    def _step(self, action: _Action, now: float) -> None:
+        due = next(action.wakes, None)
+        if due is None:
+            self._finish(action, Outcome.DONE, now)
+        else:
+            action.due = due
+
+    # commands
+
+    def _obey(self, frame: Frame, now: float) -> None:
+        key = (frame.type, frame.sequence, frame.payload)
+        if self._greeted and self._action and key == self._action.key:
+            self._repeat_answers(self._action, now)
+            return
+        try:
+            self._carry_out(self._understand(frame), key, now)
+        except Refusing as refusal:
+            self.line.send(Refused(frame.sequence, refusal.code, refusal.text), now)
+
+    def _understand(self, frame: Frame) -> Message:
+        kind = BY_TYPE.get(frame.type)
+        if kind not in FROM_HOST:
+            raise Refusing(Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is not known to this firmware")
+        try:
+            message = kind.unpack(frame.payload)
+        except MessageError as error:
+            raise Refusing(Refusal.MALFORMED, f"{kind.__name__}: {error}") from error
+        if not self._greeted and not isinstance(message, Hello):
+            raise Refusing(Refusal.NO_HELLO, "say Hello first")
+        return message
+
+    def _carry_out(self, message: Message, key: tuple[int, int, bytes], now: float) -> None:
+        sequence = key[1]
+        match message:
+            case Hello():
+                self._greet(sequence, now)
+            case Configure():
+                self._refuse_when_busy()
+                self.line.send(self.configure(message, sequence), now)
+            case Home():
+                self._refuse_when_busy()
+                self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
+            case Turn():
+                self._refuse_when_busy()
+                self._start(_Action(key, Accepted(sequence), State.TURNING, self.turning(message, now)), now)
+            case StartScan():
+                self._refuse_when_busy()
+                count, wakes = self.scanning(message, now)
+                self._kept.clear()
+                self._start(_Action(key, Started(sequence, count), State.SCANNING, wakes), now)
+            case Stop():
+                self._stop_action(now)
+                self.line.send(Accepted(sequence), now)
+            case Resend():
+                self._resend(message, sequence, now)
+
+    def _greet(self, sequence: int, now: float) -> None:
+        self._stop_action(now)
+        self._action = None
+        self._greeted, self._next_heartbeat = True, now + HEARTBEAT
+        self.line.send(self.info(sequence), now)
+
+    def _resend(self, wish: Resend, sequence: int, now: float) -> None:
+        if not 1 <= wish.count <= KEPT_READINGS:
+            raise Refusing(Refusal.OUT_OF_RANGE, f"{wish.count} readings asked for; 1 to {KEPT_READINGS} can be")
+        self.line.send(Accepted(sequence), now)
+        for reading in self._kept:
+            if wish.first <= reading.number < wish.first + wish.count:
+                self.line.send(reading, now)
+
+    def _refuse_when_busy(self) -> None:
+        if self._running:
+            raise Refusing(Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
+
+    # home, turn, scan
+
+    def _start(self, action: _Action, now: float) -> None:
+        self._action = action
+        self._made = 0
+        self.line.send(action.accepted, now)
+        self._step(action, now)
+
+    def _finish(self, action: _Action, outcome: Outcome, now: float) -> None:
+        readings = self._made if action.state == State.SCANNING else 0
+        action.finished = Finished(action.key[1], outcome, readings, "")
+        self.line.send(action.finished, now)
+
+    def _stop_action(self, now: float) -> None:
+        if self._running:
+            self.halt(now)
+            self._finish(self._running, Outcome.STOPPED, now)
+
+    def _repeat_answers(self, action: _Action, now: float) -> None:
+        self.line.send(action.accepted, now)
+        if action.finished:
+            self.line.send(action.finished, now)

@@ -1,0 +1,47 @@
+"""The sending half of a serial line: what a device says leaves no sooner than a line could carry it.
+
+Takes messages with the time they were made; hands on the bytes that have left by a time.
+"""
+
+from collections import deque
+
+from sonarhw.frames import Frame, encode_frame
+from sonarhw.messages import Message
+
+BYTE_TIME = 10 / 1_000_000  # s: eight bits, start and stop at 1 000 000 baud
+
+
+class Line:
+    """Frames leave one after another, each when its last byte could have."""
+
+    def __init__(self, byte_time: float = BYTE_TIME) -> None:
+        self._byte_time = byte_time  # s
+        self._queue: deque[tuple[float, bytes]] = deque()
+        self._sequence = 0
+        self.free = 0.0  # when the last frame sent has left, s
+        self.waiting = 0  # bytes
+
+    def send(self, message: Message, now: float) -> None:
+        """Queue a message; its frame carries the time it was made."""
+        wire = encode_frame(Frame(message.TYPE, self._sequence, round(now * 1e6), message.pack()))
+        self._sequence = (self._sequence + 1) % 0x10000
+        self.free = max(now, self.free) + len(wire) * self._byte_time
+        self._queue.append((self.free, wire))
+        self.waiting += len(wire)
+
+    def departure(self) -> float | None:
+        """When the next frame has left, s."""
+        return self._queue[0][0] if self._queue else None
+
+    def depart(self, now: float) -> bytes:
+        """The frames that have left by `now`."""
+        left = bytearray()
+        while self._queue and self._queue[0][0] <= now:
+            left += self._queue.popleft()[1]
+        self.waiting -= len(left)
+        return bytes(left)
+
+    def clear(self) -> None:
+        """Forget what has not left yet."""
+        self._queue.clear()
+        self.free, self.waiting = 0.0, 0

@@ -1,0 +1,51 @@
+"""Readings and traces as the messages that carry them; `assembly` does the reverse.
+
+Takes the plain values; hands on messages, rounded to what the wire carries.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sonarhw.assembly import FULL_SCALE, microdegrees_of
+from sonarhw.frames import MAX_PAYLOAD
+from sonarhw.messages import NO_TEMPERATURE, ReadingMessage, TraceChunk
+from sonarhw.readings import Reading, Trace
+
+CHUNK = 256  # samples
+MAX_ECHOES = (MAX_PAYLOAD - len(ReadingMessage(0, 0, 0, 0, 0, 0, ()).pack())) // 4
+
+
+def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
+    """The message of a reading where the settings in force carry `speed_of_sound`, mm/s: the same ranges.
+
+    Of more than MAX_ECHOES echoes it has the earliest. Packing it raises MessageError where a value does not fit.
+    """
+    scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
+    return ReadingMessage(
+        number=reading.number,
+        sweep=reading.sweep,
+        ping=reading.ping,
+        angle=microdegrees_of(reading.angle),
+        fired_us=round(reading.time * 1e6),
+        temperature=centidegrees_of(reading.temperature_c),
+        echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
+    )
+
+
+def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
+    """The messages that carry the trace of reading `number`, 8 bits a sample; a trace beyond 65 535 samples is cut.
+
+    A stretch that was lost on a line before (NaN) stays lost.
+    """
+    levels = np.clip(np.rint(trace.samples[:0xFFFF] * FULL_SCALE), 0, FULL_SCALE)
+    period, start = round(1e9 / trace.rate), round(trace.start * 1e9)
+    for offset in range(0, len(levels), CHUNK):
+        stretch = levels[offset : offset + CHUNK]
+        if not np.isnan(stretch).any():
+            yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes())
+
+
+def centidegrees_of(temperature_c: float | None) -> int:
+    """Temperature for a message."""
+    return NO_TEMPERATURE if temperature_c is None else round(temperature_c * 100)
