@@ -72,7 +72,8 @@ class Conversation(ABC):
     def __init__(self, line: Line) -> None:
         self.line = line
         self._decoder = FrameDecoder()
-        self._born: float | None = None
+        self._born: float | None = None  # the caller's clock when this one began
+        self._now = 0.0
         self._greeted = False
         self._next_heartbeat = 0.0
         self._action: _Action | None = None
@@ -151,7 +152,7 @@ class Conversation(ABC):
     def hang_up(self) -> None:
         """The host has gone: stand still, forget the conversation."""
         self._greeted = False
-        self._stop_action(self._wake() or 0.0)
+        self._stop_action(self._now)
         self._action = None
         self.line.clear()
         self._decoder = FrameDecoder()
@@ -161,7 +162,8 @@ class Conversation(ABC):
     def _time(self, now: float) -> float:
         if self._born is None:
             self._born = now
-        return now - self._born
+        self._now = now - self._born
+        return self._now
 
     @property
     def _running(self) -> _Action | None:

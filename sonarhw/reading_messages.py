@@ -8,12 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonarhw.assembly import FULL_SCALE, microdegrees_of
-from sonarhw.frames import MAX_PAYLOAD
-from sonarhw.messages import NO_TEMPERATURE, ReadingMessage, TraceChunk
+from sonarhw.messages import MAX_ECHOES, NO_TEMPERATURE, ReadingMessage, TraceChunk
 from sonarhw.readings import Reading, Trace
 
 CHUNK = 256  # samples
-MAX_ECHOES = (MAX_PAYLOAD - len(ReadingMessage(0, 0, 0, 0, 0, 0, ()).pack())) // 4
 
 
 def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
