@@ -63,7 +63,7 @@ def recover(
         raise InputError(f"{log}: there is no such file; give the name of a log (*.mcap)")
     recorded = read_log(log)
     copy_log(recorded, out, overwrite=force)
-    kept = f"{out}: {len(recorded.readings)} readings in {len(recorded.scans)} scans"
+    kept = f"{out}: {_counted(len(recorded.readings), 'reading')} in {_counted(len(recorded.scans), 'scan')}"
     typer.echo(f"{kept}; lost: {_lost(recorded)}" if recorded.torn else f"{kept}; {log} was whole, nothing is lost")
 
 
@@ -119,6 +119,10 @@ def _scan_line(scan: "RecordedScan") -> str:
     end = "" if scan.finished else "; the log ends before the scan"
     return (
         f"{len(readings)}{ordered} readings, {echoes} with an echo, {traces} with a trace; "
-        f"{min(angles):.6g}° to {max(angles):.6g}°, {max(r.sweep for r in readings) + 1} sweeps, "
+        f"{min(angles):.6g}° to {max(angles):.6g}°, {_counted(readings[-1].sweep + 1, 'sweep')}, "
         f"{readings[-1].time - scan.began:.1f} s{end}"
     )
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

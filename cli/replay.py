@@ -22,6 +22,7 @@ def replay(
     tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
 ) -> None:
     """Serve a log as a live scanner, which plays at each scan command; the first line of output is its URL."""
+    from cli.interruption import sigterm_raises
     from sonarhw.endpoint import Endpoint, open_door
     from sonarhw.replay import ReplayDevice
 
@@ -35,7 +36,7 @@ def replay(
     # without a limit the device's own time is skipped, so that the recorded spacing stays in the readings
     at_once = math.isinf(speed)
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
-    with open_door(pty, tcp) as door:
+    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
         endpoint = Endpoint(device, door, "max" if at_once else "real")
         typer.echo(door.url)
         endpoint.run()
