@@ -32,7 +32,9 @@ class Arrivals:
         """Book that readings 0 to `count` − 1 have been made, whether they came or not."""
         count = min(count, self.total)
         if count > self.made:
-            self._missing.update(range(self.made, count))
+            oldest = max(self.made, count - KEPT)
+            self.lost += oldest - self.made
+            self._missing.update(range(oldest, count))
             self.made = count
         self._give_up({number for number in self._missing if number < self.made - KEPT})
 

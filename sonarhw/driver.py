@@ -237,6 +237,8 @@ class Driver:
             self.info = message
         if isinstance(message, Refused) and self._action is command:
             self._action = None
+        if isinstance(message, Started):
+            self._arrivals.total = message.readings  # a replayed log plays what it holds, whatever was ordered
         if command is self._asking:
             self._asking, self._ask_at = None, now + ASK_AGAIN
             if isinstance(message, Refused):

@@ -1,0 +1,242 @@
+"""Laws of the conversation: whatever the cable does, each reading arrives once and at its angle."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from joined import Cable, Joined, cut_every, dropping, flipping, sound
+from plain_echoes import PlainEchoes, echo_time
+
+from sonarhw.board import Board
+from sonarhw.driver import SILENCE, TRIES, Driver
+from sonarhw.errors import NoAnswer
+from sonarhw.messages import (
+    Accepted,
+    Finished,
+    Heartbeat,
+    Hello,
+    Home,
+    Info,
+    Outcome,
+    StartScan,
+    State,
+    Stop,
+    Turn,
+)
+
+SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
+CABLES = {
+    "sound": lambda: sound,
+    "one byte in 2000 dropped": lambda: dropping(1, 1 / 2000),
+    "one byte in 300 dropped": lambda: dropping(2, 1 / 300),
+    "one byte in 2000 flipped": lambda: flipping(3, 1 / 2000),
+    "one byte in 300 flipped": lambda: flipping(4, 1 / 300),
+    "40 bytes in 1500 cut": lambda: cut_every(1500, 40),
+    "200 bytes in 5000 cut": lambda: cut_every(5000, 200),
+}
+
+
+@pytest.mark.parametrize("cable", CABLES.values(), ids=CABLES.keys())
+@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
+def test_every_reading_arrives_exactly_once_at_its_angle(cable: "type[Cable]", trace: bool) -> None:
+    joined = Joined(down=cable(), up=cable())
+    joined.greet(trace=trace)
+    readings = joined.scan(SECTOR)
+    assert sorted(reading.number for reading in readings) == list(range(80))
+    for reading in readings:
+        index = reading.number if reading.number < 40 else 79 - reading.number
+        angle = math.radians(10 + 2.5 * index)
+        assert reading.angle == pytest.approx(angle, abs=1e-8)
+        assert reading.sweep == reading.number // 40
+        assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=1e-9)
+    assert joined.driver.statistics.lost_readings == 0
+    # the board pinged each of them once: nothing was measured again for a lost frame
+    assert len(joined.echoes.pings) == 80
+
+
+def test_a_bad_cable_shows_in_the_statistics_and_a_sound_one_does_not() -> None:
+    good, bad = Joined(), Joined(up=dropping(5, 1 / 200))
+    for joined in (good, bad):
+        joined.greet()
+        joined.scan(SECTOR)
+    clean, poor = good.driver.statistics, bad.driver.statistics
+    assert (clean.rejected_blocks, clean.missing_frames, clean.resends, clean.repeated_commands) == (0, 0, 0, 0)
+    assert poor.rejected_blocks > 0
+    assert poor.missing_frames > 0
+    assert poor.resends > 0
+    assert clean.frames_sent == 4
+
+
+def test_traces_arrive_whole_over_a_sound_cable() -> None:
+    joined = Joined()
+    joined.greet(trace=True)
+    for reading in joined.scan(SECTOR):
+        assert reading.trace is not None
+        assert reading.trace.rate == pytest.approx(50_000)
+        np.testing.assert_allclose(reading.trace.samples, np.linspace(0, 1, 3125), atol=0.5 / 255 + 1e-12)
+
+
+def test_a_lost_reading_sent_again_keeps_the_traces_of_its_neighbours() -> None:
+    # every third reading frame is lost, its trace is not
+    lost = 0
+
+    def cable(data: bytes) -> bytes:
+        nonlocal lost
+        frames = data.split(b"\0")
+        kept = []
+        for frame in frames:
+            if len(frame) in range(40, 60) and lost < 25:
+                lost += 1
+                if lost % 3 == 0:
+                    continue
+            kept.append(frame)
+        return b"\0".join(kept)
+
+    joined = Joined()
+    joined.greet(trace=True)
+    joined.up = cable
+    readings = joined.scan(SECTOR)
+    assert joined.driver.statistics.resends > 0
+    assert len(readings) == 80
+    for reading in readings:
+        assert reading.trace is not None
+        assert not np.isnan(reading.trace.samples).any()
+
+
+def test_readings_follow_each_other_as_fast_as_turning_and_listening_allow_but_no_faster_than_ten_a_second() -> None:
+    # 5 degrees at 180 degrees a second and 20 ms of settling, then 62.5 ms of listening: 110.3 ms
+    for step, period in ((1_000_000, 0.1), (5_000_000, 5 / 180 + 0.020 + 0.0625)):
+        joined = Joined()
+        joined.greet()
+        times = [reading.time for reading in joined.scan(StartScan(0, step, 72, 1, 1))]
+        assert times[-1] - times[1] == pytest.approx(70 * period, abs=1e-3)
+
+
+def test_heartbeats_come_every_quarter_second_while_homing_and_turning() -> None:
+    joined = Joined()
+    joined.ask(Hello(1, 0))
+    beats: list[tuple[float, int]] = []
+
+    seen: Heartbeat | None = None
+
+    def watch(done: bool) -> bool:
+        nonlocal seen
+        if joined.driver.heartbeat is not seen:
+            seen = joined.driver.heartbeat
+            assert seen is not None
+            beats.append((joined.now, seen.state))
+        return done
+
+    home = joined.ask(Home())
+    joined.until(lambda: watch(home.finished is not None))
+    turn = joined.ask(Turn(350_000_000))
+    joined.until(lambda: watch(turn.finished is not None))
+    assert {State.HOMING, State.TURNING} <= {state for _, state in beats}
+    assert all(0.24 < b[0] - a[0] < 0.26 for a, b in itertools.pairwise(beats))
+
+
+def test_homing_takes_less_than_three_seconds_from_any_angle() -> None:
+    for seed in range(20):
+        joined = Joined(board=Board(PlainEchoes(), seed=seed))
+        joined.ask(Hello(1, 0))
+        began = joined.now
+        assert joined.act(Home()).finished is not None
+        assert joined.now - began < 3.0
+
+
+def test_a_repeated_command_is_answered_again_and_not_carried_out_again() -> None:
+    joined = Joined()
+    joined.greet()
+    scan = joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 3)
+    joined.board.receive(scan.wire, joined.now)
+    joined.until(lambda: scan.finished is not None)
+    assert len(joined.echoes.pings) == 80
+    assert sorted(reading.number for reading in joined.readings) == list(range(80))
+    joined.board.receive(scan.wire, joined.now)  # and once more after its end
+    heard_again = joined.driver.statistics.frames_received
+    joined.until(lambda: joined.driver.statistics.frames_received >= heard_again + 4)
+    assert len(joined.echoes.pings) == 80
+
+
+def test_a_lost_finish_is_asked_for_by_repeating_the_command() -> None:
+    joined = Joined()
+    joined.greet()
+    lost = []
+
+    def without_the_first_finish(data: bytes) -> bytes:
+        from sonarhw.frames import Frame, FrameDecoder, encode_frame
+
+        kept = b""
+        for frame in FrameDecoder().feed(data):
+            assert isinstance(frame, Frame)
+            if frame.type == Finished.TYPE and not lost:
+                lost.append(frame)
+            else:
+                kept += encode_frame(frame)
+        return kept
+
+    joined.up = without_the_first_finish
+    turn = joined.act(Turn(90_000_000))
+    assert lost
+    assert turn.finished is not None
+    assert turn.finished.outcome == Outcome.DONE
+    assert joined.driver.statistics.repeated_commands == 1
+
+
+def test_stop_in_the_middle_ends_the_scan_with_the_readings_made() -> None:
+    joined = Joined()
+    joined.greet()
+    scan = joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 10)
+    stop = joined.ask(Stop())
+    assert isinstance(stop.answer, Accepted)
+    assert scan.finished is not None
+    assert scan.finished.outcome == Outcome.STOPPED
+    assert [reading.number for reading in joined.readings] == list(range(scan.finished.readings))
+    assert not joined.board.busy
+
+
+def test_hello_stops_a_busy_board_and_a_new_conversation_begins() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.driver = Driver(first_sequence=4000)
+    joined.readings.clear()
+    assert isinstance(joined.ask(Hello(1, 0)).answer, Info)
+    assert not joined.board.busy
+    assert not joined.readings
+    assert len(joined.scan(SECTOR)) == 80
+
+
+def test_a_second_scan_is_not_mixed_with_the_first() -> None:
+    joined = Joined(down=dropping(11, 1 / 100), up=dropping(12, 1 / 100))
+    joined.greet()
+    for step in (2_500_000, -3_000_000, 1_000_000):
+        order = StartScan(20_000_000, step, 30, 1, 1)
+        readings = joined.scan(order)
+        assert sorted(reading.number for reading in readings) == list(range(30))
+        for reading in readings:
+            assert reading.angle == pytest.approx(math.radians(20 + step / 1e6 * reading.number), abs=1e-8)
+
+
+def test_a_device_that_never_answers_is_reported_after_the_last_try() -> None:
+    joined = Joined(up=lambda data: b"")
+    with pytest.raises(NoAnswer, match=r"no answer to Hello|not a byte"):
+        joined.ask(Hello(1, 0))
+    assert joined.now <= SILENCE + 0.5
+    assert joined.driver.statistics.frames_sent <= TRIES
+
+
+def test_silence_in_the_middle_of_a_scan_is_an_error_after_three_seconds() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.up = lambda data: b""
+    began = joined.now
+    with pytest.raises(NoAnswer, match="not a byte"):
+        joined.until(lambda: False)
+    assert joined.now - began == pytest.approx(SILENCE, abs=0.5)
