@@ -3,12 +3,11 @@
 import random
 from collections.abc import Callable
 
-from plain_echoes import PlainEchoes
-
 from sonarhw.board import Board
 from sonarhw.driver import Command, Driver
 from sonarhw.messages import Configure, Hello, Home, Message, StartScan
 from sonarhw.readings import Reading
+from tests.sonarhw.plain_echoes import PlainEchoes
 
 Cable = Callable[[bytes], bytes]
 TRANSIT = 0.001  # s

@@ -3,8 +3,6 @@
 import math
 
 import pytest
-from joined import Joined
-from plain_echoes import PlainEchoes, echo_time
 
 from sonarhw.board import Board
 from sonarhw.conversation import BACKLOG
@@ -29,6 +27,8 @@ from sonarhw.messages import (
     Turn,
     unpack_message,
 )
+from tests.sonarhw.joined import Joined
+from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
 
 def refusal(joined: Joined, message: Message) -> Refusal:

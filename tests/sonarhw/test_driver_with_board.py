@@ -5,8 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from joined import Cable, Joined, cut_every, dropping, flipping, sound
-from plain_echoes import PlainEchoes, echo_time
 
 from sonarhw.board import Board
 from sonarhw.driver import SILENCE, TRIES, Driver
@@ -24,6 +22,8 @@ from sonarhw.messages import (
     Stop,
     Turn,
 )
+from tests.sonarhw.joined import Cable, Joined, cut_every, dropping, flipping, sound
+from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
 SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
 CABLES = {
