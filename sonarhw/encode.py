@@ -25,6 +25,7 @@ from sonarhw.messages import (
 from sonarhw.reading_messages import centidegrees_of, reading_message, trace_chunks
 from sonarhw.readings import Reading
 
+_TICK = 1e-6  # s
 _HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the commands that nobody sent
 
 
@@ -32,7 +33,8 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
     """Write one scan as a log that began at `metadata.started`.
 
     Decoding gives back angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm and traces to 8 bits; of more than
-    122 echoes the earliest. Readings are numbered anew in their order. Raises LogError where the file exists (unless
+    122 echoes the earliest. Readings are numbered anew in their order, and those of one time
+    (or out of order) come 1 µs apart. Raises LogError where the file exists (unless
     `overwrite`) or cannot be written, ValueError where a reading has values that no frame can carry.
     """
     # everything is encoded before the file is made: what no frame can carry leaves none behind
@@ -55,9 +57,11 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
     greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
     pieces: list[tuple[list[_Stamped], Reading | None]] = [([sender.send(message, 0.0) for message in greeting], None)]
     first = min((reading.time for reading in readings), default=0.0)
-    time = 0.0
+    time, fired = 0.0, -_TICK
     for number, reading in enumerate(readings):
-        reading = replace(reading, number=number, time=reading.time - first)
+        # a ping is known by when it was fired; two at one time would be taken for one sent twice
+        fired = max(reading.time - first, fired + _TICK)
+        reading = replace(reading, number=number, time=fired)
         time = max(time, reading.time + settings.listen_us * 1e-6)
         frames = [sender.send(reading_message(reading, settings.speed_of_sound), time)]
         if reading.trace is not None:

@@ -24,6 +24,7 @@ from sonarhw.reading_messages import reading_message, trace_chunks
 from sonarhw.readings import Reading
 
 _FASTEST_LINE = 1000  # times the recorded one; beyond that a long log would leave in one piece
+_TICK = 1e-6  # s
 _USUAL_SPACING = 0.1  # s from the only reading of a scan to the first of the next lap
 
 
@@ -116,6 +117,7 @@ class ReplayDevice(Conversation):
         speed_of_sound = settings.speed_of_sound if settings else round(recording.readings[0].speed_of_sound * 1000)
         listen = settings.listen_us * 1e-6 if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
+        fired = 0.0
         for number in range(count):
             lap, index = divmod(number, len(recording.readings))
             recorded = recording.readings[index]
@@ -124,12 +126,10 @@ class ReplayDevice(Conversation):
             # a fast replay goes no faster than its line, or a Stop would wait behind all that is still to be sent
             due = max(due, self.line.free)
             yield due
-            played = replace(
-                recorded,
-                number=number,
-                sweep=(lap * sweeps + recorded.sweep) % 0x10000,
-                time=start + offset / self._speed,
-            )
+            # a ping is known by when it was fired; two at one time would be taken for one sent twice
+            fired = max(start + offset / self._speed, fired + _TICK)
+            sweep = (lap * sweeps + recorded.sweep) % 0x10000
+            played = replace(recorded, number=number, sweep=sweep, time=fired)
             message = reading_message(played, speed_of_sound)
             self._angle, self._temperature = message.angle, message.temperature
             self.report(message, trace_chunks(number, recorded.trace) if recorded.trace else (), due)
