@@ -1,0 +1,233 @@
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from sonarhw.errors import LogError
+from sonarhw.log import LogWriter, copy_log, read_log
+from tests.sonarhw.example_logs import METADATA, assert_readings_close, example_reading, write_example
+
+COUNT = 12
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["echoes", "traces"])
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "scan.mcap"
+    write_example(path, COUNT, trace=request.param)
+    return path
+
+
+def chunk_ends(path: Path) -> list[tuple[int, int]]:
+    """Where each chunk ends, and how many readings end by then."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    channels = {channel.topic: number for number, channel in summary.channels.items()}
+    ends, readings = [], 0
+    for chunk in summary.chunk_indexes:
+        readings += channels["/readings"] in chunk.message_index_offsets
+        ends.append((chunk.chunk_start_offset + chunk.chunk_length, readings))
+    return ends
+
+
+def first_record_end(data: bytes) -> int:
+    """Behind the magic and the header, which says whose file it is."""
+    return 8 + 9 + int.from_bytes(data[9:17], "little")
+
+
+def assert_cut_keeps_whole_readings(whole: Path, torn: Path, at: int) -> None:
+    torn.write_bytes(whole.read_bytes()[:at])
+    kept = max((readings for end, readings in chunk_ends(whole) if end <= at), default=0)
+    log = read_log(torn)
+    assert log.torn is not None
+    assert f"at byte {at}" in log.torn
+    assert len(log.readings) == kept
+    for got, wanted in zip(log.readings, read_log(whole).readings, strict=False):
+        assert_readings_close(got, wanted)
+
+
+def test_a_log_cut_at_any_chunk_boundary_keeps_every_whole_reading(whole: Path, tmp_path: Path) -> None:
+    for end, _ in chunk_ends(whole):
+        for at in (end - 1, end, end + 1):
+            assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
+
+
+def test_a_log_cut_anywhere_keeps_every_whole_reading(whole: Path, tmp_path: Path) -> None:
+    data = whole.read_bytes()
+    cuts = random.Random(3).sample(range(first_record_end(data), len(data)), 300)
+    for at in [first_record_end(data), *cuts, len(data) - 1]:
+        assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
+
+
+def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_path: Path) -> None:
+    data = whole.read_bytes()
+    for at in range(1, first_record_end(data)):
+        (tmp_path / "torn.mcap").write_bytes(data[:at])
+        with pytest.raises(LogError, match=r"torn\.mcap: ") as told:
+            read_log(tmp_path / "torn.mcap")
+        assert "\n" not in str(told.value)
+
+
+def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path: Path) -> None:
+    end, readings = chunk_ends(whole)[5]
+    (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[:end] + bytes(4096))
+    log = read_log(tmp_path / "torn.mcap")
+    assert log.torn is not None
+    assert len(log.readings) == readings
+
+
+def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    end, _ = chunk_ends(whole)[6]
+    data[end - 5] ^= 0x40
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    log = read_log(tmp_path / "damaged.mcap")
+    assert log.torn is not None
+    assert "CRC-32 does not match" in log.torn
+    assert len(log.readings) == COUNT - 1
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_no_damage_makes_reading_fail_otherwise_than_with_a_log_error(
+    whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    content = bytearray(whole.read_bytes())
+    for _ in range(data.draw(st.integers(1, 8))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damaged") / "scan.mcap"
+    path.write_bytes(content)
+    told = ""
+    try:
+        assert len(read_log(path).readings) <= COUNT
+    except LogError as error:
+        told = str(error)
+    assert "\n" not in told
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "is empty"),
+        (b"time_s,heading_deg\n0,1\n", "is not an MCAP file"),
+        (b"\x89MCAP1\r\n rest", "is not an MCAP file"),
+    ],
+)
+def test_what_is_no_log_is_one_clear_line(tmp_path: Path, content: bytes, told: str) -> None:
+    (tmp_path / "scan.mcap").write_bytes(content)
+    with pytest.raises(LogError, match=told):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_a_log_that_is_not_there_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be read: No such file"):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_another_programs_mcap_is_one_clear_line(tmp_path: Path) -> None:
+    writer = Writer(str(tmp_path / "scan.mcap"))
+    writer.start("ros2")
+    writer.finish()
+    with pytest.raises(LogError, match="is an MCAP file, but not a log of this project"):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_a_recovered_log_is_whole_and_holds_every_readable_reading(whole: Path, tmp_path: Path) -> None:
+    end, readings = chunk_ends(whole)[7]
+    (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[: end + 30])
+    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
+    mended = read_log(tmp_path / "mended.mcap")
+    assert mended.torn is None
+    assert len(mended.readings) == readings
+    assert mended.metadata == METADATA
+
+
+# what happens to a log while it is written
+
+KILLED_WRITER = """
+import sys
+from pathlib import Path
+from sonarhw.log import LogWriter
+from tests.sonarhw.example_logs import METADATA
+from tests.sonarhw.example_frames import scan_frames
+
+log = LogWriter(Path(sys.argv[1]), METADATA)
+for frames, reading in scan_frames():
+    for wire in frames:
+        log.frame(True, METADATA.started, wire)
+    if reading is not None:
+        log.reading(reading)
+        print(reading.number, flush=True)
+"""
+
+
+def test_a_killed_writer_leaves_every_reading_it_had_taken(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    child = subprocess.Popen([sys.executable, "-c", KILLED_WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    with child.stdout as lines:
+        for _ in range(25):
+            lines.readline()
+        child.send_signal(signal.SIGKILL)
+        told = 25 + len(lines.readlines())
+    assert child.wait() == -signal.SIGKILL
+    log = read_log(path)
+    assert log.torn is not None
+    assert told <= len(log.readings) <= told + 1
+    assert [reading.number for reading in log.readings] == [*range(len(log.readings))]
+
+
+def test_frames_outside_a_scan_are_on_disk_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as log:
+        for count in range(1, 4):
+            log.frame(count % 2 == 1, METADATA.started, b"\x01\x00")
+            assert len(read_log(path).frames) == count
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from sonarhw.errors import LogError
+from sonarhw.log import LogWriter
+from tests.sonarhw.example_logs import METADATA
+from tests.sonarhw.example_frames import scan_frames
+
+# a file that may grow no further fails as a full disk does: with an OSError from write
+resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+taken = 0
+try:
+    with LogWriter(Path(sys.argv[1]), METADATA) as log:
+        for frames, reading in scan_frames():
+            for wire in frames:
+                log.frame(True, METADATA.started, wire)
+            if reading is not None:
+                log.reading(reading)
+                taken += 1
+except LogError as error:
+    print(taken, error, sep="|")
+"""
+
+
+def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
+    taken, line = done.stdout.strip().split("|")
+    assert "cannot be written any further: File too large" in line
+    log = read_log(path)
+    assert len(log.readings) == int(taken) > 5
+    assert f"at byte {path.stat().st_size}" in str(log.torn)
+
+
+def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        before = (tmp_path / "scan.mcap").stat().st_size
+        log.reading(example_reading(0))
+        assert (tmp_path / "scan.mcap").stat().st_size > before
