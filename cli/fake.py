@@ -14,13 +14,6 @@ from cli.options import DEFAULT_BOARD, BoardName, PlaceName, RoomFile
 from sonarhw.errors import InputError
 
 
-class _Terminated(SystemExit):
-    """SIGTERM: a clean end."""
-
-    def __init__(self) -> None:
-        super().__init__(0)
-
-
 def fake(
     room_file: RoomFile,
     place: PlaceName = None,
@@ -42,7 +35,7 @@ def fake(
     load_board(board)
     load_room(room_file).place(place)
     chosen_pace = read_pace(pace)
-    with sigterm_raises(_Terminated), open_door(pty, tcp) as door:
+    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
         typer.echo(door.url)
         # clients may connect from here on; the slow part comes behind the URL
         device, echoes = fake_board(room_file, place, board, seed)

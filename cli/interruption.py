@@ -50,7 +50,7 @@ def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
 
 @contextmanager
 def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Let SIGTERM unwind the program like Ctrl-C does."""
+    """Let SIGTERM unwind the program like Ctrl-C does; with SystemExit it ends with status 0."""
 
     def unwind(_number: int, _frame: FrameType | None) -> None:
         raise error

@@ -19,7 +19,7 @@ _HEADER = struct.Struct("<BHQ")
 _CRC = struct.Struct("<I")
 _SHORTEST = _HEADER.size + _CRC.size
 # COBS adds one byte for each 254 begun
-_LONGEST_BLOCK = _SHORTEST + MAX_PAYLOAD + (_SHORTEST + MAX_PAYLOAD) // 254 + 1
+LONGEST_BLOCK = _SHORTEST + MAX_PAYLOAD + (_SHORTEST + MAX_PAYLOAD) // 254 + 1
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def encode_frame(frame: Frame) -> bytes:
 
 def decode_block(block: bytes) -> Frame | Rejected:
     """The frame in the bytes between two delimiters, or why there is none."""
-    if len(block) > _LONGEST_BLOCK:
+    if len(block) > LONGEST_BLOCK:
         return Rejected(block, f"{len(block)} bytes without a delimiter")
     try:
         body = cobs.decode(block)
@@ -85,6 +85,6 @@ class FrameDecoder:
         self._keep(rest)
 
     def _keep(self, piece: bytes) -> None:
-        room = _LONGEST_BLOCK + 1 - len(self._block)
+        room = LONGEST_BLOCK + 1 - len(self._block)
         self._overlong |= len(piece) > room
         self._block += piece[:room]
