@@ -1,7 +1,8 @@
 """Paths: every way for sound to leave the transducer and come back, whatever its heading.
 
 Takes a room and a position; hands on `Paths` with exact lengths, directions of departure and arrival, what each
-touched and how much of its amplitude is left. One trace serves a whole scan: nothing here depends on where the transducer points.
+touched and how much of its amplitude is left. One trace serves a whole scan: nothing here depends on where the
+transducer points.
 """
 
 import math

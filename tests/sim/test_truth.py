@@ -1,0 +1,71 @@
+"""The fake's world: exact where asked to be, repeatable always, and different from the file the way rooms are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.board import load_board
+from sim.prediction import predict_scan
+from sim.room import load_room
+from sim.traces import predicted_trace
+from sim.truth import EXACT, MAX_ECHOES, RoomEchoes
+from sonarhw.echo_source import Heard, Ping
+
+ROOM = load_room("rooms/simple.toml")
+PLACE = ROOM.places["figure9"]
+BOARD = load_board("paper")
+LISTEN = 0.06
+
+
+def hear(source: RoomEchoes, degrees: float, sweep: int = 0) -> Heard:
+    return source.hear(Ping(math.radians(degrees), sweep, 0, LISTEN, trace=False))
+
+
+def test_undisturbed_truth_is_the_prediction() -> None:
+    source = RoomEchoes(ROOM, PLACE, BOARD, disturbance=EXACT)
+    scan = predict_scan(ROOM, PLACE, BOARD, np.radians(np.arange(0, 360, 15.0)))
+    for k, degrees in enumerate(range(0, 360, 15)):
+        echoes = hear(source, degrees).echo_times
+        assert len(echoes) <= MAX_ECHOES
+        assert echoes[0] * ROOM.air.speed_of_sound / 2 == pytest.approx(scan.ranges[k], abs=1e-9)
+
+
+def test_answers_do_not_depend_on_the_order_of_questions() -> None:
+    one, other = RoomEchoes(ROOM, PLACE, BOARD, seed=4), RoomEchoes(ROOM, PLACE, BOARD, seed=4)
+    forwards = [hear(one, degrees) for degrees in range(0, 360, 30)]
+    backwards = [hear(other, degrees) for degrees in reversed(range(0, 360, 30))]
+    assert forwards == backwards[::-1]
+
+
+def test_noise_differs_between_sweeps_and_seeds() -> None:
+    source = RoomEchoes(ROOM, PLACE, BOARD, seed=4)
+    assert hear(source, 90, sweep=0) != hear(source, 90, sweep=1)
+    assert hear(source, 90) != hear(RoomEchoes(ROOM, PLACE, BOARD, seed=5), 90)
+
+
+def test_truth_is_near_the_prediction_but_not_on_it() -> None:
+    source = RoomEchoes(ROOM, PLACE, BOARD, seed=2)
+    time = hear(source, 90).echo_times[0]
+    distance = time * 343.987 / 2
+    assert distance != pytest.approx(0.657, abs=1e-4)
+    assert distance == pytest.approx(0.657, abs=0.03)
+
+
+def test_one_piece_of_furniture_more_stands_in_the_room() -> None:
+    source = RoomEchoes(ROOM, PLACE, BOARD, seed=2)
+    source.prepare()
+    assert source.ready
+    assert source._truth()[0].names[-1] == "furniture"
+
+
+def test_trace_rises_at_every_loud_echo_and_nowhere_before_the_first() -> None:
+    scan = predict_scan(ROOM, PLACE, BOARD, np.radians([90.0]))
+    trace = predicted_trace(scan, 0, LISTEN)
+    threshold = 10 ** (BOARD.threshold_db / 20)
+    first = 2 * 0.657 / ROOM.air.speed_of_sound
+    quiet = (trace.times > 0.002) & (trace.times < first)
+    loud = (trace.times > first) & (trace.times < first + 0.0006)
+    assert trace.samples[quiet].max() < threshold
+    assert trace.samples[loud].max() > 0.8
+    assert trace.samples.max() <= 1.0
