@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from cli import paths, simulate
+from cli import compare, import_csv, paths, simulate
+from cli import log as log_command
 from sonarhw.errors import SonarError
 
 app = typer.Typer(
@@ -24,6 +25,9 @@ app = typer.Typer(
 
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)
+app.command("import")(import_csv.import_csv)
+app.add_typer(log_command.app, name="log")
+app.command("compare")(compare.compare)
 
 
 def _show_version(wanted: bool) -> None:

@@ -35,10 +35,10 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 
-def refuse_existing(path: Path, force: bool) -> None:
+def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
     """Raise InputError where `path` exists and may not be overwritten, or its folder is missing."""
     if path.exists() and not force:
-        raise InputError(f"{path}: exists already; choose another --out or add --force")
+        raise InputError(f"{path}: exists already; choose another {option} or add --force")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")
 

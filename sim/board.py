@@ -9,11 +9,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from sim.air import Air, absorption
 from sim.toml_file import TomlModel, parse_toml, read_text
 from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -65,9 +67,9 @@ class Board:
         """
         return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
 
-    def reported(self, distance: float) -> float:
-        """The range the board would report for one of `distance`, m."""
-        return round(distance / self.rounding) * self.rounding if self.rounding else distance
+    def reported(self, distances: FloatArray) -> FloatArray:
+        """The ranges the board would report for true ones, m, same shape; NaN stays NaN."""
+        return np.round(distances / self.rounding) * self.rounding if self.rounding else distances
 
 
 def load_board(wanted: str) -> Board:

@@ -65,9 +65,8 @@ class PredictedScan:
     @property
     def ranges(self) -> FloatArray:
         """Reported range at each heading, (n,) float, m; NaN where there is no echo."""
-        first = self.first
-        lengths = np.append(self.paths.lengths, np.nan)[first]
-        return np.array([self.board.reported(length / 2) for length in lengths])
+        # row -1, "no echo", picks the appended NaN
+        return self.board.reported(np.append(self.paths.lengths, np.nan)[self.first] / 2)
 
     def echoes(self, index: int) -> tuple[Echo, ...]:
         """Everything the board could hear at heading `index`, earliest first; the first is what it reports."""
@@ -78,8 +77,8 @@ class PredictedScan:
         return tuple(self._echo(index, int(path)) for path in np.flatnonzero(self.loud[index] & self.blanked))
 
     def _echo(self, index: int, path: int) -> Echo:
-        distance = self.board.reported(float(self.paths.lengths[path]) / 2)
-        return Echo(path, distance, float(self.levels[index, path]))
+        distance = self.board.reported(self.paths.lengths[path] / 2)
+        return Echo(path, float(distance), float(self.levels[index, path]))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sim.board import Board
 from sim.edges import inside_wedge
 from sim.prediction import Unit
@@ -74,7 +76,7 @@ class _Setting:
     def beam(self, direction: float) -> float:
         """Amplitude by angle from the axis, one way."""
         ka = self.board.wavenumber(self.room.air) * self.board.aperture_radius
-        return float(beam_gain(direction - self.heading, ka))
+        return float(beam_gain(np.array(direction - self.heading), ka))
 
     def over_threshold(self, ray: Ray, arriving: float = 1.0) -> bool:
         """Whether a ray is still loud enough, losing `arriving` at the receiver."""
@@ -215,7 +217,7 @@ def _diffractions(setting: _Setting, arrival: Arrival) -> Iterator[Arrival]:
         if abs((x - ray.x) * dy - (y - ray.y) * dx) > near or not _lies_on(room, arrival.surface, (x, y)):
             continue
         home, back = math.atan2(py - y, px - x), ray.direction + math.pi
-        if not all(inside_wedge(way, room.edges.starts[k], room.edges.openings[k]) for way in (home, back)):
+        if not inside_wedge(np.array([home, back]), room.edges.starts[k], room.edges.openings[k]).all():
             continue
         leg = math.hypot(px - x, py - y)
         if not _in_sight(room, (x, y), (px, py)):

@@ -1,0 +1,117 @@
+"""`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.log_input import LogFile, open_log
+from cli.options import DEFAULT_BOARD, Force, PlaceName, refuse_existing
+from cli.simulate import ModelChoice, Receiver
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from compare.match import Comparison, Summary
+    from sim.room import Room
+    from sonarhw.log import LogMetadata
+
+
+def compare(
+    log_file: LogFile,
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    ] = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: Annotated[Receiver, typer.Option(help="Receiver.")] = Receiver.FIRST_ECHO,
+    model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    fit: Annotated[str, typer.Option(help="Search for heading, offset or both.", metavar="heading,offset")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw measured over predicted.", metavar="FILE.png")] = None,
+    force: Force = False,
+) -> None:
+    """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
+    from compare.fit import fit_scan
+    from compare.match import compare_readings
+    from sim.board import load_board
+    from sim.models import Model
+    from sim.room import load_room, parse_room
+
+    if plot is not None:
+        _check_plot(plot, force)
+    if room_file is not None:
+        room = load_room(room_file)
+    log = open_log(log_file)
+    if room_file is None:
+        if not log.metadata.room_text:
+            raise InputError(f"{log_file}: holds no room; give one with --room")
+        room = parse_room(log.metadata.room_text, f"room inside {log_file}")
+    here = room.place(place if place is not None else _recorded_place(log.metadata, room))
+    chosen = load_board(board or log.metadata.board or DEFAULT_BOARD)
+    if not log.readings:
+        raise InputError(f"{log_file}: holds no readings; nothing can be compared")
+    heading, offset = here.heading, 0.0
+    if fit:
+        free = frozenset(name.strip() for name in fit.split(","))
+        found = fit_scan(log.readings, room, here, chosen, free, model=Model(model.value))
+        heading, offset = found.heading, found.offset
+    comparison = compare_readings(
+        log.readings, room, here, chosen, heading=heading, offset=offset, model=Model(model.value)
+    )
+    if plot is not None:
+        draw_comparison(comparison, plot)
+    if as_json:
+        typer.echo(json.dumps(asdict(comparison.summary()), indent=2))
+    else:
+        _tell(comparison)
+
+
+def _check_plot(plot: Path, force: bool) -> None:
+    if plot.suffix != ".png":
+        raise InputError(f"--plot {plot}: expected a name ending in .png")
+    refuse_existing(plot, force, "--plot")
+
+
+def _recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
+    """The place a log was recorded at, where this room knows it and --place says nothing."""
+    named = metadata.place in room.places or ("," in metadata.place and not room.places)
+    return metadata.place if named else None
+
+
+def draw_comparison(comparison: "Comparison", out: Path) -> None:
+    """Draw measured over predicted in the plan of the room."""
+    from compare.picture import draw_plan
+
+    measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
+    draw_plan(comparison.prediction, measured).savefig(out)
+
+
+def _tell(comparison: "Comparison") -> None:
+    from compare.explain import explain
+
+    for row in comparison.rows:
+        typer.echo(f"{row.kind.replace('_', ' '):11}  {explain(comparison, row.index)}")
+    typer.echo()
+    for line in summary_lines(comparison.summary()):
+        typer.echo(line)
+
+
+def summary_lines(summary: "Summary") -> list[str]:
+    """The figures of a comparison for a person to read."""
+    classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
+    lines = [f"{summary.n} readings, {summary.n_echo} with an echo: {classes}"]
+    if summary.within_5cm is not None and summary.explained is not None:
+        lines.append(
+            f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "
+            f"by some predicted echo: {summary.explained:.1%}"
+        )
+    if summary.median_abs_error_m is not None:
+        lines.append(f"median error {summary.median_abs_error_m * 1000:.1f} mm")
+    if summary.no_echo_agreement is not None:
+        lines.append(f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy)")
+    lines.append(f"turntable step 0 at {summary.heading_deg:.1f}°, range offset {summary.offset_m * 1000:+.0f} mm")
+    return lines
