@@ -68,8 +68,8 @@ class Door(Protocol):
     def read(self) -> bytes | None:
         """What the client sent; None where it has just gone."""
 
-    def write(self, data: bytes) -> int:
-        """Write what fits now; how many bytes that was. A client that has gone takes everything."""
+    def write(self, data: bytes) -> int | None:
+        """Write what fits now; how many bytes that was, None where the client has just gone."""
 
     def close(self) -> None:
         """Shut the door."""
@@ -115,16 +115,17 @@ class TcpDoor:
         self._lose()
         return None
 
-    def write(self, data: bytes) -> int:
-        """Write what fits now; how many bytes that was."""
+    def write(self, data: bytes) -> int | None:
+        """Write what fits now; how many bytes that was, None where the client has just gone."""
         if self._client is None:
-            return len(data)
+            return None
         try:
             return self._client.send(data)
         except BlockingIOError:
             return 0
         except OSError:
-            return len(data)  # the next read tells that the client has gone
+            self._lose()
+            return None
 
     def close(self) -> None:
         """Shut client and listener."""
@@ -252,14 +253,25 @@ class Endpoint:
         readers = [] if writers else self._door.readers()
         readable, writable, _ = select.select([self._waker.fileno(), *readers], writers, [], wait)
         if writable or (self._pending and writer is None):
-            self._pending = self._pending[self._door.write(self._pending) :]
+            self._sent(self._door.write(self._pending))
         if set(readable) & set(readers):
-            data = self._door.read()
-            if data is None:
-                self._device.hang_up()
-                self._pending = b""
-            elif data:
-                self._device.receive(data, self._clock.now)
+            self._received(self._door.read())
+
+    def _sent(self, count: int | None) -> None:
+        if count is None:
+            self._lose_client()
+        else:
+            self._pending = self._pending[count:]
+
+    def _received(self, data: bytes | None) -> None:
+        if data is None:
+            self._lose_client()
+        elif data:
+            self._device.receive(data, self._clock.now)
+
+    def _lose_client(self) -> None:
+        self._device.hang_up()
+        self._pending = b""
 
 
 @contextmanager

@@ -220,13 +220,15 @@ def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(ser
     assert all(abs(time - times[0]) < 60 for time in times)
 
 
-def test_a_slow_listener_loses_nothing(served: Serve) -> None:
+def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarhw.scanner._CHUNKS", 4)
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
         scanner.home()
         scan = scanner.scan(ORDER)
         first = next(scan)
-        threading.Event().wait(0.5)  # the reader's queue fills, the board is held back
+        while not scanner._chunks.full():  # then the reader waits, and the board is held back
+            threading.Event().wait(0.01)
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
 

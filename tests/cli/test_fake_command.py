@@ -1,0 +1,105 @@
+"""`sonarhw fake` and the bench commands as processes: a scanner that is not there, and what can be asked of it."""
+
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from sonarhw.board import Board
+from sonarhw.endpoint import serve
+from sonarhw.log import read_log
+from tests.cli.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
+from tests.sonarhw.plain_echoes import PlainEchoes
+
+
+@pytest.fixture
+def url() -> Iterator[str]:
+    """A fake scanner in this process."""
+    with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+        yield endpoint.url
+
+
+def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -> None:
+    link, log = tmp_path / "scanner", tmp_path / "scan.mcap"
+    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, "--pace", "max") as fake:
+        assert lines(fake, 1) == [f"{link}\n"]
+        done = sonarhw("scan", link, "--out", log, "--step", "30")
+        assert (done.returncode, done.stderr) == (0, "")
+        fake.send_signal(signal.SIGTERM)
+        assert end(fake) == (0, "")
+    assert not link.is_symlink()
+    recorded = read_log(log)
+    assert len(recorded.readings) == 12
+    assert recorded.info is not None
+    assert (recorded.info.serial, recorded.info.board) == ("FAKE-0000", "polaroid-6500")
+
+
+def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
+    again = []
+    for name in ("first", "second"):
+        log = tmp_path / f"{name}.mcap"
+        done = sonarhw("scan", f"fake:{SIMPLE_ROOM}?place=figure9&seed=3&pace=max", "--out", log, "--step", "45")
+        assert (done.returncode, done.stderr) == (0, "")
+        again.append([reading.echo_times for reading in read_log(log).readings])
+    assert again[0] == again[1]  # its noise is a function of the seed
+
+
+@pytest.mark.parametrize(
+    "query", ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?place=figure9&board=nonesuch"]
+)
+def test_a_fake_url_that_says_nonsense_is_bad_usage(query: str, tmp_path: Path) -> None:
+    done = sonarhw("scan", f"fake:{SIMPLE_ROOM}{query}", "--out", tmp_path / "scan.mcap")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [["--place", "nowhere"], ["--board", "nonesuch"], ["--pace", "0"], ["--tcp", "7000"], ["--seed", "-1"]],
+    ids=" ".join,
+)
+def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str]) -> None:
+    place = [] if "--place" in wrong else ["--place", "figure9"]
+    done = sonarhw("fake", SIMPLE_ROOM, *place, *wrong)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+
+
+def test_info_tells_who_answers(url: str) -> None:
+    done = sonarhw("info", url)
+    assert (done.returncode, done.stderr) == (0, "")
+    facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert facts["serial"] == "FAKE-0002"
+    assert facts["protocol"] == "1.0"
+    assert facts["temperature"] == "21.3 °C"
+    assert facts["link"].startswith("2 frames, 0 missing, 0 rejected")
+
+
+def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    assert sonarhw("scan", url, "--out", log, "--step", "90").returncode == 0
+    done = sonarhw("info", log)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "FAKE-0002" in done.stdout
+
+
+def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
+    for arguments in (("home",), ("turn", "90"), ("stop",)):
+        done = sonarhw(arguments[0], url, *arguments[1:])
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    refused = sonarhw("turn", url, "1000")
+    assert refused.returncode == 1
+    assert re.fullmatch(r"sonarhw: .*refused Turn.*\n", refused.stderr)
+
+
+def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
+    with started("monitor", url) as monitor:
+        shown = "".join(lines(monitor, 3))
+        monitor.send_signal(signal.SIGINT)
+        assert end(monitor) == (130, "")
+    assert "Info(command=0" in shown
+    assert "Heartbeat(state=0" in shown
+
+
+def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
+    assert sonarhw("ports").returncode == 0

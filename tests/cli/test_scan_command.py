@@ -1,0 +1,178 @@
+"""`sonarhw scan` from outside, as a process: what it prints, keeps, and leaves behind, however it ends."""
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from sonarhw.board import Board
+from sonarhw.endpoint import serve
+from sonarhw.log import read_log
+from sonarhw.reading_csv import HEADER
+from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
+
+COMMAND = (sys.executable, "-c", "from cli.app import main; main()")
+SIMPLE_ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
+
+
+def sonarhw(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=60)
+
+
+@contextmanager
+def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """A command that is still running."""
+    with subprocess.Popen(
+        [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def lines(process: subprocess.Popen[str], count: int) -> list[str]:
+    """The next lines of its standard output."""
+    assert process.stdout is not None
+    return [process.stdout.readline() for _ in range(count)]
+
+
+def end(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Its exit status and what it said on standard error."""
+    _, errors = process.communicate(timeout=30)
+    return process.returncode, errors
+
+
+@pytest.fixture
+def board() -> Board:
+    return Board(PlainEchoes(), seed=2)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "scan.mcap"
+
+
+def test_a_scan_is_printed_and_recorded_alike(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--print", "--room", SIMPLE_ROOM, "--place", "figure9")
+    assert (done.returncode, done.stderr) == (0, "")
+    header, *rows = done.stdout.splitlines()
+    assert header == HEADER
+    recorded = read_log(log)
+    assert recorded.torn is None
+    assert len(rows) == len(recorded.readings) == 72
+    for row, reading in zip(rows, recorded.readings, strict=True):
+        time, heading, distance, echoes = row.split(",")
+        assert float(time) >= 0
+        assert float(heading) == pytest.approx(5 * reading.number)
+        assert float(distance) == pytest.approx(reading.range, rel=1e-8)
+        assert float(echoes.split(";")[0]) == pytest.approx(echo_time(reading.angle), abs=1e-9)
+    assert (recorded.metadata.place, recorded.metadata.board) == ("figure9", "polaroid-6500")
+    assert recorded.metadata.room_text == SIMPLE_ROOM.read_text(encoding="utf-8")
+    assert recorded.info is not None
+    assert recorded.settings is not None
+    # 21.3 °C by the scanner's own thermometer
+    assert recorded.settings.speed_of_sound == pytest.approx(344_500, abs=500)
+
+
+def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: Path) -> None:
+    options = [
+        *("--from", "10", "--to", "40", "--step", "10", "--sweeps", "2", "--pings", "2"),
+        *("--max-range", "3.43", "--temperature", "0", "--traces"),
+    ]
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, *options)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    recorded = read_log(log)
+    assert len(recorded.readings) == 12
+    assert recorded.settings is not None
+    assert recorded.settings.speed_of_sound == pytest.approx(331_500, abs=500)
+    assert recorded.settings.listen_us == pytest.approx(2 * 3.43 / 331.5 * 1e6, rel=2e-3)
+    assert all(reading.trace is not None for reading in recorded.readings)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
+    board: Board, log: Path, number: signal.Signals
+) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        with started("scan", endpoint.url, "--out", log, "--print") as process:
+            lines(process, 6)
+            process.send_signal(number)
+            assert end(process) == (130, "")
+        assert not board.busy
+    recorded = read_log(log)
+    assert recorded.torn is None
+    assert 5 <= len(recorded.readings) < 72
+
+
+def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Board, log: Path) -> None:
+    with ExitStack() as outside:
+        with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+            process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print"))
+            lines(process, 6)
+        status, errors = end(process)
+    recorded = read_log(log)
+    assert status == 1
+    assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
+    assert recorded.torn is None
+    assert 5 <= len(recorded.readings) < 72
+
+
+def test_without_a_scanner_there_is_no_log(log: Path) -> None:
+    done = sonarhw("scan", "no/such/port", "--out", log)
+    assert done.returncode == 1
+    assert re.fullmatch(r"sonarhw: no/such/port: there is no such port; .*\n", done.stderr)
+    assert not log.exists()
+
+
+def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        refused = sonarhw("scan", endpoint.url, "--out", log)
+        assert (refused.returncode, log.read_bytes()) == (2, b"precious")
+        forced = sonarhw("scan", endpoint.url, "--out", log, "--force", "--step", "90")
+    assert forced.returncode == 0
+    assert len(read_log(log).readings) == 4
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--step", "0"],
+        ["--to", "-10"],
+        ["--sweeps", "0"],
+        ["--place", "somewhere"],
+        ["--board", "nonesuch"],
+        ["--max-range", "-1"],
+        ["--temperature", "1000"],
+        ["--room", "no_such_room.toml"],
+    ],
+    ids=" ".join,
+)
+def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path) -> None:
+    done = sonarhw("scan", "socket://127.0.0.1:1", "--out", log, *wrong)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert not log.exists()
+
+
+def test_a_closed_pipe_ends_quietly(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        with started("scan", endpoint.url, "--out", log, "--print") as process:
+            lines(process, 3)
+            assert process.stdout is not None
+            process.stdout.close()
+            assert process.stderr is not None
+            assert process.stderr.read() == ""
+            process.wait(timeout=30)
+        assert not board.busy
+    assert read_log(log).torn is None
