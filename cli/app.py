@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cli import compare, import_csv, paths, simulate
+from cli import bench, compare, demo, fake, import_csv, info, paths, ports, replay, scan, simulate
 from cli import log as log_command
 from sonarhw.errors import SonarError
 
@@ -23,9 +23,19 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+app.command("demo")(demo.demo)
+app.command("ports")(ports.ports)
+app.command("info")(info.info)
+app.command("scan")(scan.scan)
+app.command("home")(bench.home)
+app.command("turn")(bench.turn)
+app.command("stop")(bench.stop)
+app.command("monitor")(bench.monitor)
+app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)
 app.command("import")(import_csv.import_csv)
+app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
 

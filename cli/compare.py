@@ -35,21 +35,35 @@ def compare(
     force: Force = False,
 ) -> None:
     """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
+    if plot is not None:
+        _check_plot(plot, force)
+    comparison = compare_log(log_file, room_file, place, board, ModelChoice(model), fit)
+    if plot is not None:
+        draw_comparison(comparison, plot)
+    if as_json:
+        typer.echo(json.dumps(asdict(comparison.summary()), indent=2))
+    else:
+        _tell(comparison)
+
+
+def compare_log(
+    log_file: Path,
+    room_file: Path | None = None,
+    place: str | None = None,
+    board: str | None = None,
+    model: ModelChoice = ModelChoice.RAY_FOLLOWING,
+    fit: str = "",
+) -> "Comparison":
+    """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from compare.fit import fit_scan
     from compare.match import compare_readings
     from sim.board import load_board
     from sim.models import Model
-    from sim.room import load_room, parse_room
+    from sim.room import load_room
 
-    if plot is not None:
-        _check_plot(plot, force)
-    if room_file is not None:
-        room = load_room(room_file)
+    room = None if room_file is None else load_room(room_file)
     log = open_log(log_file)
-    if room_file is None:
-        if not log.metadata.room_text:
-            raise InputError(f"{log_file}: holds no room; give one with --room")
-        room = parse_room(log.metadata.room_text, f"room inside {log_file}")
+    room = room or _recorded_room(log_file, log.metadata)
     here = room.place(place if place is not None else _recorded_place(log.metadata, room))
     chosen = load_board(board or log.metadata.board or DEFAULT_BOARD)
     if not log.readings:
@@ -59,15 +73,15 @@ def compare(
         free = frozenset(name.strip() for name in fit.split(","))
         found = fit_scan(log.readings, room, here, chosen, free, model=Model(model.value))
         heading, offset = found.heading, found.offset
-    comparison = compare_readings(
-        log.readings, room, here, chosen, heading=heading, offset=offset, model=Model(model.value)
-    )
-    if plot is not None:
-        draw_comparison(comparison, plot)
-    if as_json:
-        typer.echo(json.dumps(asdict(comparison.summary()), indent=2))
-    else:
-        _tell(comparison)
+    return compare_readings(log.readings, room, here, chosen, heading=heading, offset=offset, model=Model(model.value))
+
+
+def _recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
+    from sim.room import parse_room
+
+    if not metadata.room_text:
+        raise InputError(f"{log_file}: holds no room; give one with --room")
+    return parse_room(metadata.room_text, f"room inside {log_file}")
 
 
 def _check_plot(plot: Path, force: bool) -> None:

@@ -156,11 +156,10 @@ def edge_gain(to_edge: FloatArray, length: FloatArray, wavelength: float) -> Flo
 def _stays_in_wedge(edges: Edges, paths: Paths) -> BoolArray:
     """Whether sound reaches each path's edge through the same wedge of air in which the sensor lies, (n,) bool."""
     stays = np.zeros(len(paths), dtype=np.bool_)
-    for k in np.flatnonzero(paths.edges >= 0):
-        edge = paths.edges[k]
-        before = paths.points[k, paths.bounces[k]] - edges.points[edge]
-        arriving = np.arctan2(before[1], before[0])
-        stays[k] = inside_wedge(arriving, edges.starts[edge], edges.openings[edge])
+    bent = np.flatnonzero(paths.edges >= 0)
+    edge = paths.edges[bent]
+    before = paths.points[bent, paths.bounces[bent]] - edges.points[edge]
+    stays[bent] = inside_wedge(np.arctan2(before[:, 1], before[:, 0]), edges.starts[edge], edges.openings[edge])
     return stays
 
 
