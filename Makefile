@@ -1,0 +1,30 @@
+# make setup | demo | test: each does all the set-up it needs, and is quick the second time.
+
+PYTHON ?= python3
+BIN := .venv/bin
+export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: setup demo test clean
+
+setup: .venv/installed
+
+.venv/installed: pyproject.toml constraints.txt setup/debian_packages.sh
+	setup/debian_packages.sh
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
+
+# a window where there is a display; elsewhere the same job without one, into demo-result/
+demo: setup
+	$(BIN)/sonarhw demo
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/mypy
+	xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24' $(BIN)/pytest
+
+clean:
+	rm -rf .venv build dist *.egg-info demo-result

@@ -1,0 +1,29 @@
+#!/bin/sh
+# The Debian packages that make demo and make test need: installed where we may, otherwise named in one line.
+# Elsewhere than on Debian and its children there is nothing to do here.
+set -eu
+
+PACKAGES="python3-venv xvfb xauth xdotool fonts-dejavu-core libegl1 libgl1 libxkbcommon-x11-0 libdbus-1-3 libfontconfig1
+libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xinerama0"
+
+command -v dpkg-query >/dev/null || exit 0
+
+missing=""
+for package in $PACKAGES; do
+    dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed ||
+        missing="$missing $package"
+done
+[ -n "$missing" ] || exit 0
+
+if [ "$(id -u)" = 0 ]; then
+    as_root=""
+elif sudo -n true 2>/dev/null; then
+    as_root="sudo"
+else
+    echo "Debian packages to install first (as root): apt-get install$missing" >&2
+    exit 0
+fi
+export DEBIAN_FRONTEND=noninteractive
+$as_root apt-get update -qq
+# shellcheck disable=SC2086  # a list of words is meant
+$as_root apt-get install -y -qq --no-install-recommends $missing >/dev/null
