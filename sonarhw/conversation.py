@@ -4,6 +4,7 @@ Takes bytes from a host; hands on answers, heartbeats and readings, no sooner th
 that comes twice is carried out once and answered twice; the last readings are kept to be sent again.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -141,7 +142,12 @@ class Conversation(ABC):
     def next_event(self) -> float | None:
         """When `advance` next has something to do, s on the caller's clock."""
         due = [time for time in (self.line.departure(), self._wake()) if time is not None]
-        return min(due) + (self._born or 0.0) if due else None
+        if not due:
+            return None
+        born = self._born or 0.0
+        event = min(due) + born
+        # rounding must not set it before what is due, or a clock that jumps from event to event would stand still
+        return event if event - born >= min(due) else math.nextafter(event, math.inf)
 
     def advance(self, now: float) -> bytes:
         """Do what is due by `now`; the bytes that have left for the host since the last call."""
