@@ -1,0 +1,185 @@
+"""`sonarhw log` and `sonarhw replay`: what they write, say and refuse."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli.app import run
+from sonarhw.log import read_log
+from tests.cli.test_scan_command import end, lines, sonarhw, started
+from tests.sonarhw.example_logs import write_example
+
+GOLDEN = """\
+time_s,heading_deg,range_m,echoes_s
+0,0,0.343987,0.002;0.0111
+0.1,5,0.345706935,0.00201;0.0111
+0.2,10,,
+0.3,15,0.349146805,0.00203;0.0111
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    write_example(tmp_path / "scan.mcap", 4)
+    return tmp_path / "scan.mcap"
+
+
+@pytest.fixture
+def torn(log: Path, tmp_path: Path) -> Path:
+    whole = log.read_bytes()
+    path = tmp_path / "torn.mcap"
+    for size in range(len(whole), 0, -50):
+        path.write_bytes(whole[:size])
+        if len(read_log(path).readings) == 3:
+            return path
+    raise AssertionError
+
+
+def test_export_writes_csv_as_scan_prints_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "export", str(log), "--out", "-"]) == 0
+    assert capsys.readouterr() == (GOLDEN, "")
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.csv")]) == 0
+    assert (tmp_path / "scan.csv").read_bytes() == GOLDEN.encode()
+
+
+def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
+    torn: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["log", "export", str(torn), "--out", "-"]) == 0
+    out, err = capsys.readouterr()
+    assert out == "".join(GOLDEN.splitlines(keepends=True)[:4])
+    assert err.count("\n") == 1
+    assert "torn.mcap: ends too early" in err
+
+
+def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:
+    write_example(tmp_path / "traces.mcap", 4, trace=True)
+    assert run(["log", "export", str(tmp_path / "traces.mcap"), "--out", str(tmp_path / "scan.npz")]) == 0
+    with np.load(tmp_path / "scan.npz") as arrays:
+        assert arrays["heading_deg"] == pytest.approx([0, 5, 10, 15])
+        assert arrays["time_s"] == pytest.approx([0, 0.1, 0.2, 0.3])
+        assert arrays["range_m"] == pytest.approx([0.343987, 0.345706935, np.nan, 0.349146805], nan_ok=True, abs=2e-7)
+        assert arrays["echoes_s"].shape == (4, 2)
+        assert np.isnan(arrays["echoes_s"][2]).all()
+        assert arrays["traces"].shape == (4, 600)
+        assert arrays["trace_rate_hz"] == pytest.approx([50_000] * 4)
+
+
+def test_export_to_mcap_is_a_log_with_the_same_readings(log: Path, tmp_path: Path) -> None:
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "copy.mcap")]) == 0
+    copy, original = read_log(tmp_path / "copy.mcap"), read_log(log)
+    assert copy.readings == original.readings
+    assert copy.metadata == original.metadata
+
+
+@pytest.mark.parametrize("command", ["export", "recover"])
+def test_an_existing_file_is_refused_without_force(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    out = tmp_path / "out.mcap"
+    out.write_text("mine")
+    assert run(["log", command, str(log), "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+    assert run(["log", command, str(log), "--out", str(out), "--force"]) == 0
+    assert len(read_log(out).readings) == 4
+
+
+@pytest.mark.parametrize("command", ["export", "recover"])
+def test_a_log_is_never_written_over_itself(log: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    before = log.read_bytes()
+    assert run(["log", command, str(log), "--out", str(log), "--force"]) == 2
+    assert "is the log that is read" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+def test_recover_mends_a_torn_log_and_says_what_was_lost(
+    torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mended = tmp_path / "mended.mcap"
+    assert run(["log", "recover", str(torn), "--out", str(mended)]) == 0
+    out, err = capsys.readouterr()
+    assert "3 readings in 1 scan; lost: 1 of the readings ordered were not recorded" in out
+    assert err == ""
+    assert read_log(mended).torn is None
+    assert len(read_log(mended).readings) == 3
+    assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
+    assert "was whole, nothing is lost" in capsys.readouterr().out
+
+
+def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "info", str(log)]) == 0
+    told = capsys.readouterr().out
+    for text in (
+        "simulate, sonarhw",
+        "simple.toml",
+        "figure9",
+        "paper",
+        "4 of 4 readings, 3 with an echo",
+        "0° to 15°",
+    ):
+        assert text in told
+
+
+@pytest.mark.parametrize("command", [["info"], ["export", "--out", "-"]])
+@pytest.mark.parametrize(
+    ("content", "status", "told"),
+    [
+        (None, 2, "there is no such file"),
+        (b"", 1, "is empty"),
+        (b"time_s\n", 1, "is not an MCAP file"),
+    ],
+)
+def test_what_is_no_log_is_one_line_and_no_traceback(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    command: list[str],
+    content: bytes | None,
+    status: int,
+    told: str,
+) -> None:
+    path = tmp_path / "scan.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    assert run(["log", command[0], str(path), *command[1:]]) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert told in err
+    assert err.count("\n") == 1
+
+
+def test_an_export_of_no_known_kind_is_refused(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
+    assert ".csv, .npz, .mcap" in capsys.readouterr().err
+    assert not (tmp_path / "scan.txt").exists()
+
+
+def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.mcap"
+    with started("replay", log, "--speed", "inf", "--tcp", "127.0.0.1:0") as replay:
+        (url,) = lines(replay, 1)
+        done = sonarhw("scan", url.strip(), "--out", again, "--to", "20")
+        assert (done.returncode, done.stderr) == (0, "")
+        replay.send_signal(signal.SIGTERM)
+        assert end(replay) == (0, "")
+    first, second = read_log(log), read_log(again)
+    assert [reading.angle for reading in second.readings] == [reading.angle for reading in first.readings]
+    assert [reading.echo_times for reading in second.readings] == [reading.echo_times for reading in first.readings]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--speed", "0"], "--speed 0"),
+        (["--speed", "nan"], "--speed nan"),
+        (["--tcp", "127.0.0.1:0", "--pty", "x"], "one line"),
+        (["--tcp", "nowhere"], "HOST:PORT"),
+    ],
+)
+def test_a_replay_that_cannot_be_is_refused(
+    log: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    assert run(["replay", str(log), *arguments]) == 2
+    assert told in capsys.readouterr().err
