@@ -19,11 +19,9 @@ class Arrivals:
         """Book a reading; False where it had come before or belongs to no such scan."""
         if not 0 <= number < self.total:
             return False
-        if number >= self.made:
-            self.device_made(number)
-            self.made = number + 1
-            return True
-        if number in self._missing:
+        new = number >= self.made
+        self.device_made(number + 1)
+        if new or number in self._missing:
             self._missing.discard(number)
             return True
         return False

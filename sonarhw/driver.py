@@ -4,6 +4,8 @@ Takes bytes and commands, each with the time; hands on bytes for the device, ans
 promises is kept here: commands are repeated until answered, missing readings are asked for again, silence is an error.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from sonarhw.arrivals import Arrivals
@@ -196,9 +198,8 @@ class Driver:
     def _take(self, frame: Frame, now: float, arrived: float) -> None:
         self._count_gap(frame.sequence)
         self._device_time = frame.time_us
-        wire = encode_frame(frame) if self._recorder or frame.type == Info.TYPE else b""
-        if self._recorder:
-            self._recorder.frame(True, arrived, wire)
+        wire = encode_frame(frame)
+        self._record(True, arrived, wire)
         try:
             message = unpack_message(frame.type, frame.payload)
         except MessageError:
@@ -300,8 +301,23 @@ class Driver:
     def _hand_on(self, readings: list[Reading]) -> None:
         for reading in readings:
             self._readings.append(reading)
-            if self._recorder:
-                self._recorder.reading(reading)
+            with self._recording() as recorder:
+                if recorder:
+                    recorder.reading(reading)
+
+    def _record(self, received: bool, time: float, wire: bytes) -> None:
+        with self._recording() as recorder:
+            if recorder:
+                recorder.frame(received, time, wire)
+
+    @contextmanager
+    def _recording(self) -> Iterator[Recorder | None]:
+        try:
+            yield self._recorder
+        except BaseException:
+            # one that failed is let go, so that the device can still be stopped
+            self._recorder = None
+            raise
 
     # commands out, silence, books
 
@@ -311,8 +327,7 @@ class Driver:
         self._count(frames_sent=1, repeated_commands=int(repeat))
         if command.name == "Hello":
             self._greeting = [(False, now, command.wire)]
-        if self._recorder:
-            self._recorder.frame(False, now, command.wire)
+        self._record(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:
         if command.sent >= TRIES:

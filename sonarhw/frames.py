@@ -70,21 +70,18 @@ class FrameDecoder:
 
     def __init__(self) -> None:
         self._block = bytearray()
-        self._overlong = False
 
     def feed(self, data: bytes) -> Iterator[Frame | Rejected]:
         """What the bytes completed, in order; empty blocks (doubled delimiters) are silence, not errors."""
         *ended, rest = data.split(DELIMITER)
         for piece in ended:
             self._keep(piece)
-            if self._block:
-                block = bytes(self._block)
-                yield Rejected(block, "no delimiter in time") if self._overlong else decode_block(block)
+            block = bytes(self._block)
             self._block.clear()
-            self._overlong = False
+            if block:
+                yield decode_block(block)
         self._keep(rest)
 
     def _keep(self, piece: bytes) -> None:
-        room = LONGEST_BLOCK + 1 - len(self._block)
-        self._overlong |= len(piece) > room
-        self._block += piece[:room]
+        # one byte more than any frame has is enough to be rejected
+        self._block += piece[: LONGEST_BLOCK + 1 - len(self._block)]

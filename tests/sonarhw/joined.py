@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 from sonarhw.board import Board
 from sonarhw.driver import Command, Driver
-from sonarhw.messages import Configure, Hello, Home, Message, StartScan
+from sonarhw.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.messages import Configure, Hello, Home, Message, StartScan, unpack_message
 from sonarhw.readings import Reading
 from tests.sonarhw.plain_echoes import PlainEchoes
 
 Cable = Callable[[bytes], bytes]
-TRANSIT = 0.001  # s
 
 
 def sound(data: bytes) -> bytes:
@@ -41,6 +41,33 @@ def cut_every(period: int, length: int) -> Cable:
         return kept
 
     return cable
+
+
+def without(unwanted: Callable[[Message], bool]) -> Cable:
+    """A cable that loses the messages for which `unwanted` says so; whole frames only."""
+
+    def cable(data: bytes) -> bytes:
+        kept = b""
+        for frame in FrameDecoder().feed(data):
+            assert isinstance(frame, Frame)
+            message = unpack_message(frame.type, frame.payload)
+            if message is None or not unwanted(message):
+                kept += encode_frame(frame)
+        return kept
+
+    return cable
+
+
+def the_first(kind: type[Message]) -> Callable[[Message], bool]:
+    """Whether a message is the first of its kind."""
+    seen: list[Message] = []
+
+    def first(message: Message) -> bool:
+        if isinstance(message, kind):
+            seen.append(message)
+        return isinstance(message, kind) and len(seen) == 1
+
+    return first
 
 
 class Joined:

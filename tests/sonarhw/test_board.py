@@ -7,6 +7,7 @@ import pytest
 from sonarhw.board import Board
 from sonarhw.conversation import BACKLOG
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.line import Line
 from sonarhw.messages import (
     NO_TEMPERATURE,
     Accepted,
@@ -156,18 +157,19 @@ def test_readings_are_kept_for_sending_again_up_to_sixty_four(homed: Joined) -> 
     assert [item.number for item in answers if isinstance(item, ReadingMessage)] == list(range(6, 64))
 
 
-def test_bytes_leave_no_faster_than_the_line_carries_them(homed: Joined) -> None:
-    homed.ask(Configure(62_500, 2380, 1, 343_200))
-    homed.driver.command(StartScan(0, 1_000_000, 2, 1, 1), homed.now)
-    homed.board.receive(homed.driver.outgoing(), homed.now)
-    while homed.board.next_event() is not None and not homed.echoes.pings:
-        homed.now = homed.board.next_event() or 0.0
-        homed.board.advance(homed.now)
-    began, carried = homed.now, 0
-    while carried < 3000:
-        homed.now = homed.board.next_event() or 0.0
-        carried += len(homed.board.advance(homed.now))
-        assert carried <= (homed.now - began) * 100_000 + 1e-3
+def test_frames_leave_one_after_another_each_when_the_line_could_have_carried_it() -> None:
+    line = Line()
+    line.send(Accepted(1), 2.0)
+    line.send(Accepted(2), 2.0)
+    line.send(Accepted(3), 5.0)
+    size = len(encode_frame(Frame(Accepted.TYPE, 0, 2_000_000, Accepted(1).pack())))
+    departures = []
+    while (departure := line.departure()) is not None:
+        assert line.depart(departure - 1e-9) == b""
+        assert line.depart(departure).count(0) == 1
+        departures.append(departure)
+    assert departures == pytest.approx([2.0 + size * 1e-5, 2.0 + 2 * size * 1e-5, 5.0 + size * 1e-5], abs=2e-5)
+    assert line.waiting == 0
 
 
 def test_a_host_that_only_talks_does_not_fill_the_board() -> None:
