@@ -57,15 +57,20 @@ def sonarhw(
 
 def run(arguments: list[str] | None = None) -> int:
     """The exit status of one command line: 0 done, 2 bad usage or input, 1 failed at run time, 130 after Ctrl-C."""
+    command = typer.main.get_command(app)
     try:
-        status = app(args=arguments, prog_name="sonarhw", standalone_mode=False)
+        # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
+        with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
+            command.invoke(context)
         sys.stdout.flush()
-        return status if isinstance(status, int) else 0
+        return 0
+    except typer.Exit as exit_wanted:
+        return exit_wanted.exit_code
     except SonarError as error:
         return _complain(str(error), error.exit_status)
     except typer.TyperException as error:
         return _complain(error.format_message(), error.exit_code)
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
         return _close_quietly()
@@ -75,8 +80,8 @@ def run(arguments: list[str] | None = None) -> int:
 
 
 def _complain(message: str, status: int) -> int:
-    if message:  # help shown for want of arguments has said it all
-        typer.echo(f"sonarhw: {' '.join(message.split())}", err=True)
+    # help, shown for want of a command, keeps its lines
+    typer.echo(message if message.startswith("Usage:") else f"sonarhw: {' '.join(message.split())}", err=True)
     return status
 
 
