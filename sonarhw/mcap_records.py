@@ -18,7 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_UNREADABLE = (McapError, struct.error, UnicodeDecodeError)
+_UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the last from a damaged length
 
 
 @dataclass(frozen=True)

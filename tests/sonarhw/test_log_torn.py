@@ -79,8 +79,22 @@ def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path
     end, readings = chunk_ends(whole)[5]
     (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[:end] + bytes(4096))
     log = read_log(tmp_path / "torn.mcap")
-    assert log.torn is not None
+    assert f"in the record that begins at byte {end}" in str(log.torn)
     assert len(log.readings) == readings
+
+
+def test_a_damaged_length_inside_a_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[6]
+    length = chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size - 8
+    data[length : length + 8] = b"\xff" * 8
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    log = read_log(tmp_path / "damaged.mcap")
+    assert f"begins at byte {chunk.chunk_start_offset}; it is left out" in str(log.torn)
+    assert len(log.readings) == COUNT - 1
 
 
 def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
@@ -223,7 +237,8 @@ def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: 
     assert "cannot be written any further: File too large" in line
     log = read_log(path)
     assert len(log.readings) == int(taken) > 5
-    assert f"at byte {path.stat().st_size}" in str(log.torn)
+    size = path.stat().st_size
+    assert f"at byte {size} in the record that begins at byte {size}" in str(log.torn)
 
 
 def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:
