@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cli.app import run
 from sonarhw.board import Board
 from sonarhw.endpoint import serve
 from sonarhw.log import read_log
@@ -49,9 +50,11 @@ def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "query", ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?place=figure9&board=nonesuch"]
 )
-def test_a_fake_url_that_says_nonsense_is_bad_usage(query: str, tmp_path: Path) -> None:
-    done = sonarhw("scan", f"fake:{SIMPLE_ROOM}{query}", "--out", tmp_path / "scan.mcap")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+def test_a_fake_url_that_says_nonsense_is_bad_usage(
+    query: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["scan", f"fake:{SIMPLE_ROOM}{query}", "--out", str(tmp_path / "scan.mcap")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -59,10 +62,11 @@ def test_a_fake_url_that_says_nonsense_is_bad_usage(query: str, tmp_path: Path) 
     [["--place", "nowhere"], ["--board", "nonesuch"], ["--pace", "0"], ["--tcp", "7000"], ["--seed", "-1"]],
     ids=" ".join,
 )
-def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str]) -> None:
+def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     place = [] if "--place" in wrong else ["--place", "figure9"]
-    done = sonarhw("fake", SIMPLE_ROOM, *place, *wrong)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert run(["fake", str(SIMPLE_ROOM), *place, *wrong]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
 
 
 def test_info_tells_who_answers(url: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cli.app import run
 from sonarhw.board import Board
 from sonarhw.endpoint import serve
 from sonarhw.log import read_log
@@ -157,11 +158,10 @@ def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
     ],
     ids=" ".join,
 )
-def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path) -> None:
-    done = sonarhw("scan", "socket://127.0.0.1:1", "--out", log, *wrong)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
+def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["scan", "socket://127.0.0.1:1", "--out", str(log), *wrong]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
     assert not log.exists()
 
 
