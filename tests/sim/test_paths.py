@@ -194,3 +194,17 @@ def test_place_outside_the_room_is_answered() -> None:
 def test_place_that_no_sound_returns_to_has_no_paths() -> None:
     room = polygon_room([(1.0, 1.0), (2.0, 1.0)], closed=False)
     assert len(find_paths(room, (0.0, 1.0), specular(9.0))) == 0
+
+
+def test_screen_slimmer_than_the_ray_spacing_still_hides_the_wall() -> None:
+    screen = '[[walls]]\nname = "screen"\npoints = [[-0.0005, 1.0], [0.0005, 1.0]]\nmaterial = "hard"'
+    room = polygon_room([(-2.0, 2.0), (2.0, 2.0)], closed=False, extra=screen)
+    paths = find_paths(room, (0.0, 0.0), specular(4.5))
+    assert ("w[0]",) not in [paths.via(k, room) for k in range(len(paths))]
+
+
+def test_edge_behind_a_wall_is_not_heard() -> None:
+    fin = '[[walls]]\nname = "fin"\npoints = [[2.0, 0.1], [2.0, 1.0]]\nmaterial = "hard"'
+    room = polygon_room([(1.0, -1.0), (1.0, 1.0)], closed=False, extra=fin)
+    paths = find_paths(room, (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
+    assert {paths.via(k, room)[-1] for k in range(len(paths))} == {"w[0]", "w[0]/"}
