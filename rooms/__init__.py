@@ -1,0 +1,1 @@
+"""Example room files; the demo scans laboratory.toml."""
