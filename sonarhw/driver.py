@@ -253,6 +253,8 @@ class Driver:
         order = command.message
         self._lost_before += self._arrivals.lost
         self._arrivals = Arrivals(order.headings * order.sweeps * order.pings if isinstance(order, StartScan) else 0)
+        if self._asking:
+            self.forget(self._asking)
         self._asking, self._asks = None, (None, 0)
         self._readings.clear()
 
@@ -264,8 +266,7 @@ class Driver:
         action = self._action
         if action is None or message.command != action.sequence:
             return
-        self._open.pop(action.sequence, None)
-        action.finished = message
+        action.finished = message  # where its answer was lost, the command is still repeated until that comes too
         self._arrivals.device_made(message.readings)
 
     def _check_heartbeat(self, message: Heartbeat, now: float) -> None:
@@ -330,6 +331,10 @@ class Driver:
         self._record(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:
+        if command is self._asking:  # asked anew instead: a Resend that fails must not end a scan that goes on
+            self.forget(command)
+            self._asking = None
+            return
         if command.sent >= TRIES:
             raise NoAnswer(f"{self.where}: no answer to {command.name} after {TRIES} tries; is the cable sound?")
         command.sent += 1

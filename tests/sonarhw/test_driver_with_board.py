@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -59,6 +60,17 @@ def test_every_reading_arrives_exactly_once_at_its_angle(cable: "type[Cable]", t
     assert joined.driver.statistics.lost_readings == 0
     # the board pinged each of them once: nothing was measured again for a lost frame
     assert len(joined.echoes.pings) == 80
+
+
+@pytest.mark.parametrize("cable", [dropping, flipping])
+def test_no_cable_that_lets_most_frames_through_loses_a_reading_or_hangs(cable: Callable[[int, float], Cable]) -> None:
+    for seed in range(15):
+        joined = Joined(down=cable(seed, 1 / 400), up=cable(1000 + seed, 1 / 400))
+        joined.greet(trace=seed % 3 == 0)
+        for headings in (1, 25):
+            readings = joined.scan(StartScan(0, 3_000_000, headings, 1, 1))
+            assert sorted(reading.number for reading in readings) == list(range(headings))
+        assert len(joined.echoes.pings) == 26
 
 
 def test_a_bad_cable_shows_in_the_statistics_and_a_sound_one_does_not() -> None:
@@ -174,6 +186,16 @@ def test_a_lost_finish_is_asked_for_by_repeating_the_command() -> None:
     assert turn.finished is not None
     assert turn.finished.outcome == Outcome.DONE
     assert joined.driver.statistics.repeated_commands == 1
+
+
+def test_an_answer_that_was_lost_is_asked_for_although_the_command_has_finished_meanwhile() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(the_first(Accepted))
+    turn = joined.act(Turn(1_000_000))  # done in 26 ms
+    assert isinstance(turn.answer, Accepted)
+    joined.up = without(the_first(Started))
+    assert len(joined.scan(StartScan(0, 1_000_000, 2, 1, 1))) == 2
 
 
 def test_a_lost_start_costs_no_reading() -> None:
