@@ -1,12 +1,15 @@
-"""The paper's `range(θ, x, y)`, readable next to appendix A of CIM-92-9: the reference the fast path is tested against.
+"""The paper's `range(θ, x, y)`, readable next to appendix A of CIM-92-9: the reference the fast path is tested
+against.
 
-Takes a room, a place, a board and one heading; hands on the range or None. Plain Python, one ray at a time, no images, no
-sequences: rays leave in steps of δ, their next intersections wait on a heap ordered by distance travelled, the nearest is
-popped and tested against the receiver, reflected, and near a segment's end diffracted straight to the receiver.
+Takes a room, a place, a board and one heading; hands on the range or None. Plain Python, one ray at a time, no
+images, no sequences: rays leave in steps of δ, their next intersections wait on a heap ordered by distance
+travelled, the nearest is popped and tested against the receiver, reflected, and near a segment's end diffracted
+straight to the receiver.
 
-Where appendix A leaves something open: it stops at a path of twice the maximum range and answers None; the receiver is a
-segment across the heading whose half length is the ray's tube, half a spacing to each side; a diffracted leg needs a free
-line of sight; sound that meets the transducer undetected passes (`Unit.PASS`) or ends (`Unit.BLOCK`).
+Where appendix A leaves something open: it stops at a path of twice the maximum range and answers None; the
+receiver is a segment across the heading whose half length is the ray's tube, half a spacing to each side; a
+diffracted leg needs a free line of sight; sound that meets the transducer undetected passes (`Unit.PASS`) or ends
+(`Unit.BLOCK`).
 """
 
 import heapq
