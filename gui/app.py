@@ -1,0 +1,123 @@
+"""The application: opens the window on a scene and a source, and ends it clean, however it is ended.
+
+Takes a `WindowStart`; hands on an exit status: 0 after closing the window, 130 after Ctrl-C or SIGTERM.
+"""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+import pyqtgraph as pg
+from PySide6.QtCore import QTimer
+from PySide6.QtGui import QColor, QPalette
+from PySide6.QtWidgets import QApplication
+
+from gui.display import check_display
+from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
+from gui.main_window import MainWindow
+from gui.palette import INK, PAPER
+from gui.recording import recordings_folder
+from gui.scene import Scene
+from gui.session import Session
+from sim.board import Board
+from sim.room import Place, Room
+from sonarhw.log import Log
+from sonarhw.readings import ScanOrder
+
+INTERRUPTED = 130
+_ROLES = {
+    QPalette.ColorRole.Window: "#F3F3F1",
+    QPalette.ColorRole.Base: PAPER,
+    QPalette.ColorRole.AlternateBase: "#EEEEEE",
+    QPalette.ColorRole.Button: "#E9E9E6",
+    QPalette.ColorRole.WindowText: INK,
+    QPalette.ColorRole.Text: INK,
+    QPalette.ColorRole.ButtonText: INK,
+    QPalette.ColorRole.ToolTipBase: "#FFFFE8",
+    QPalette.ColorRole.ToolTipText: INK,
+    QPalette.ColorRole.Highlight: "#0072B2",
+    QPalette.ColorRole.HighlightedText: PAPER,
+}
+_FAINT = "#9A9A9A"
+
+
+@dataclass(frozen=True)
+class WindowStart:
+    """What the window opens on; room and place are both given or both None."""
+
+    room: Room | None
+    place: Place | None
+    board: Board
+    source: ScannerOpener | Log | None = None
+    room_file: str = ""  # its name, for the logs of live scans
+    source_name: str = "the log"  # file name, for messages
+    order: ScanOrder = WHOLE_TURN
+    traces: bool = True
+    autostart: bool = False  # begin to scan at once
+    recordings: Path = field(default_factory=recordings_folder)
+    when_open: Callable[[MainWindow], None] | None = None  # for tests and pictures
+
+
+def run_window(start: WindowStart) -> int:
+    """Show the window until it is closed. Raises NoDisplay where none can be opened."""
+    check_display()
+    application = open_application()
+    window = open_window(start)
+    window.show()
+    if start.when_open is not None:
+        start.when_open(window)
+    with _closed_by_signals(window) as signals:
+        status = application.exec()
+    return INTERRUPTED if signals else status
+
+
+def open_application() -> QApplication:
+    """The one application of this process, light and the same on every system."""
+    application = QApplication.instance() or QApplication(["sonarhw"])
+    application.setApplicationName("sonarhw")
+    application.setStyle("Fusion")
+    palette = QPalette()
+    for role, colour in _ROLES.items():
+        palette.setColor(role, QColor(colour))
+    for role in (QPalette.ColorRole.WindowText, QPalette.ColorRole.Text, QPalette.ColorRole.ButtonText):
+        palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(_FAINT))
+    application.setPalette(palette)
+    pg.setConfigOptions(background=PAPER, foreground=INK, antialias=True)
+    return application
+
+
+def open_window(start: WindowStart) -> MainWindow:
+    """A window, not shown yet, with its session."""
+    log = start.source if isinstance(start.source, Log) else None
+    scene = Scene(start.room, start.place, start.board, start.room_file)
+    wish = ScanWish(start.recordings, start.order, start.traces)
+    session = Session(scene, None if log else start.source, wish)
+    window = MainWindow(session)
+    if log is not None:
+        session.show_log(log, start.source_name)
+    elif start.autostart:
+        session.scan()
+    return window
+
+
+@contextmanager
+def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
+    """Let Ctrl-C and SIGTERM close the window; the list holds those that came.
+
+    Python looks at signals between its own steps, and the session's timer makes it take one every tick.
+    """
+    came: list[int] = []
+
+    def close(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+        QTimer.singleShot(0, window.close)
+
+    before = {number: signal.signal(number, close) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

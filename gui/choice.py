@@ -1,0 +1,31 @@
+"""Which reading the window is about: one that a person picked, or whichever is newest.
+
+Takes picks and steps; hands on an index for however many readings there are.
+"""
+
+
+class Choice:
+    """Follows the newest reading until one is picked."""
+
+    def __init__(self) -> None:
+        self._picked: int | None = None
+
+    def among(self, count: int) -> int | None:
+        """The chosen one of `count` readings; None where there are none."""
+        if count == 0:
+            return None
+        return count - 1 if self._picked is None else min(self._picked, count - 1)
+
+    def pick(self, index: int) -> None:
+        """Stay with one reading."""
+        self._picked = index
+
+    def follow_newest(self) -> None:
+        """Go with the newest one again."""
+        self._picked = None
+
+    def step(self, by: int, count: int) -> None:
+        """Pick the one `by` further among `count`, round and round."""
+        now = self.among(count)
+        if now is not None:
+            self._picked = (now + by) % count

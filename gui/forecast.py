@@ -1,0 +1,164 @@
+"""The prediction behind the window: paths, outline and comparison, worked out while the window goes on.
+
+Takes a scene and readings; hands on the newest outline and comparison. Paths come twice, a draft of few bounces at
+once and all of them when they are found. An answer for a scene or scan that is no longer shown is dropped.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from compare.match import Comparison, Matched, compare_readings
+from gui.scene import Scene
+from gui.worker import Failure, Worker
+from sim.paths import MAX_BOUNCES, Paths, PathSearch, find_paths
+from sim.prediction import PredictedScan, weigh_paths
+from sonarhw.readings import Reading
+
+DRAFT_BOUNCES = 4
+OUTLINE_HEADINGS = 360
+MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
+
+
+@dataclass(frozen=True)
+class PathsFound:
+    """The paths of a scene and the outline they give."""
+
+    generation: int
+    paths: Paths
+    outline: PredictedScan
+    draft: bool
+
+
+@dataclass(frozen=True)
+class PathsRequest:
+    """Which paths lead from the scene's place back to it?"""
+
+    generation: int
+    scene: Scene
+    max_bounces: int
+
+    def answer(self) -> PathsFound:
+        """Find them; what takes seconds in a room of many echoes."""
+        room, place, board = self.scene.room, self.scene.standing, self.scene.board
+        search = PathSearch(2 * board.max_range, board.wavelength(room.air), self.max_bounces)
+        paths = find_paths(room, place.position, search)
+        headings = np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS, endpoint=False)
+        outline = weigh_paths(room, place, board, headings, paths)
+        return PathsFound(self.generation, paths, outline, self.max_bounces < MAX_BOUNCES)
+
+
+class DraftRequest(PathsRequest):
+    """Which of them have few bounces? Asked beside the full request, so a type of its own."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A stretch of readings beside its prediction."""
+
+    generation: int
+    comparison: Comparison
+    first: int  # which reading of the scan row 0 is
+    draft: bool
+
+    def row(self, reading: int) -> Matched | None:
+        """The row of a reading; None outside the stretch."""
+        row = reading - self.first
+        return self.comparison.rows[row] if 0 <= row < len(self.comparison.rows) else None
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """How do these readings compare with what those paths give?"""
+
+    generation: int
+    scene: Scene
+    paths: Paths
+    draft: bool
+    readings: tuple[Reading, ...]
+    first: int
+
+    def answer(self) -> Compared:
+        """Compare them."""
+        scene = self.scene
+        comparison = compare_readings(self.readings, scene.room, scene.standing, scene.board, paths=self.paths)
+        return Compared(self.generation, comparison, self.first, self.draft)
+
+
+class Forecast:
+    """Keeps outline and comparison up with the scene and the readings."""
+
+    def __init__(self) -> None:
+        self.outline: PredictedScan | None = None
+        self.compared: Compared | None = None
+        self.failures: list[str] = []
+        self._scene: Scene | None = None
+        self._readings: Sequence[Reading] = ()
+        self._found: PathsFound | None = None
+        self._place_generation = 0
+        self._scan_generation = 0
+        # two, so that a growing scan is compared with the draft while the rest of the paths are still sought
+        self._finder = Worker("find paths")
+        self._comparer = Worker("compare readings")
+
+    @property
+    def busy(self) -> bool:
+        """Whether something better is still to come."""
+        return self._finder.busy or self._comparer.busy
+
+    def set_scene(self, scene: Scene) -> None:
+        """Predict for `scene` from now on."""
+        self._scene, self._found, self.outline = scene, None, None
+        self._place_generation += 1
+        self.begin_scan()
+        if scene.room is not None:
+            self._finder.ask(DraftRequest(self._place_generation, scene, DRAFT_BOUNCES))
+            self._finder.ask(PathsRequest(self._place_generation, scene, MAX_BOUNCES))
+
+    def begin_scan(self) -> None:
+        """Forget the readings; what is compared from now on belongs to another scan."""
+        self.compared, self._readings = None, ()
+        self._scan_generation += 1
+
+    def follow(self, readings: Sequence[Reading]) -> None:
+        """Compare `readings`: those of the scan up to now, which only grows until `begin_scan`."""
+        self._readings = readings
+        self._ask()
+
+    def take(self) -> bool:
+        """Take in what has been worked out since the last call; whether anything has changed."""
+        changed = False
+        for answer in (*self._finder.take(), *self._comparer.take()):
+            match answer:
+                case Failure():
+                    self.failures.append(answer.message)
+                    changed = True
+                case PathsFound(generation=self._place_generation):
+                    self._found, self.outline = answer, answer.outline
+                    self._ask()
+                    changed = True
+                case Compared(generation=self._scan_generation):
+                    self.compared = answer
+                    changed = True
+        return changed
+
+    def close(self) -> None:
+        """End the threads."""
+        self._finder.close()
+        self._comparer.close()
+
+    def _ask(self) -> None:
+        if self._scene is None or self._found is None or not self._readings:
+            return
+        first = max(0, len(self._readings) - MOST_COMPARED)
+        self._comparer.ask(
+            CompareRequest(
+                self._scan_generation,
+                self._scene,
+                self._found.paths,
+                self._found.draft,
+                tuple(self._readings[first:]),
+                first,
+            )
+        )

@@ -1,0 +1,59 @@
+"""The readings of one view, a scatter for every class: same mark, same colour, everywhere.
+
+Takes a plot; hands on the scatters in it, and their tooltips.
+"""
+
+from collections.abc import Callable
+
+import pyqtgraph as pg
+
+from compare.match import Kind
+from gui.palette import CHOSEN, MARKS, PAPER, Unclassed
+from gui.shown import ClassPoints
+from sonarhw.readings import FloatArray
+
+_SIZE = 8
+_RING = 16
+Placed = tuple[ClassPoints, FloatArray]
+
+
+class ReadingMarks:
+    """One scatter a class, and a ring round the chosen reading."""
+
+    def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
+        self.placed: dict[Kind | Unclassed, Placed] = {}
+        self._scatters = {kind: _scatter(kind, tip) for kind in MARKS}
+        self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", pen=pg.mkPen(CHOSEN, width=2), brush=None)
+        for z, scatter in enumerate((*self._scatters.values(), self._ring)):
+            scatter.setZValue(10 + z)
+            plot.addItem(scatter)
+
+    def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
+        """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
+        for kind, scatter in self._scatters.items():
+            points, places = placed.get(kind, (None, None))
+            if points is None:
+                scatter.clear()
+            else:
+                scatter.setData(*places.T, data=points.readings)
+        self.placed = placed
+
+    def ring(self, chosen: int | None) -> None:
+        """Draw the ring round one reading; none where that is not drawn."""
+        for points, places in self.placed.values():
+            if chosen in points.readings:
+                self._ring.setData(*places[[points.readings.index(chosen)]].T)
+                return
+        self._ring.clear()
+
+
+def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:
+    mark = MARKS[kind]
+    return pg.ScatterPlotItem(
+        size=_SIZE,
+        symbol=mark.symbol,
+        pen=pg.mkPen(PAPER if mark.filled else mark.colour, width=1 if mark.filled else 2),
+        brush=pg.mkBrush(mark.colour) if mark.filled else None,
+        hoverable=True,
+        tip=lambda x, y, data: tip(data),
+    )

@@ -1,0 +1,137 @@
+"""Range against heading, measured and predicted, and below it what is left between them.
+
+Takes what is shown; hands on which reading was clicked.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, Qt, Signal
+
+from compare.match import TOLERANCE, Kind
+from gui.marks import Placed, ReadingMarks
+from gui.palette import CHOSEN, GRID_ALPHA, PREDICTED, TOLERANCE_BAND, Unclassed
+from gui.pick import is_plain_click, nearest_reading
+from gui.plan_geometry import outline_ranges
+from gui.reading_tip import reading_tip
+from gui.shown import Shown
+from sonarhw.readings import FloatArray
+
+_MOST_RESIDUAL = 25.0  # cm; what is farther off is drawn at the edge
+_AXIS_WIDTH = 48  # pixels, so that both plots begin at one line
+_ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
+
+
+class RangeView(pg.GraphicsLayoutWidget):
+    """Draws ranges and residuals over heading."""
+
+    picked = Signal(int)  # a reading
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: Shown | None = None
+        self.ranges = self._plot(0, "range (m)")
+        self.residuals = self._plot(1, "residual (cm)")
+        self.residuals.setLabel("bottom", "heading in the room (°)")
+        self.residuals.setXLink(self.ranges)
+        self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
+        self.residuals.setToolTip("measured less predicted; what is beyond ±25 cm is drawn at the edge")
+        self.ranges.getAxis("bottom").setStyle(showValues=False)
+        self.ci.layout.setRowStretchFactor(0, 3)
+        self.ci.layout.setRowStretchFactor(1, 2)
+        self._outline = pg.PlotCurveItem(pen=pg.mkPen(PREDICTED, width=1), connect="finite")
+        self.ranges.addItem(self._outline)
+        self._add_tolerance()
+        self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
+        self._cursors = [self._add_cursor(plot) for plot in (self.ranges, self.residuals)]
+        self.ranges.setXRange(0, 360, padding=0.01)
+        self.scene().sigMouseClicked.connect(self._click)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.outline is not shown.outline:
+            self._draw_outline(shown)
+        if before is None or before.classes is not shown.classes:
+            self._marks[0].draw(
+                {
+                    kind: (points, _over_heading(points.headings, points.ranges))
+                    for kind, points in shown.classes.items()
+                }
+            )
+            self._marks[1].draw(_residuals(shown))
+        for marks in self._marks:
+            marks.ring(shown.chosen)
+        for cursor in self._cursors:
+            cursor.setVisible(shown.chosen is not None)
+            if shown.chosen is not None:
+                cursor.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
+
+    def _plot(self, row: int, label: str) -> pg.PlotItem:
+        plot = self.addPlot(row=row, col=0)
+        plot.setLabel("left", label)
+        plot.getAxis("left").setWidth(_AXIS_WIDTH)
+        plot.getAxis("bottom").setTickSpacing(90, 30)
+        plot.showGrid(x=True, y=True, alpha=GRID_ALPHA)
+        plot.hideButtons()
+        return plot
+
+    def _add_tolerance(self) -> None:
+        band = pg.LinearRegionItem(
+            (-100 * TOLERANCE, 100 * TOLERANCE),
+            orientation="horizontal",
+            movable=False,
+            brush=pg.mkBrush(TOLERANCE_BAND),
+            pen=pg.mkPen(TOLERANCE_BAND),
+        )
+        band.setZValue(-20)
+        self.residuals.addItem(band, ignoreBounds=True)
+
+    def _add_cursor(self, plot: pg.PlotItem) -> pg.InfiniteLine:
+        line = pg.InfiniteLine(angle=90, pen=pg.mkPen(CHOSEN, width=1, style=Qt.PenStyle.DotLine))
+        plot.addItem(line, ignoreBounds=True)
+        return line
+
+    def _draw_outline(self, shown: Shown) -> None:
+        if shown.outline is None:
+            self._outline.setData([], [])
+            return
+        headings, ranges = outline_ranges(shown.outline).T
+        self._outline.setData(np.degrees(headings), ranges)
+
+    def _tip(self, index: int) -> str:
+        return reading_tip(self._shown, index)
+
+    def _click(self, event: object) -> None:
+        if self._shown is None or not is_plain_click(event):
+            return
+        index = self._under(event.scenePos())
+        if index is not None:
+            event.accept()
+            self.picked.emit(index)
+
+    def _under(self, click: QPointF) -> int | None:
+        for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
+            if plot.sceneBoundingRect().contains(click):
+                return nearest_reading(plot.vb, marks.placed, click, _ROW_REACH)
+        return None
+
+
+def _over_heading(headings: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack((np.degrees(headings) % 360, values))
+
+
+def _ranges(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+    return {kind: (points, _over_heading(points.headings, points.ranges)) for kind, points in shown.classes.items()}
+
+
+def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+    """Measured less predicted of the readings that have both, cm, at the edge where they are beyond it."""
+    placed: dict[Kind | Unclassed, Placed] = {}
+    for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
+        points = shown.classes.get(kind)
+        if points is not None:
+            apart = np.array([100 * shown.row(index).residual for index in points.readings])
+            placed[kind] = points, _over_heading(points.headings, np.clip(apart, -_MOST_RESIDUAL, _MOST_RESIDUAL))
+    return placed

@@ -1,0 +1,30 @@
+"""How many readings a second arrive, over the last few seconds.
+
+Takes counts with the time they came; hands on the rate. No clock of its own.
+"""
+
+from collections import deque
+
+_SPAN = 3.0  # s
+
+
+class RateMeter:
+    """Counts over a sliding span of time."""
+
+    def __init__(self) -> None:
+        self._counts: deque[tuple[float, int]] = deque()
+
+    def add(self, count: int, now: float) -> None:
+        """`count` readings have arrived."""
+        if count:
+            self._counts.append((now, count))
+
+    def rate(self, now: float) -> float:
+        """Readings per second; 0 before the second one."""
+        while self._counts and self._counts[0][0] < now - _SPAN:
+            self._counts.popleft()
+        if len(self._counts) < 2:
+            return 0.0
+        # the first count began the span, what came with it had been made before
+        arrived = sum(count for _, count in self._counts) - self._counts[0][1]
+        return arrived / max(now - self._counts[0][0], 1e-3)

@@ -1,0 +1,25 @@
+"""What hovers over a reading: number, heading, measured, predicted, class.
+
+Takes what is shown and the index of a reading; hands on a few short lines.
+"""
+
+import math
+
+from gui.palette import MARKS
+from gui.shown import Shown
+
+
+def reading_tip(shown: Shown, index: int) -> str:
+    """The reading in a few lines."""
+    reading, row = shown.readings[index], shown.row(index)
+    lines = [f"reading {index} at {math.degrees(shown.heading(index)) % 360:.1f}°"]
+    lines.append(f"measured {_metres(reading.range)}")
+    if row is not None:
+        lines.append(f"predicted {_metres(row.predicted)}")
+        if row.kind in MARKS:
+            lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
+    return "\n".join(lines)
+
+
+def _metres(distance: float | None) -> str:
+    return "no echo" if distance is None else f"{distance:.3f} m"

@@ -1,0 +1,49 @@
+"""Where a live scan is recorded when nobody said where: a folder of the person's own, a file named by date and room.
+
+Takes a scene; hands on an open log.
+"""
+
+import re
+import time
+from itertools import count
+from pathlib import Path
+
+from platformdirs import user_data_path
+
+from gui.scene import Scene
+from sonarhw.errors import LogError
+from sonarhw.log import LogMetadata, LogWriter
+
+
+def recordings_folder() -> Path:
+    """The folder of recordings on this system; it may not exist yet."""
+    return user_data_path("sonarhw", appauthor=False) / "recordings"
+
+
+def start_recording(folder: Path, scene: Scene) -> tuple[LogWriter, Path]:
+    """A new log in `folder`, named by the moment and the room. Raises LogError where none can be made there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be made: {error.strerror}; recordings would lie there") from error
+    now = time.time()
+    path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_plain(scene)}")
+    metadata = LogMetadata(
+        made_by="scan",
+        started=now,
+        room_file=scene.room_file,
+        room_text=scene.room.text if scene.room else "",
+        place=scene.standing.name,
+        board=scene.board.name,
+    )
+    return LogWriter(path, metadata), path
+
+
+def _plain(scene: Scene) -> str:
+    """The room's name with nothing in it that a file system may not like."""
+    return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
+
+
+def _free_name(folder: Path, stem: str) -> Path:
+    names = (folder / (f"{stem}.mcap" if k == 1 else f"{stem}_{k}.mcap") for k in count(1))
+    return next(name for name in names if not name.exists())

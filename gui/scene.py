@@ -1,0 +1,56 @@
+"""What is predicted for: a room, a place in it and a board; or a board alone where no room is known.
+
+Takes what a person chose or what a log carries; hands on a frozen `Scene`.
+"""
+
+from dataclasses import dataclass
+
+from sim.board import Board, board_names, load_board
+from sim.room import Place, Room, parse_room
+from sonarhw.errors import InputError
+from sonarhw.log import LogMetadata
+
+DEFAULT_BOARD = "polaroid-6500"
+_NOWHERE = Place("", (0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Room, place and board; room and place are both there or both missing."""
+
+    room: Room | None
+    place: Place | None
+    board: Board
+    room_file: str = ""  # its name, for the log
+
+    @property
+    def standing(self) -> Place:
+        """The place; without a room the origin, looking along +x."""
+        return self.place or _NOWHERE
+
+    @property
+    def title(self) -> str:
+        """What stands in the window's title."""
+        return f"{self.room.name} · place {self.standing.name}" if self.room else "no room"
+
+
+def first_place(room: Room) -> Place:
+    """The place of that room to begin with: the first in its file. Raises InputError where it names none."""
+    if not room.places:
+        raise InputError(f"room {room.name!r}: it names no places; add [places.NAME] with a position to the file")
+    return next(iter(room.places.values()))
+
+
+def scene_of_log(metadata: LogMetadata) -> Scene:
+    """The scene that a log carries inside. Raises InputError where its room or place cannot be understood."""
+    board = board_of_log(metadata)
+    if not metadata.room_text:
+        return Scene(None, None, board)
+    room = parse_room(metadata.room_text, f"the room in the log ({metadata.room_file or 'no name'})")
+    place = room.place(metadata.place) if metadata.place else first_place(room)
+    return Scene(room, place, board, metadata.room_file)
+
+
+def board_of_log(metadata: LogMetadata) -> Board:
+    """The board that a log names, where it ships with the product; else the default."""
+    return load_board(metadata.board if metadata.board in board_names() else DEFAULT_BOARD)

@@ -1,0 +1,242 @@
+"""The session: everything the window is about, free of widgets.
+
+Owns scene, live scan or replay, readings, prediction and choice; tells views by signals. Every tick of its timer it
+fetches what the threads have done since the last one: they put values into queues and know nothing of it.
+"""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QTimer, Signal, Slot
+
+from gui.choice import Choice
+from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
+from gui.forecast import Forecast
+from gui.live_scan import LiveScan, LiveStatus, Phase, ScannerOpener, ScanWish
+from gui.rate import RateMeter
+from gui.replay import Replay
+from gui.scene import Scene
+from gui.shown import Shown
+from gui.status import Source, Status, lost_in
+from gui.worker import Failure, Worker
+from sonarhw.errors import SonarError
+from sonarhw.log import Log
+from sonarhw.readings import Reading
+
+TICK = 33  # ms
+
+
+class Session(QObject):
+    """One person at work: what is shown, and what they do about it."""
+
+    shown_changed = Signal(object)  # Shown
+    status_changed = Signal(object)  # Status
+    warned = Signal(str)  # for the banner; empty takes it away
+
+    def __init__(self, scene: Scene, opener: ScannerOpener | None, wish: ScanWish) -> None:
+        super().__init__()
+        self.shown = Shown(scene)
+        self.status = Status(can_scan=opener is not None)
+        self.replay = Replay(self)
+        self.replay.changed.connect(self._refresh)
+        self._opener = opener
+        self._wish = wish
+        self._live: LiveScan | None = None
+        self._end_told = True
+        self._heard: tuple[Reading, ...] = ()  # of the live scan
+        self._lost_in_log = 0
+        self._choice = Choice()
+        self._rate = RateMeter()
+        self._forecast = Forecast()
+        self._files = Worker("open files")
+        self._last_tick = time.monotonic()
+        self._timer = QTimer(self, interval=TICK)
+        self._timer.timeout.connect(self.tick)
+        self._forecast.set_scene(scene)
+        self._timer.start()
+
+    # what a person does
+
+    @Slot()
+    def scan(self) -> None:
+        """Scan with the scanner this session was given, and record."""
+        if self._opener is None or self._scanning:
+            return
+        self._live = LiveScan(self._opener, self.shown.scene, self._wish)
+        self._end_told = False
+        self._begin()
+        self.replay.unload()
+        self._live.start()
+
+    @Slot()
+    def stop(self) -> None:
+        """Stop the scan that runs, or the playback."""
+        if self._live is not None:
+            self._live.stop()
+        self.replay.pause()
+
+    def show_log(self, log: Log, name: str = "the log") -> None:
+        """Show all readings of a log, ready to be played."""
+        self._live = None
+        self._lost_in_log = sum(lost_in(scan.expected, {r.number for r in scan.readings}) for scan in log.scans)
+        self._begin()
+        self._forecast.follow(log.readings)
+        self.replay.load(log)
+        if log.torn:
+            self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
+
+    def set_scene(self, scene: Scene) -> None:
+        """Put the readings into another room, to another place, or before another board."""
+        self.shown = replace(self.shown, scene=scene)
+        self._forecast.set_scene(scene)
+        self._forecast.follow(self.replay.readings or self._heard)
+        self._refresh()
+
+    @Slot(str)
+    def set_place(self, name: str) -> None:
+        """Stand at another place of the room."""
+        scene = self.shown.scene
+        if scene.room is not None and name != scene.standing.name:
+            self.set_scene(replace(scene, place=scene.room.place(name)))
+
+    @Slot(str)
+    def open_log(self, path: str) -> None:
+        """Show the log in a file, in its own room if it has one."""
+        self._files.ask(OpenLogRequest(Path(path)))
+
+    @Slot(str)
+    def open_room(self, path: str) -> None:
+        """Put the readings into the room in a file."""
+        self._files.ask(OpenRoomRequest(Path(path), self.shown.scene.board))
+
+    @Slot(int)
+    def choose(self, index: int) -> None:
+        """Ask about one reading."""
+        self._choice.pick(index)
+        self._refresh()
+
+    @Slot()
+    def follow_newest(self) -> None:
+        """Let the choice follow the newest reading again."""
+        self._choice.follow_newest()
+        self._refresh()
+
+    def step(self, by: int) -> None:
+        """Choose the next reading (or one before it), round and round."""
+        self._choice.step(by, len(self.shown.readings))
+        self._refresh()
+
+    def close(self) -> None:
+        """Stop the board, close the log, end every thread; twice does no harm."""
+        self._timer.stop()
+        if self._live is not None:
+            self._live.stop()
+            self._live.join()
+        self._files.close()
+        self._forecast.close()
+
+    # what happens meanwhile
+
+    @property
+    def _scanning(self) -> bool:
+        return self._live is not None and not self._live.status.ended
+
+    @Slot()
+    def tick(self) -> None:
+        """Fetch what has happened since the last tick, and tell."""
+        now = time.monotonic()
+        elapsed, self._last_tick = now - self._last_tick, now
+        for opened in self._files.take():
+            self._take_opened(opened)
+        self.replay.advance(elapsed)
+        heard = self._take_heard()
+        if self._forecast.take() or heard:
+            self._refresh()
+        for message in self._forecast.failures:
+            self.warned.emit(message)
+        self._forecast.failures.clear()
+        self._tell_status(now)
+
+    def _take_opened(self, opened: LogOpened | RoomOpened | Failure) -> None:
+        if self._scanning:
+            return  # asked for before the scan began; it would tear it from its room
+        match opened:
+            case Failure():
+                self.warned.emit(opened.message)
+            case RoomOpened():
+                self.set_scene(opened.scene)
+            case LogOpened():
+                here = self.shown.scene
+                self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
+                self.show_log(opened.log, opened.name)
+
+    def _take_heard(self) -> bool:
+        if self._live is None:
+            return False
+        status = self._live.status  # before its readings, so that none comes after the end
+        fresh = self._live.take()
+        if fresh:
+            self._rate.add(len(fresh), self._last_tick)
+            self._heard += tuple(fresh)
+            self._forecast.follow(self._heard)
+        if status.ended and not self._end_told:
+            self._end_told = True
+            self._tell_end(status)
+        return bool(fresh)
+
+    def _tell_end(self, status: LiveStatus) -> None:
+        if status.error is None:
+            return
+        if not isinstance(status.error, SonarError | OSError):
+            raise status.error
+        kept = f"; {status.made} readings are kept in {status.recording}" if status.recording else ""
+        self.warned.emit(f"{status.error}{kept}")
+
+    def _begin(self) -> None:
+        self.warned.emit("")
+        self._heard = ()
+        self._rate = RateMeter()
+        self._choice.follow_newest()
+        self._forecast.begin_scan()
+
+    @Slot()
+    def _refresh(self) -> None:
+        readings = self._played() if self.replay.loaded else self._heard
+        self.shown = replace(
+            self.shown,
+            outline=self._forecast.outline,
+            compared=self._forecast.compared,
+            readings=readings,
+            chosen=self._choice.among(len(readings)),
+        )
+        self.shown_changed.emit(self.shown)
+
+    def _played(self) -> tuple[Reading, ...]:
+        before, count = self.shown.readings, self.replay.count
+        if len(before) == count and (not count or before[-1] is self.replay.readings[count - 1]):
+            return before  # the same object, so that views see nothing to draw
+        self._rate.add(max(0, count - len(before)), time.monotonic())
+        return self.replay.readings[:count]
+
+    def _tell_status(self, now: float) -> None:
+        status = self._status(now)
+        if status != self.status:
+            self.status = status
+            self.status_changed.emit(status)
+
+    def _status(self, now: float) -> Status:
+        live = self._live.status if self._live else LiveStatus(Phase.DONE)
+        newest = self.shown.readings[-1] if self.shown.readings else None
+        source = Source.REPLAY if self.replay.loaded else Source.LIVE if self._live else Source.NONE
+        return Status(
+            source=source,
+            phase=live.phase if self._live else None,
+            can_scan=self._opener is not None,
+            readings=len(self.shown.readings),
+            rate=self._rate.rate(now),
+            lost=self._lost_in_log if self.replay.loaded else live.lost,
+            temperature_c=newest.temperature_c if self.replay.loaded and newest else live.temperature_c,
+            recording=live.recording,
+            predicting=self._forecast.busy,
+        )

@@ -1,0 +1,91 @@
+"""What the window shows at one moment: a frozen value that every view draws its part of.
+
+Takes scene, readings, prediction and choice; hands on the same things as a view wants to ask for them. A view compares
+the parts with those it drew last and redraws only what is another object.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from compare.explain import explain
+from compare.match import Kind, Matched
+from gui.forecast import Compared
+from gui.palette import Unclassed
+from gui.scene import Scene
+from sim.prediction import PredictedScan
+from sonarhw.readings import FloatArray, Reading
+
+
+@dataclass(frozen=True)
+class ClassPoints:
+    """The readings of one class, as points over heading."""
+
+    readings: tuple[int, ...]  # which readings
+    headings: FloatArray  # rad in the room
+    ranges: FloatArray  # m; of a missed echo the predicted one
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Everything the views draw."""
+
+    scene: Scene
+    outline: PredictedScan | None = None
+    compared: Compared | None = None
+    readings: tuple[Reading, ...] = ()
+    chosen: int | None = None
+
+    @property
+    def chosen_reading(self) -> Reading | None:
+        """The reading that trace, rays and sentence are about."""
+        return None if self.chosen is None else self.readings[self.chosen]
+
+    @property
+    def chosen_row(self) -> Matched | None:
+        """The chosen reading beside its prediction; None where it has not been compared."""
+        return None if self.chosen is None else self.row(self.chosen)
+
+    def row(self, reading: int) -> Matched | None:
+        """A reading beside its prediction; None where it has not been compared."""
+        return self.compared.row(reading) if self.compared else None
+
+    def heading(self, reading: int) -> float:
+        """Where a reading looks in the room, rad."""
+        return self.scene.standing.heading + self.readings[reading].angle
+
+    def same_readings(self, other: "Shown") -> bool:
+        """Whether `other` has the same readings in the same classes at the same points."""
+        return self.readings is other.readings and self.compared is other.compared and self.scene is other.scene
+
+    @cached_property
+    def sentence(self) -> str:
+        """What the chosen reading says; an invitation where there is none."""
+        if self.chosen is None:
+            return "No reading yet: press Scan or open a log."
+        row = self.chosen_row
+        if row is not None:
+            return explain(self.compared.comparison, self.chosen - self.compared.first)
+        heard = self.readings[self.chosen].range
+        at = f"{math.degrees(self.heading(self.chosen)) % 360:.1f}°"
+        told = f"no echo at {at}" if heard is None else f"{heard:.3f} m at {at}"
+        return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
+
+    @cached_property
+    def classes(self) -> dict[Kind | Unclassed, ClassPoints]:
+        """All readings that can be drawn, by class."""
+        sorted_out: dict[Kind | Unclassed, list[tuple[int, float, float]]] = {}
+        for index, reading in enumerate(self.readings):
+            row = self.row(index)
+            kind = row.kind if row else Unclassed.MEASURED
+            at = reading.range if reading.range is not None else row.predicted if row else None
+            if at is not None:
+                sorted_out.setdefault(kind, []).append((index, self.heading(index), at))
+        return {kind: _points(found) for kind, found in sorted_out.items()}
+
+
+def _points(found: list[tuple[int, float, float]]) -> ClassPoints:
+    readings, headings, ranges = zip(*found, strict=True)
+    return ClassPoints(readings, np.array(headings), np.array(ranges))

@@ -1,0 +1,62 @@
+"""The status bar: live or replay, readings per second, readings lost, temperature, and where the scan is recorded.
+
+Takes the status; hands on nothing.
+"""
+
+from PySide6.QtWidgets import QLabel, QStatusBar
+
+from gui.palette import LIVE, REPLAY
+from gui.status import Source, Status
+
+_COLOURS = {Source.NONE: "#666666", Source.LIVE: LIVE, Source.REPLAY: REPLAY}
+
+
+class StatusBar(QStatusBar):
+    """One line at the bottom."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizeGripEnabled(False)
+        self.setStyleSheet("QStatusBar::item { border: none; }")
+        self.doing = QLabel()
+        self.badge = QLabel()
+        self.figures = QLabel(toolTip="Readings shown · readings per second · readings lost on the link · air")
+        self.addWidget(self.doing, 1)
+        self.addPermanentWidget(self.figures)
+        self.addPermanentWidget(self.badge)
+        self.show_state(Status())
+
+    def show_state(self, status: Status) -> None:
+        """Say how things stand."""
+        self.doing.setText(doing(status))
+        self.figures.setText(figures(status))
+        self.badge.setText(badge(status))
+        self.badge.setStyleSheet(
+            f"color: white; background: {_COLOURS[status.source]}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+        )
+
+
+def badge(status: Status) -> str:
+    """Where the readings come from."""
+    running = status.source is Source.LIVE and status.scanning
+    return f"● {status.source}" if running else str(status.source)
+
+
+def figures(status: Status) -> str:
+    """The numbers."""
+    parts = [f"{status.readings} readings", f"{status.rate:.1f} Hz", f"{status.lost} lost"]
+    if status.temperature_c is not None:
+        parts.append(f"{status.temperature_c:.1f} °C")
+    return " · ".join(parts)
+
+
+def doing(status: Status) -> str:
+    """What goes on now."""
+    parts = []
+    if status.source is Source.LIVE and status.phase is not None:
+        parts.append(str(status.phase))
+    if status.source is Source.LIVE and status.recording is not None:
+        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {status.recording}")
+    if status.predicting:
+        parts.append("predicting …")
+    return " · ".join(parts)
