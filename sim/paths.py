@@ -106,8 +106,11 @@ def _edges_in_sight(room: Room, place: FloatArray) -> NDArray[np.intp]:
 def _distinct(touched: IntArray, candidates: IntArray) -> IntArray:
     """One candidate for each sequence and target: neighbouring rays find the same ones."""
     ray, bounces, target = candidates.T
-    keys = np.where(np.arange(touched.shape[1]) < bounces[:, None], touched[ray], -1)
-    _, first = np.unique(np.column_stack((target, keys)), axis=0, return_index=True)
+    most = bounces.max(initial=0)
+    sequences = np.where(np.arange(most) < bounces[:, None], touched[ray, :most], -1)
+    # rows as bytes: equal or not is all that is asked, and bytes compare fast
+    keys = np.column_stack((target, sequences)).astype(np.int32)
+    _, first = np.unique(keys.view(f"V{keys.itemsize * keys.shape[1]}").ravel(), return_index=True)
     return candidates[np.sort(first)]
 
 

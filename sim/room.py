@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from sim.air import Air
 from sim.edges import Edges, find_edges
@@ -105,7 +104,10 @@ def parse_room(text: str, where: str) -> Room:
 def _join_ends(walls: FloatArray) -> FloatArray:
     """The walls with ends that meet moved to one point, so that no sound slips through a gap of rounding."""
     ends = walls.reshape(-1, 2).copy()
-    # pairs come sorted, so an end follows the first one it meets
-    for first, second in sorted(cKDTree(ends).query_pairs(MEETING)):
-        ends[second] = ends[first]
+    by_x = np.argsort(ends[:, 0], kind="stable")
+    behind = np.searchsorted(ends[by_x, 0], ends[by_x, 0] + MEETING, side="right")
+    for k, first in enumerate(by_x):
+        for second in by_x[k + 1 : behind[k]]:
+            if math.dist(ends[first], ends[second]) <= MEETING:
+                ends[max(first, second)] = ends[min(first, second)]
     return ends.reshape(-1, 4)

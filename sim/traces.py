@@ -7,6 +7,7 @@ ideal gain, so the board's threshold lies at 10^(threshold_db / 20).
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.board import Board
 from sim.prediction import PredictedScan
@@ -21,13 +22,12 @@ _DYING = 8.0  # time constants after which a pulse is over
 def predicted_trace(scan: PredictedScan, index: int, duration: float, rate: float = RATE) -> Trace:
     """The envelope heard at heading `index` of a scan, from the start of transmission for `duration` s."""
     board, air = scan.board, scan.room.air
-    samples = np.zeros(max(1, math.ceil(duration * rate)), dtype=np.complex128)
     amplitudes = 10 ** (scan.levels[index] / 20)
-    for path in np.flatnonzero(amplitudes > _FAINTEST):
-        arrival = scan.paths.lengths[path] / air.speed_of_sound
-        _add_pulse(samples, board, rate, float(arrival), float(amplitudes[path]))
+    heard = amplitudes > _FAINTEST
     # the board's own burst drives the receiver to its limit until the transducer has rung down
-    _add_pulse(samples, board, rate, 0.0, 4.0)
+    arrivals = np.append(scan.paths.lengths[heard] / air.speed_of_sound, 0.0)
+    strengths = np.append(amplitudes[heard], 4.0)
+    samples = _sum_of_pulses(arrivals, strengths, board, rate, max(1, math.ceil(duration * rate)))
     return Trace(np.minimum(np.abs(samples), 1.0), rate, 0.0)
 
 
@@ -39,11 +39,17 @@ def pulse_envelope(times: FloatArray, board: Board) -> FloatArray:
     return np.asarray(swelling * np.exp(-np.maximum(times - burst, 0) / rise))
 
 
-def _add_pulse(samples: np.ndarray, board: Board, rate: float, arrival: float, amplitude: float) -> None:
+def _sum_of_pulses(
+    arrivals: FloatArray, amplitudes: FloatArray, board: Board, rate: float, count: int
+) -> NDArray[np.complex128]:
+    """Complex envelope of all arrivals (s) together, each with the phase its carrier has then, (count,)."""
     lasting = (board.transmit_cycles + _DYING * RISE_CYCLES) / board.frequency
-    first = math.ceil(arrival * rate)
-    last = min(len(samples), math.ceil((arrival + lasting) * rate))
-    if first < last:
-        since = np.arange(first, last) / rate - arrival
-        phase = np.exp(-1j * math.tau * board.frequency * arrival)
-        samples[first:last] += amplitude * phase * pulse_envelope(since, board)
+    first = np.ceil(arrivals * rate).astype(np.intp)
+    samples = first[:, None] + np.arange(math.ceil(lasting * rate))
+    phases = amplitudes * np.exp(-1j * math.tau * board.frequency * arrivals)
+    pulses = phases[:, None] * pulse_envelope(samples / rate - arrivals[:, None], board)
+    within = samples < count
+    real, imaginary = (
+        np.bincount(samples[within], weights=part[within], minlength=count) for part in (pulses.real, pulses.imag)
+    )
+    return np.asarray(real + 1j * imaginary)
