@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from cli import bench, compare, demo, fake, import_csv, info, paths, ports, replay, scan, simulate
+from cli import bench, compare, demo, fake, gui, import_csv, info, paths, ports, replay, scan, simulate
 from cli import log as log_command
 from sonarhw.errors import SonarError
 
@@ -38,6 +38,7 @@ app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
+app.command("gui")(gui.gui)
 
 
 def _show_version(wanted: bool) -> None:
@@ -61,9 +62,9 @@ def run(arguments: list[str] | None = None) -> int:
     try:
         # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
-            command.invoke(context)
+            status = command.invoke(context)
         sys.stdout.flush()
-        return 0
+        return status or 0
     except typer.Exit as exit_wanted:
         return exit_wanted.exit_code
     except SonarError as error:

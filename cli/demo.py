@@ -21,20 +21,16 @@ def demo(
     headless: Annotated[
         Path | None, typer.Option(help="No window: leave scan.mcap, overlay.png and summary.json here.", metavar="DIR")
     ] = None,
-) -> None:
+) -> int:
     """Scan the demo room with a fake scanner and see the scan over its prediction.
 
     Its own files of an earlier run are written anew: the demo is seeded and gives the same again.
     """
-    from cli.display import has_display
-
     with demo_room() as room_file:
-        if headless is None and has_display():
-            _in_a_window(room_file)
-            return
-        if headless is None:
-            typer.echo("There is no display: the demo runs without a window.")
+        if headless is None and _has_display():
+            return _in_a_window(room_file)
         _without_a_window(room_file, headless or RESULT)
+        return 0
 
 
 @contextmanager
@@ -51,10 +47,21 @@ def demo_url(room_file: Path, pace: str) -> str:
     return f"fake:{room_file}?place={PLACE}&seed={SEED}&pace={pace}"
 
 
-def _in_a_window(room_file: Path) -> None:
+def _has_display() -> bool:
+    from gui.display import NoDisplay, check_display
+
+    try:
+        check_display()
+    except NoDisplay as error:
+        typer.echo(f"The demo runs without a window: {error}")
+        return False
+    return True
+
+
+def _in_a_window(room_file: Path) -> int:
     from cli.gui import gui
 
-    gui(demo_url(room_file, "real"), room_file, PLACE)
+    return gui(demo_url(room_file, "real"), room_file, PLACE)
 
 
 def _without_a_window(room_file: Path, folder: Path) -> None:
