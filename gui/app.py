@@ -22,8 +22,6 @@ from gui.palette import INK, PAPER
 from gui.recording import recordings_folder
 from gui.scene import Scene
 from gui.session import Session
-from sim.board import Board
-from sim.room import Place, Room
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
 
@@ -46,13 +44,10 @@ _FAINT = "#9A9A9A"
 
 @dataclass(frozen=True)
 class WindowStart:
-    """What the window opens on; room and place are both given or both None."""
+    """What the window opens on."""
 
-    room: Room | None
-    place: Place | None
-    board: Board
-    source: ScannerOpener | Log | None = None
-    room_file: str = ""  # its name, for the logs of live scans
+    scene: Scene
+    source: ScannerOpener | Log | None = None  # how to get at a scanner, or a log to replay
     source_name: str = "the log"  # file name, for messages
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
@@ -92,9 +87,8 @@ def open_application() -> QApplication:
 def open_window(start: WindowStart) -> MainWindow:
     """A window, not shown yet, with its session."""
     log = start.source if isinstance(start.source, Log) else None
-    scene = Scene(start.room, start.place, start.board, start.room_file)
     wish = ScanWish(start.recordings, start.order, start.traces)
-    session = Session(scene, None if log else start.source, wish)
+    session = Session(start.scene, None if log else start.source, wish)
     window = MainWindow(session)
     if log is not None:
         session.show_log(log, start.source_name)

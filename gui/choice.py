@@ -10,11 +10,15 @@ class Choice:
     def __init__(self) -> None:
         self._picked: int | None = None
 
-    def among(self, count: int) -> int | None:
-        """The chosen one of `count` readings; None where there are none."""
+    def among(self, count: int, compared: int = 0) -> int | None:
+        """The chosen one of `count` readings; None where there are none.
+
+        The newest is the newest of the first `compared`, where there are such: there is more to say about it.
+        """
         if count == 0:
             return None
-        return count - 1 if self._picked is None else min(self._picked, count - 1)
+        newest = min(compared, count) - 1 if compared else count - 1
+        return newest if self._picked is None else min(self._picked, count - 1)
 
     def pick(self, index: int) -> None:
         """Stay with one reading."""
@@ -24,8 +28,7 @@ class Choice:
         """Go with the newest one again."""
         self._picked = None
 
-    def step(self, by: int, count: int) -> None:
-        """Pick the one `by` further among `count`, round and round."""
-        now = self.among(count)
+    def step(self, by: int, now: int | None, count: int) -> None:
+        """Pick the one `by` further than `now` among `count`, round and round."""
         if now is not None:
             self._picked = (now + by) % count

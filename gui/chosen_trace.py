@@ -15,7 +15,7 @@ from sim.prediction import Echo, PredictedScan
 from sim.traces import predicted_trace
 from sonarhw.readings import FloatArray, Reading, Trace
 
-FLOOR_DB = -70.0
+_BELOW_THRESHOLD_DB = 12.0  # the axis ends there; the noise of a converter of 8 bits lies above
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Curve:
     """One trace."""
 
     ranges: FloatArray  # m
-    levels: FloatArray  # dB below full scale, not under FLOOR_DB
+    levels: FloatArray  # dB below full scale, not under the floor
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,8 @@ class ChosenTrace:
     echoes: tuple[NamedEcho, ...]
     blanking: float  # m
     threshold_db: float
-    reach: float  # m, end of the axis
+    floor_db: float  # end of the level axis
+    reach: float  # m, end of the range axis
 
 
 def chosen_trace(shown: Shown) -> ChosenTrace | None:
@@ -55,13 +56,14 @@ def chosen_trace(shown: Shown) -> ChosenTrace | None:
     reading, row, scene = shown.chosen_reading, shown.chosen_row, shown.scene
     if reading is None:
         return None
-    measured = None if reading.trace is None else _curve(reading.trace, reading.speed_of_sound)
+    floor = scene.board.threshold_db - _BELOW_THRESHOLD_DB
+    measured = None if reading.trace is None else _curve(reading.trace, reading.speed_of_sound, floor)
     reach = _reach(scene, reading)
     predicted, echoes = None, ()
     if row is not None:
         prediction = shown.compared.comparison.prediction
         speed = prediction.room.air.speed_of_sound
-        predicted = _curve(predicted_trace(prediction, row.index, 2 * reach / speed), speed)
+        predicted = _curve(predicted_trace(prediction, row.index, 2 * reach / speed), speed, floor)
         echoes = _echoes(prediction, row.index)
     return ChosenTrace(
         heading=shown.heading(shown.chosen),
@@ -70,6 +72,7 @@ def chosen_trace(shown: Shown) -> ChosenTrace | None:
         echoes=echoes,
         blanking=scene.board.blanked_range(scene.room.air if scene.room else Air()),
         threshold_db=scene.board.threshold_db,
+        floor_db=floor,
         reach=reach,
     )
 
@@ -80,10 +83,10 @@ def _reach(scene: Scene, reading: Reading) -> float:
     return float(reading.trace.times[-1]) * reading.speed_of_sound / 2
 
 
-def _curve(trace: Trace, speed_of_sound: float) -> Curve:
+def _curve(trace: Trace, speed_of_sound: float, floor: float) -> Curve:
     with np.errstate(divide="ignore"):
         levels = 20 * np.log10(np.abs(trace.samples))
-    return Curve(trace.times * speed_of_sound / 2, np.maximum(levels, FLOOR_DB))
+    return Curve(trace.times * speed_of_sound / 2, np.maximum(levels, floor))
 
 
 def _echoes(prediction: PredictedScan, index: int) -> tuple[NamedEcho, ...]:

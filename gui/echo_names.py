@@ -1,58 +1,113 @@
-"""Names at the predicted echoes of the trace: upright, the important ones first, no two over each other.
+"""Names at the predicted echoes of the trace, in a few rows above it: the important ones first, none over another.
 
-Takes echoes; draws the names that fit at this zoom. Those that do not fit appear when one zooms in or hovers.
+Takes echoes; draws a stem to each, and the names that fit at this zoom. The others appear when one zooms in or hovers.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import numpy as np
 import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QFont, QFontMetricsF
 
 from gui.chosen_trace import NamedEcho
-from gui.palette import INK, PREDICTED
+from gui.palette import INK, PAPER, PREDICTED
 
-_APART = 15.0  # pixels between two names
-_LONGEST = 26  # characters; the middle gives way
+_ROWS = 5
+_ROW = 15.0  # pixels
+_GAP = 9.0  # pixels between two names in a row
+_LONGEST = 30  # characters; the middle gives way
+_POINTS = 8.0  # of the font
+
+
+@dataclass(frozen=True)
+class _Name:
+    echo: NamedEcho
+    row: int
+    leftward: bool  # it ends at its stem instead of beginning there
 
 
 class EchoNames:
-    """The names of one trace."""
+    """Names and stems of the echoes of one trace; the rows lie above 0 dB, where no trace is."""
 
-    def __init__(self, view: pg.ViewBox, top: float) -> None:
+    def __init__(self, view: pg.ViewBox) -> None:
         self._view = view
-        self._top = top  # level at which a name begins, dB
+        self._font = QFont()
+        self._font.setPointSizeF(_POINTS)
+        self._metrics = QFontMetricsF(self._font)
         self._echoes: tuple[NamedEcho, ...] = ()
+        self._floor = -50.0  # dB
         self._items: list[pg.TextItem] = []
+        self._stems = pg.PlotCurveItem(pen=pg.mkPen(PREDICTED, width=1, style=Qt.PenStyle.DotLine), connect="pairs")
+        self._heads = pg.ScatterPlotItem(size=7, symbol="t", pen=None, hoverable=True, tip=_tip)
+        for item in (self._stems, self._heads):
+            view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)
         view.sigResized.connect(self._lay_out)
 
-    def draw(self, echoes: Sequence[NamedEcho]) -> None:
-        """Name these echoes from now on."""
+    def draw(self, echoes: Sequence[NamedEcho], floor: float) -> None:
+        """Name these echoes from now on; the level axis begins at `floor`, dB."""
         self._echoes = tuple(sorted(echoes, key=lambda echo: (not echo.first, -echo.level_db)))
+        self._floor = floor
+        self._heads.setData(
+            np.array([echo.range for echo in self._echoes]),
+            np.array([max(echo.level_db, floor) for echo in self._echoes]),
+            data=self._echoes,
+            brush=[pg.mkBrush(PREDICTED if echo.heard else INK) for echo in self._echoes],
+        )
         self._lay_out()
 
     def _lay_out(self, *_: object) -> None:
-        shown = self._fitting()
-        while len(self._items) < len(shown):
-            item = pg.TextItem(anchor=(0, 0.5), angle=-90)
+        height = max(self._view.height(), 1.0)
+        per_pixel = -self._floor / max(height - _ROWS * _ROW, 0.3 * height)  # dB
+        self._view.setYRange(self._floor, self._floor + height * per_pixel, padding=0)
+        names = self._fitting()
+        self._stems.setData(*self._stem_ends(names, per_pixel).T)
+        while len(self._items) < len(names):
+            item = pg.TextItem(fill=pg.mkBrush(PAPER))
+            item.setFont(self._font)
             self._view.addItem(item, ignoreBounds=True)
             self._items.append(item)
-        for item in self._items[len(shown) :]:
+        for item in self._items[len(names) :]:
             item.setVisible(False)
-        for item, echo in zip(self._items, shown, strict=False):
-            item.setText(shortened(echo.via), color=PREDICTED if echo.heard else INK)
-            item.setPos(echo.range, self._top)
+        for item, name in zip(self._items, names, strict=False):
+            item.setText(shortened(name.echo.via), color=PREDICTED if name.echo.heard else INK)
+            item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
+            item.setPos(name.echo.range, _level(name.row, per_pixel))
             item.setVisible(True)
 
-    def _fitting(self) -> list[NamedEcho]:
-        """The most important echoes in view that leave room for one another."""
+    def _fitting(self) -> list[_Name]:
+        """A row for every echo in view that finds room in one, the most important first."""
         left, right = self._view.viewRange()[0]
-        apart = _APART * (right - left) / max(self._view.width(), 1.0)
-        named: list[NamedEcho] = []
+        scale = max(self._view.width(), 1.0) / (right - left)  # pixels a metre
+        rows: list[list[tuple[float, float]]] = [[] for _ in range(_ROWS)]
+        names = []
         for echo in self._echoes:
-            inside = left <= echo.range <= right
-            if inside and all(abs(echo.range - other.range) >= apart for other in named):
-                named.append(echo)
-        return named
+            at = (echo.range - left) * scale
+            width = self._metrics.horizontalAdvance(shortened(echo.via)) + _GAP
+            leftward = at + width > self._view.width()
+            begin, end = (at - width, at) if leftward else (at, at + width)
+            if at < 0 or at > self._view.width() or begin < 0:
+                continue
+            row = next((k for k in range(_ROWS) if all(end <= b or begin >= e for b, e in rows[k])), None)
+            if row is not None:
+                rows[row].append((begin, end))
+                names.append(_Name(echo, row, leftward))
+        return names
+
+    def _stem_ends(self, names: Sequence[_Name], per_pixel: float) -> np.ndarray:
+        ends = [
+            (name.echo.range, level)
+            for name in names
+            for level in (max(name.echo.level_db, self._floor), _level(name.row, per_pixel))
+        ]
+        return np.array(ends).reshape(-1, 2)
+
+
+def _level(row: int, per_pixel: float) -> float:
+    """The middle of a row, dB; row 0 is the highest."""
+    return (_ROWS - row - 0.5) * _ROW * per_pixel
 
 
 def shortened(via: str) -> str:
@@ -61,3 +116,8 @@ def shortened(via: str) -> str:
         return via
     half = (_LONGEST - 1) // 2
     return f"{via[:half]}…{via[-half:]}"
+
+
+def _tip(x: float, y: float, data: NamedEcho) -> str:
+    state = "reported" if data.first else "heard later" if data.heard else "within blanking"
+    return f"{data.via}\n{data.range:.3f} m, {data.level_db:.1f} dB, {state}"

@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QPainter, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from compare.match import Kind
-from gui.palette import BEAM, CHOSEN, MARKS, MEASURED, PREDICTED, Mark
+from gui.palette import BEAM, BLANKING, CHOSEN, MARKS, MEASURED, PREDICTED, Mark
 
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
@@ -31,13 +31,19 @@ class Legend(QWidget):
         row.addStretch(1)
         for colour, style, name, meaning in _LINES:
             _add(row, _line_picture(colour, style, self.devicePixelRatioF()), name, meaning)
-        _add(row, _patch_picture(BEAM, self.devicePixelRatioF()), "beam", "within it the sound has over half its power")
+        for colour, name, meaning in _PATCHES:
+            _add(row, _patch_picture(colour, self.devicePixelRatioF()), name, meaning)
 
 
 _LINES = (
     (MEASURED, Qt.PenStyle.SolidLine, "measured trace", "the receive signal that the board recorded"),
     (PREDICTED, Qt.PenStyle.SolidLine, "predicted", "what the model says the board reports; in the trace view dashed"),
     (CHOSEN, Qt.PenStyle.SolidLine, "rays", "the path of the chosen reading by bounce; dotted: expected, not measured"),
+)
+
+_PATCHES = (
+    (BEAM, "beam", "within it the sound has over half its power"),
+    (BLANKING, "blanking", "what arrives so early the board cannot hear"),
 )
 
 
@@ -60,8 +66,7 @@ def _mark_picture(mark: Mark, ratio: float) -> QPixmap:
     with QPainter(picture) as painter:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        pen = pg.mkPen(None) if mark.filled else pg.mkPen(mark.colour, width=2)
-        drawSymbol(painter, mark.symbol, 9, pen, pg.mkBrush(mark.colour if mark.filled else None))
+        drawSymbol(painter, mark.symbol, 10, pg.mkPen(None), pg.mkBrush(mark.colour))
     return picture
 
 

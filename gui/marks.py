@@ -12,7 +12,7 @@ from gui.palette import CHOSEN, MARKS, PAPER, Unclassed
 from gui.shown import ClassPoints
 from sonarhw.readings import FloatArray
 
-_SIZE = 8
+_SIZE = 9
 _RING = 16
 Placed = tuple[ClassPoints, FloatArray]
 
@@ -52,8 +52,8 @@ def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlo
     return pg.ScatterPlotItem(
         size=_SIZE,
         symbol=mark.symbol,
-        pen=pg.mkPen(PAPER if mark.filled else mark.colour, width=1 if mark.filled else 2),
-        brush=pg.mkBrush(mark.colour) if mark.filled else None,
+        pen=pg.mkPen(PAPER, width=1),
+        brush=pg.mkBrush(mark.colour),
         hoverable=True,
         tip=lambda x, y, data: tip(data),
     )

@@ -39,16 +39,15 @@ class Mark:
     name: str
     symbol: str  # of pyqtgraph
     colour: str
-    filled: bool
     meaning: str
 
 
-UNCLASSED = Mark("measured", "o", MEASURED, True, "measured, not compared with a prediction")
+UNCLASSED = Mark("measured", "o", MEASURED, "measured, not compared with a prediction")
 MARKS: dict[Kind | Unclassed, Mark] = {
-    Kind.MATCH: Mark("match", "o", MEASURED, True, "measured and predicted range differ by at most 5 cm"),
-    Kind.SHORT: Mark("short", "t", "#A0578A", True, "measured nearer than predicted, by more than 5 cm"),
-    Kind.LONG: Mark("long", "t1", "#009E73", True, "measured farther than predicted, by more than 5 cm"),
-    Kind.EXTRA: Mark("extra", "s", "#E69F00", True, "an echo was measured where silence was predicted"),
-    Kind.MISSED: Mark("missed", "x", "#56B4E9", False, "an echo was predicted, drawn where, and none was measured"),
+    Kind.MATCH: Mark("match", "o", MEASURED, "measured and predicted range differ by at most 5 cm"),
+    Kind.SHORT: Mark("short", "t", "#A0578A", "measured nearer than predicted, by more than 5 cm"),
+    Kind.LONG: Mark("long", "t1", "#009E73", "measured farther than predicted, by more than 5 cm"),
+    Kind.EXTRA: Mark("extra", "s", "#E69F00", "an echo was measured where silence was predicted"),
+    Kind.MISSED: Mark("missed", "x", "#56B4E9", "an echo was predicted, drawn where, and none was measured"),
     Unclassed.MEASURED: UNCLASSED,
 }

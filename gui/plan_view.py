@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QPainterPath
+from PySide6.QtGui import QFont, QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
 from compare.picture import points_at
 from gui.marks import ReadingMarks
-from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PREDICTED, WALL
+from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, PREDICTED, WALL
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import beam_wedge, half_power_angle, outline_points, wall_lines
 from gui.reading_tip import reading_tip
@@ -22,6 +22,7 @@ from sim.room import Room
 from sonarhw.readings import FloatArray
 
 _BEAM_LENGTH = 0.3  # of the room's diagonal
+_BEYOND = 0.17  # of the room's longer side
 _MOST_NUMBERED = 9  # bounces; numbers on more would hide the rays
 
 
@@ -84,8 +85,16 @@ class PlanView(pg.PlotWidget):
             self.fit()
 
     def fit(self) -> None:
-        """Show everything."""
-        self.plotItem.vb.autoRange(padding=0.04)
+        """Show the room and some way beyond, where echoes by several walls seem to lie; without a room everything."""
+        room = self._shown.scene.room if self._shown else None
+        if room is None:
+            self.plotItem.vb.autoRange(padding=0.05)
+            return
+        corners = wall_lines(room)
+        (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+        beyond = _BEYOND * max(right - left, top - bottom)
+        area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
+        self.plotItem.vb.setRange(area, padding=0)
 
     def _draw_scene(self, shown: Shown) -> None:
         room = shown.scene.room
@@ -144,7 +153,15 @@ def _posts_path(room: Room) -> QPainterPath:
 
 
 def _number(number: int) -> pg.TextItem:
-    item = pg.TextItem(str(number), color=CHOSEN, anchor=(0.5, 0.5), fill=pg.mkBrush("w"), border=pg.mkPen(CHOSEN))
+    # beside the bounce, where the reading may lie
+    item = pg.TextItem(str(number), color=PAPER, anchor=(-0.4, 1.3), fill=pg.mkBrush(CHOSEN))
+    item.setFont(_small_font())
     item.setZValue(9)
     item.setVisible(False)
     return item
+
+
+def _small_font() -> QFont:
+    font = QFont()
+    font.setPointSizeF(7.5)
+    return font

@@ -40,7 +40,14 @@ class RangeView(pg.GraphicsLayoutWidget):
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
-        self._outline = pg.PlotCurveItem(pen=pg.mkPen(PREDICTED, width=1), connect="finite")
+        self._outline = pg.PlotDataItem(
+            pen=pg.mkPen(PREDICTED, width=1),
+            symbol="o",
+            symbolSize=3,
+            symbolPen=None,
+            symbolBrush=PREDICTED,
+            connect="finite",
+        )
         self.ranges.addItem(self._outline)
         self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))

@@ -124,7 +124,7 @@ class Session(QObject):
 
     def step(self, by: int) -> None:
         """Choose the next reading (or one before it), round and round."""
-        self._choice.step(by, len(self.shown.readings))
+        self._choice.step(by, self.shown.chosen, len(self.shown.readings))
         self._refresh()
 
     def close(self) -> None:
@@ -203,12 +203,13 @@ class Session(QObject):
     @Slot()
     def _refresh(self) -> None:
         readings = self._played() if self.replay.loaded else self._heard
+        compared = self._forecast.compared
         self.shown = replace(
             self.shown,
             outline=self._forecast.outline,
-            compared=self._forecast.compared,
+            compared=compared,
             readings=readings,
-            chosen=self._choice.among(len(readings)),
+            chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )
         self.shown_changed.emit(self.shown)
 

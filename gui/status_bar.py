@@ -21,6 +21,7 @@ class StatusBar(QStatusBar):
         self.doing = QLabel()
         self.badge = QLabel()
         self.figures = QLabel(toolTip="Readings shown · readings per second · readings lost on the link · air")
+        self.setContentsMargins(8, 0, 4, 0)
         self.addWidget(self.doing, 1)
         self.addPermanentWidget(self.figures)
         self.addPermanentWidget(self.badge)

@@ -1,0 +1,166 @@
+"""`sonarhw gui`: the window, on a log, on a scanner, or on the demo."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import parse_qsl
+
+import typer
+
+from cli.connect import read_pace, read_seed, resolve
+from cli.options import DEFAULT_BOARD, PlaceName
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from gui.scene import Scene
+    from sonarhw.log import Log, LogMetadata
+    from sonarhw.scanner import Scanner
+
+_FAKE = "fake:"
+_DEMO = "place=bench&seed=1"
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """What the person asked for besides the source."""
+
+    room: Path | None
+    place: str | None
+    board: str | None
+
+
+def gui(
+    source: Annotated[
+        str | None,
+        typer.Argument(help="Log, serial port, socket://HOST:PORT or fake:ROOM?place=NAME.", metavar="LOG|URL"),
+    ] = None,
+    room: Annotated[Path | None, typer.Option(help="Room file; default: the one in the log.", metavar="ROOM")] = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile; default: the log's own.", metavar="NAME|FILE.toml")
+    ] = None,
+) -> int:
+    """Open the window: scan live or replay a log; without LOG or URL a fake scanner scans the demo room."""
+    wish = _Wish(room, place, board)
+    if source is not None and _is_log(source):
+        return _replay(Path(source), wish)
+    with _demo_url() if source is None else _as_it_is(source) as url:
+        return _scan(url, wish)
+
+
+def _is_log(source: str) -> bool:
+    return Path(source).suffix == ".mcap" and not source.startswith(_FAKE)
+
+
+@contextmanager
+def _demo_url() -> Iterator[str]:
+    from importlib.resources import as_file, files
+
+    with as_file(files("rooms") / "laboratory.toml") as path:
+        yield f"{_FAKE}{path}?{_DEMO}"
+
+
+@contextmanager
+def _as_it_is(url: str) -> Iterator[str]:
+    yield url
+
+
+def _replay(path: Path, wish: _Wish) -> int:
+    from cli.log_input import open_log
+    from gui.display import check_display
+
+    log = open_log(path)
+    scene = _log_scene(log, wish)
+    check_display()
+    from gui.app import WindowStart, run_window
+
+    return run_window(WindowStart(scene, log, source_name=path.name))
+
+
+def _scan(url: str, wish: _Wish) -> int:
+    from gui.display import check_display
+
+    fake = url.startswith(_FAKE)
+    scene = _fake_scene(url, wish) if fake else _scene(wish)
+    check_display()
+    from gui.app import WindowStart, run_window
+
+    with ExitStack() as during:
+        way = _Way(url, during)
+        # a fake may begin at once; a turntable that is there moves only when somebody says so
+        return run_window(WindowStart(scene, way.open, autostart=fake))
+
+
+class _Way:
+    """The way to a scanner: what the URL needs is started by the first scan, for a fake takes seconds to get ready."""
+
+    def __init__(self, url: str, during: ExitStack) -> None:
+        self._url = url
+        self._during = during
+        self._target: str | None = None
+
+    def open(self) -> "Scanner":
+        """The scanner, greeted. Raises LinkError, DeviceError."""
+        from sonarhw.scanner import Scanner
+
+        if self._target is None:
+            self._target = self._during.enter_context(resolve(self._url))
+        return Scanner.open(self._target)
+
+
+def _scene(wish: _Wish) -> "Scene":
+    from gui.scene import Scene
+    from sim.board import load_board
+    from sim.room import load_room
+
+    board = load_board(wish.board or DEFAULT_BOARD)
+    if wish.room is None:
+        if wish.place is not None:
+            raise InputError("--place needs --room: it is a place of a room file")
+        return Scene(None, None, board)
+    room = load_room(wish.room)
+    return Scene(room, room.place(wish.place), board, wish.room.name)
+
+
+def _fake_scene(url: str, wish: _Wish) -> "Scene":
+    """The room that the fake hears, unless another one is asked for; every part of the URL is checked."""
+    room, _, query = url.removeprefix(_FAKE).partition("?")
+    parts = dict(parse_qsl(query, keep_blank_values=True))
+    read_pace(parts.get("pace", "real"))
+    read_seed(parts.get("seed", "0"))
+    heard = _Wish(Path(room), parts.get("place"), parts.get("board"))
+    scene = _scene(heard)
+    if wish.room is None:
+        wish = replace(heard, place=wish.place or heard.place, board=wish.board or heard.board)
+    return scene if wish == heard else _scene(wish)
+
+
+def _log_scene(log: "Log", wish: _Wish) -> "Scene":
+    from gui.scene import scene_of_log
+    from sim.board import load_board
+
+    if wish.room is not None:
+        return _scene(replace(wish, place=wish.place or _same_place(log.metadata, wish.room), board=_board(log, wish)))
+    scene = scene_of_log(log.metadata)
+    if wish.board is not None:
+        scene = replace(scene, board=load_board(wish.board))
+    if wish.place is None:
+        return scene
+    if scene.room is None:
+        raise InputError(f"--place {wish.place}: the log carries no room; give one with --room")
+    return replace(scene, place=scene.room.place(wish.place))
+
+
+def _board(log: "Log", wish: _Wish) -> str:
+    from gui.scene import board_of_log
+
+    return wish.board or board_of_log(log.metadata).name
+
+
+def _same_place(metadata: "LogMetadata", room_file: Path) -> str | None:
+    """The place that the log names, where the room that was given has it too."""
+    from sim.room import load_room
+
+    return metadata.place if metadata.place in load_room(room_file).places else None
