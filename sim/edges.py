@@ -15,6 +15,7 @@ from sonarhw.readings import FloatArray
 
 _DIVIDES = 1e-6  # how near 180° / angle must come to a whole number
 _MEETING = 1e-6  # m
+_FLUSH = 1e-9  # rad
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,9 @@ def _faces_at(vertex: FloatArray, walls: FloatArray) -> list[_Face]:
             faces.append(_Face(forward % math.tau, k))
         if at > _MEETING:
             faces.append(_Face((forward + math.pi) % math.tau, k))
-    return sorted(faces)
+    faces.sort()
+    # walls flush with one another are one face
+    return [face for k, face in enumerate(faces) if k == 0 or face.direction - faces[k - 1].direction > _FLUSH]
 
 
 def _wedges(faces: list[_Face]) -> list[tuple[_Face, _Face, float]]:

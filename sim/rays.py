@@ -18,6 +18,7 @@ IntArray = NDArray[np.int32]
 # How near, in ray spacings, a ray must pass to be a candidate. A path midway between two rays is half a spacing from
 # both; what lies beyond that finds paths seen through gaps narrower than the spacing.
 ALLOWANCE = 1.5
+_STANDING = 1e-11  # m
 
 
 @njit(cache=True)
@@ -40,8 +41,8 @@ def first_hit(
         if along < -1e-12 or along > 1.0 + 1e-12:
             continue
         distance = (rx * ey - ry * ex) / across
-        # a hair behind counts: at a vertex the next wall begins where the ray stands
-        if -1e-9 < distance < nearest:
+        # where the ray stands it has just been: a second wall flush with the one it leaves is not met again
+        if _STANDING < distance < nearest:
             nearest, surface = distance, k
     for k in range(posts.shape[0]):
         post = posts[k]

@@ -176,7 +176,7 @@ def _first_intersection(room: Room, ray: Ray) -> tuple[float, int]:
             continue
         distance = ((x0 - ray.x) * ey - (y0 - ray.y) * ex) / across
         along = ((x0 - ray.x) * dy - (y0 - ray.y) * dx) / across
-        if 0 <= along <= 1 and -1e-9 < distance < nearest:
+        if 0 <= along <= 1 and 1e-11 < distance < nearest:
             nearest, surface = distance, k
     for k, (cx, cy, radius) in enumerate(room.posts.tolist(), start=len(room.walls)):
         towards = (cx - ray.x) * dx + (cy - ray.y) * dy

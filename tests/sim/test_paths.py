@@ -208,3 +208,23 @@ def test_edge_behind_a_wall_is_not_heard() -> None:
     room = polygon_room([(1.0, -1.0), (1.0, 1.0)], closed=False, extra=fin)
     paths = find_paths(room, (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
     assert {paths.via(k, room)[-1] for k in range(len(paths))} == {"w[0]", "w[0]/"}
+
+
+def test_second_wall_flush_with_the_first_changes_nothing() -> None:
+    square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
+    board = '[[walls]]\nname = "board"\npoints = [[0.2, 2.0], [1.8, 2.0]]\nmaterial = "hard"'
+    plain, boarded, doubled = (
+        find_paths(polygon_room(square, extra=extra), (0.7, 0.6), PathSearch(9.0, WAVELENGTH)).lengths
+        for extra in ("", board, board.replace("0.2", "0.0").replace("1.8", "2.0"))
+    )
+    assert boarded == pytest.approx(plain, abs=1e-9)
+    assert doubled == pytest.approx(plain, abs=1e-9)
+
+
+@pytest.mark.parametrize("place", [(1.0, 0.0), (0.0, 0.0), (3.0, 0.0), (1.0, 1.0)])
+def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_is_answered(place: tuple[float, float]) -> None:
+    room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
+    paths = find_paths(room, place, PathSearch(9.0, WAVELENGTH))
+    assert np.isfinite(paths.lengths).all()
+    assert np.isfinite(paths.gains).all()
+    assert (paths.gains <= 1.0).all()
