@@ -52,8 +52,8 @@ def _has_display() -> bool:
 
     try:
         check_display()
-    except NoDisplay as error:
-        typer.echo(f"The demo runs without a window: {error}")
+    except NoDisplay:
+        typer.echo("No window can be opened here: the demo runs without one.")
         return False
     return True
 
