@@ -71,7 +71,8 @@ def run_window(start: WindowStart) -> int:
 
 def open_application() -> QApplication:
     """The one application of this process, light and the same on every system."""
-    application = QApplication.instance() or QApplication(["sonarhw"])
+    running = QApplication.instance()
+    application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
     application.setApplicationName("sonarhw")
     application.setStyle("Fusion")
     palette = QPalette()
@@ -86,14 +87,14 @@ def open_application() -> QApplication:
 
 def open_window(start: WindowStart) -> MainWindow:
     """A window, not shown yet, with its session."""
-    log = start.source if isinstance(start.source, Log) else None
     wish = ScanWish(start.recordings, start.order, start.traces)
-    session = Session(start.scene, None if log else start.source, wish)
-    window = MainWindow(session)
-    if log is not None:
-        session.show_log(log, start.source_name)
-    elif start.autostart:
-        session.scan()
+    if isinstance(start.source, Log):
+        window = MainWindow(Session(start.scene, None, wish))
+        window.session.show_log(start.source, start.source_name)
+        return window
+    window = MainWindow(Session(start.scene, start.source, wish))
+    if start.autostart:
+        window.session.scan()
     return window
 
 

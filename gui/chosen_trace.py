@@ -53,20 +53,20 @@ class ChosenTrace:
 
 def chosen_trace(shown: Shown) -> ChosenTrace | None:
     """The trace of the chosen reading; summing the predicted one takes some milliseconds."""
-    reading, row, scene = shown.chosen_reading, shown.chosen_row, shown.scene
+    reading, row, prediction, scene = shown.chosen_reading, shown.chosen_row, shown.prediction, shown.scene
     if reading is None:
         return None
     floor = scene.board.threshold_db - _BELOW_THRESHOLD_DB
     measured = None if reading.trace is None else _curve(reading.trace, reading.speed_of_sound, floor)
     reach = _reach(scene, reading)
-    predicted, echoes = None, ()
-    if row is not None:
-        prediction = shown.compared.comparison.prediction
+    predicted: Curve | None = None
+    echoes: tuple[NamedEcho, ...] = ()
+    if row is not None and prediction is not None:
         speed = prediction.room.air.speed_of_sound
         predicted = _curve(predicted_trace(prediction, row.index, 2 * reach / speed), speed, floor)
         echoes = _echoes(prediction, row.index)
     return ChosenTrace(
-        heading=shown.heading(shown.chosen),
+        heading=scene.standing.heading + reading.angle,
         measured=measured,
         predicted=predicted,
         echoes=echoes,

@@ -12,8 +12,10 @@ import numpy as np
 from compare.match import Comparison, Matched, compare_readings
 from gui.scene import Scene
 from gui.worker import Failure, Worker
+from sim.board import Board
 from sim.paths import MAX_BOUNCES, Paths, PathSearch, find_paths
 from sim.prediction import PredictedScan, weigh_paths
+from sim.room import Place, Room
 from sonarhw.readings import Reading
 
 DRAFT_BOUNCES = 4
@@ -37,12 +39,14 @@ class PathsRequest:
     """Which paths lead from the scene's place back to it?"""
 
     generation: int
-    scene: Scene
+    room: Room
+    place: Place
+    board: Board
     max_bounces: int
 
     def answer(self) -> PathsFound:
         """Find them; what takes seconds in a room of many echoes."""
-        room, place, board = self.scene.room, self.scene.standing, self.scene.board
+        room, place, board = self.room, self.place, self.board
         search = PathSearch(2 * board.max_range, board.wavelength(room.air), self.max_bounces)
         paths = find_paths(room, place.position, search)
         headings = np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS, endpoint=False)
@@ -88,17 +92,17 @@ class CompareRequest:
     """How do these readings compare with what those paths give?"""
 
     generation: int
-    scene: Scene
-    paths: Paths
-    draft: bool
+    room: Room
+    place: Place
+    board: Board
+    found: PathsFound
     readings: tuple[Reading, ...]
     first: int
 
     def answer(self) -> Compared:
         """Compare them."""
-        scene = self.scene
-        comparison = compare_readings(self.readings, scene.room, scene.standing, scene.board, paths=self.paths)
-        return Compared(self.generation, comparison, self.first, self.draft)
+        comparison = compare_readings(self.readings, self.room, self.place, self.board, paths=self.found.paths)
+        return Compared(self.generation, comparison, self.first, self.found.draft)
 
 
 class Forecast:
@@ -128,8 +132,9 @@ class Forecast:
         self._place_generation += 1
         self.begin_scan()
         if scene.room is not None:
-            self._finder.ask(DraftRequest(self._place_generation, scene, DRAFT_BOUNCES))
-            self._finder.ask(PathsRequest(self._place_generation, scene, MAX_BOUNCES))
+            subject = scene.room, scene.standing, scene.board
+            self._finder.ask(DraftRequest(self._place_generation, *subject, DRAFT_BOUNCES))
+            self._finder.ask(PathsRequest(self._place_generation, *subject, MAX_BOUNCES))
 
     def begin_scan(self) -> None:
         """Forget the readings; what is compared from now on belongs to another scan."""
@@ -164,16 +169,11 @@ class Forecast:
         self._comparer.close()
 
     def _ask(self) -> None:
-        if self._scene is None or self._found is None or not self._readings:
+        scene = self._scene
+        if scene is None or scene.room is None or self._found is None or not self._readings:
             return
         first = max(0, len(self._readings) - MOST_COMPARED)
+        newest = tuple(self._readings[first:])
         self._comparer.ask(
-            CompareRequest(
-                self._scan_generation,
-                self._scene,
-                self._found.paths,
-                self._found.draft,
-                tuple(self._readings[first:]),
-                first,
-            )
+            CompareRequest(self._scan_generation, scene.room, scene.standing, scene.board, self._found, newest, first)
         )

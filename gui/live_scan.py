@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import radians
 from pathlib import Path
+from typing import Any
 
 from gui.recording import start_recording
 from gui.scene import Scene
@@ -145,5 +146,5 @@ class LiveScan:
             return own
         return self._scene.room.air.temperature_c if self._scene.room else DEFAULT_TEMPERATURE
 
-    def _advance(self, phase: Phase, **known: object) -> None:
+    def _advance(self, phase: Phase, **known: Any) -> None:
         self.status = replace(self.status, phase=phase, **known)

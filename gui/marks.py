@@ -31,11 +31,11 @@ class ReadingMarks:
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
         for kind, scatter in self._scatters.items():
-            points, places = placed.get(kind, (None, None))
-            if points is None:
-                scatter.clear()
-            else:
+            if kind in placed:
+                points, places = placed[kind]
                 scatter.setData(*places.T, data=points.readings)
+            else:
+                scatter.clear()
         self.placed = placed
 
     def ring(self, chosen: int | None) -> None:

@@ -3,8 +3,12 @@
 Takes the readings of a view as points and a click; hands on the index of the nearest reading on the screen.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt
 
 from gui.shown import ClassPoints
@@ -14,7 +18,7 @@ REACH = 14.0  # pixels
 
 
 def nearest_reading(
-    view: pg.ViewBox, drawn: dict[object, tuple[ClassPoints, FloatArray]], click: QPointF, reach: float = REACH
+    view: pg.ViewBox, drawn: Mapping[Any, tuple[ClassPoints, FloatArray]], click: QPointF, reach: float = REACH
 ) -> int | None:
     """The reading whose point lies nearest to `click` (scene coordinates); None where none is within `reach` pixels.
 
@@ -31,6 +35,6 @@ def nearest_reading(
     return best
 
 
-def is_plain_click(event: object) -> bool:
-    """Whether a click of pyqtgraph's scene is one with the left button that nothing has taken yet."""
-    return event.button() == Qt.MouseButton.LeftButton and not event.isAccepted()
+def is_plain_click(event: MouseClickEvent) -> bool:
+    """Whether a click of pyqtgraph's scene is one with the left button; a mark under it may have taken it already."""
+    return bool(event.button() == Qt.MouseButton.LeftButton)

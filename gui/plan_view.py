@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QFont, QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
@@ -26,7 +27,7 @@ _BEYOND = 0.17  # of the room's longer side
 _MOST_NUMBERED = 9  # bounces; numbers on more would hide the rays
 
 
-class PlanView(pg.PlotWidget):
+class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
     """Draws the plan of what is shown."""
 
     picked = Signal(int)  # a reading
@@ -59,7 +60,7 @@ class PlanView(pg.PlotWidget):
         items = (self._beam, self._axis, self._walls, self._posts, self._outline, self._rays, self._sensor)
         for item in (*items, *self._bounces):
             self.addItem(item, ignoreBounds=item in (self._beam, self._axis))
-        self._marks = ReadingMarks(self.plotItem, lambda index: reading_tip(self._shown, index))
+        self._marks = ReadingMarks(self.plotItem, self._tip)
         self.scene().sigMouseClicked.connect(self._click)
 
     def show_state(self, shown: Shown) -> None:
@@ -125,7 +126,10 @@ class PlanView(pg.PlotWidget):
             if k < len(touched):
                 number.setPos(*touched[k])
 
-    def _click(self, event: object) -> None:
+    def _tip(self, index: int) -> str:
+        return reading_tip(self._shown, index) if self._shown else ""
+
+    def _click(self, event: MouseClickEvent) -> None:
         if self._shown is None or not is_plain_click(event):
             return
         index = nearest_reading(self.plotItem.vb, self._marks.placed, event.scenePos())
@@ -138,9 +142,9 @@ def _rays(shown: Shown) -> tuple[FloatArray, bool]:
     """The corners of the path that accounts for the chosen reading; where none does, of the one expected instead."""
     row = shown.chosen_row
     nothing = np.empty((0, 2))
-    if row is None:
+    prediction = shown.prediction
+    if row is None or prediction is None:
         return nothing, False
-    prediction = shown.compared.comparison.prediction
     path = row.path if row.path is not None else int(prediction.first[row.index])
     return (prediction.paths.outline(path) if path >= 0 else nothing), row.path is not None
 
@@ -156,7 +160,7 @@ def _number(number: int) -> pg.TextItem:
     # beside the bounce, where the reading may lie
     item = pg.TextItem(str(number), color=PAPER, anchor=(-0.4, 1.3), fill=pg.mkBrush(CHOSEN))
     item.setFont(_small_font())
-    item.setZValue(9)
+    item.setZValue(30)
     item.setVisible(False)
     return item
 

@@ -5,10 +5,8 @@ Takes a log and the passing of time; hands on how many readings are shown. No cl
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 
 from sonarhw.log import Log
-from sonarhw.readings import Reading
 
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 20.0, math.inf)
 _REACHED = 1e-6  # s: the slider's whole milliseconds must not cut off the last reading
@@ -20,7 +18,7 @@ class Playback:
 
     def __init__(self, log: Log) -> None:
         self.log = log
-        self.readings: Sequence[Reading] = log.readings
+        self.readings = log.readings
         self._times = _schedule(log)
         self.duration = self._times[-1] if self._times else 0.0  # s
         self.position = self.duration  # s

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Signal
 
 from compare.match import TOLERANCE, Kind
@@ -23,7 +24,7 @@ _AXIS_WIDTH = 48  # pixels, so that both plots begin at one line
 _ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
 
 
-class RangeView(pg.GraphicsLayoutWidget):
+class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
     """Draws ranges and residuals over heading."""
 
     picked = Signal(int)  # a reading
@@ -108,9 +109,9 @@ class RangeView(pg.GraphicsLayoutWidget):
         self._outline.setData(np.degrees(headings), ranges)
 
     def _tip(self, index: int) -> str:
-        return reading_tip(self._shown, index)
+        return reading_tip(self._shown, index) if self._shown else ""
 
-    def _click(self, event: object) -> None:
+    def _click(self, event: MouseClickEvent) -> None:
         if self._shown is None or not is_plain_click(event):
             return
         index = self._under(event.scenePos())
@@ -139,6 +140,11 @@ def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
     for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
         points = shown.classes.get(kind)
         if points is not None:
-            apart = np.array([100 * shown.row(index).residual for index in points.readings])
+            apart = np.array([100 * _residual(shown, index) for index in points.readings])
             placed[kind] = points, _over_heading(points.headings, np.clip(apart, -_MOST_RESIDUAL, _MOST_RESIDUAL))
     return placed
+
+
+def _residual(shown: Shown, index: int) -> float:
+    row = shown.row(index)
+    return math.nan if row is None or row.residual is None else row.residual

@@ -4,6 +4,7 @@ Takes how the replay stands; hands on what the person wants of it.
 """
 
 import math
+from typing import TypeVar
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSlider, QWidget
@@ -12,6 +13,7 @@ from gui.palette import REPLAY
 from gui.playback import SPEEDS
 from gui.replay import ReplayState
 
+_Widget = TypeVar("_Widget", bound=QWidget)
 _STEPS_PER_SECOND = 1000  # of the slider
 _MOST_STEPS = 2**31 - 1
 
@@ -25,14 +27,14 @@ class ReplayBar(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.play = QPushButton("▶ Play", toolTip="Play the log on its recorded schedule, or pause (space)")
+        self.play = _with_tip(QPushButton("▶ Play"), "Play the log on its recorded schedule, or pause (space)")
         self.play.setMinimumWidth(92)
-        self.slider = QSlider(Qt.Orientation.Horizontal, toolTip="Where in the log; drag to scrub")
+        self.slider = _with_tip(QSlider(Qt.Orientation.Horizontal), "Where in the log; drag to scrub")
         self.time = QLabel()
-        self.speed = QComboBox(toolTip="How many times as fast as it was recorded")
+        self.speed = _with_tip(QComboBox(), "How many times as fast as it was recorded")
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
-        badge = QLabel("replay", toolTip="A log is played; nothing here is measured now")
+        badge = _with_tip(QLabel("replay"), "A log is played; nothing here is measured now")
         badge.setStyleSheet(f"color: white; background: {REPLAY}; border-radius: 4px; padding: 2px 8px;")
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 2, 12, 6)
@@ -56,6 +58,11 @@ class ReplayBar(QWidget):
             self.slider.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
             self.slider.setPageStep(max(1, self.slider.maximum() // 20))
             self.slider.setValue(round(state.position * _STEPS_PER_SECOND))
+
+
+def _with_tip(widget: _Widget, tip: str) -> _Widget:
+    widget.setToolTip(tip)
+    return widget
 
 
 def clock(seconds: float) -> str:

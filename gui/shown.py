@@ -48,6 +48,11 @@ class Shown:
         """The chosen reading beside its prediction; None where it has not been compared."""
         return None if self.chosen is None else self.row(self.chosen)
 
+    @property
+    def prediction(self) -> PredictedScan | None:
+        """The prediction whose headings the rows index; None where nothing has been compared."""
+        return self.compared.comparison.prediction if self.compared else None
+
     def row(self, reading: int) -> Matched | None:
         """A reading beside its prediction; None where it has not been compared."""
         return self.compared.row(reading) if self.compared else None
@@ -65,8 +70,7 @@ class Shown:
         """What the chosen reading says; an invitation where there is none."""
         if self.chosen is None:
             return "No reading yet: press Scan or open a log."
-        row = self.chosen_row
-        if row is not None:
+        if self.compared is not None and self.chosen_row is not None:
             return explain(self.compared.comparison, self.chosen - self.compared.first)
         heard = self.readings[self.chosen].range
         at = f"{math.degrees(self.heading(self.chosen)) % 360:.1f}°"

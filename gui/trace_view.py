@@ -14,14 +14,14 @@ from gui.shown import Shown
 _FLOOR_DB = -52.0  # of the empty axes
 
 
-class _LevelAxis(pg.AxisItem):
+class _LevelAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
     """Levels up to full scale; above it are names, not levels."""
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         return [f"{value:.0f}" if value <= 0 else "" for value in values]
 
 
-class TraceView(pg.PlotWidget):
+class TraceView(pg.PlotWidget):  # type: ignore[misc]
     """Draws the trace of the chosen reading."""
 
     def __init__(self) -> None:
@@ -59,8 +59,8 @@ class TraceView(pg.PlotWidget):
         self.setTitle(_title(trace), size="10pt")
         for item in (self._blanking, self._threshold):
             item.setVisible(trace is not None)
-        _draw_curve(self._measured, trace and trace.measured)
-        _draw_curve(self._predicted, trace and trace.predicted)
+        _draw_curve(self._measured, trace.measured if trace else None)
+        _draw_curve(self._predicted, trace.predicted if trace else None)
         if trace is None:
             self._names.draw((), _FLOOR_DB)
         else:

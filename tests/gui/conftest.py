@@ -1,0 +1,92 @@
+"""Real windows on a small room: a fake scanner on a loopback socket, a recorded log, and no thread left behind."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+from pytestqt.qtbot import QtBot
+
+from gui.app import WindowStart, open_application, open_window
+from gui.live_scan import LiveScan, ScannerOpener, ScanWish
+from gui.main_window import MainWindow
+from gui.scene import Scene
+from sim.board import load_board
+from sim.room import load_room
+from sim.truth import EXACT, RoomEchoes
+from sonarhw.board import Board
+from sonarhw.endpoint import Pace, serve
+from sonarhw.readings import ScanOrder
+from sonarhw.scanner import Scanner
+
+ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
+OpenFake = Callable[[Pace], ScannerOpener]
+OpenWith = Callable[..., MainWindow]
+ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    room = load_room(ROOM)
+    # two metres keep the paths few and the tests quick
+    board = replace(load_board("polaroid-6500"), max_range=2.0, blanking=0.0006)
+    return Scene(room, room.place("figure9"), board, ROOM.name)
+
+
+@pytest.fixture(scope="session")
+def echoes(scene: Scene) -> RoomEchoes:
+    echoes = RoomEchoes(scene.room, scene.place, scene.board, 1, EXACT)
+    echoes.prepare()
+    return echoes
+
+
+@pytest.fixture
+def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
+    """Makes the way to a fake scanner of the given pace; it is served until the test ends."""
+    with ExitStack() as during:
+
+        def open_fake(pace: Pace) -> ScannerOpener:
+            board = Board(echoes, 1, scene.board.blanking)
+            endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
+            return lambda: Scanner.open(endpoint.url)
+
+        yield open_fake
+
+
+@pytest.fixture
+def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
+    """Opens a window; at the end it is closed, and every thread that it began must be gone."""
+    before = set(threading.enumerate())
+    windows: list[MainWindow] = []
+
+    def open_it(**start: object) -> MainWindow:
+        open_application()
+        wish = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
+        window = open_window(WindowStart(**wish))
+        qtbot.addWidget(window)
+        windows.append(window)
+        with qtbot.waitActive(window):  # keys go to the active window only
+            window.show()
+            window.activateWindow()
+        return window
+
+    yield open_it
+    for window in windows:
+        window.close()
+    ours = {"live scan", "find paths", "compare readings", "open files"}
+    assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
+
+
+@pytest.fixture(scope="session")
+def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of a whole scan with traces."""
+    wish = ScanWish(tmp_path_factory.mktemp("recorded"), ORDER)
+    with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveScan(lambda: Scanner.open(endpoint.url), scene, wish)
+        live.start()
+        live.join()
+    assert live.status.error is None
+    return live.status.recording

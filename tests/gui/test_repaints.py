@@ -1,0 +1,33 @@
+"""Hundreds of repaints: the count of references to None stays level (some PySide6 versions lose or leak them)."""
+
+import gc
+import sys
+from pathlib import Path
+
+from pytestqt.qtbot import QtBot
+
+from sonarhw.log import read_log
+from tests.gui.conftest import ORDER, OpenWith
+from tests.gui.driving import predicted, until
+
+REPAINTS = 300
+NOISE = 150  # references that come and go by themselves; a leak is one or more for each of many items a repaint
+
+
+def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    views = (window.plan, window.trace, window.ranges)
+
+    def repaint(times: int) -> None:
+        for k in range(times):
+            window.session.choose(k % ORDER.readings)
+            for view in views:
+                view.viewport().repaint()
+
+    repaint(ORDER.readings)
+    gc.collect()
+    before = sys.getrefcount(None)
+    repaint(REPAINTS)
+    gc.collect()
+    assert abs(sys.getrefcount(None) - before) < NOISE
