@@ -32,7 +32,7 @@ class Disturbance:
     thermometer: float = 0.2  # K, error of what the board reports
     timing: float = 6e-6  # s on every echo time, about 1 mm
     level_db: float = 0.5  # on every echo, so that faint ones come and go
-    trace_noise: float = 0.004  # of full scale
+    trace_noise: float = 0.0012  # of full scale; an 8-bit sample is 0.0039
     furniture: bool = True  # one post that the file does not know
 
 
