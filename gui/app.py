@@ -48,7 +48,7 @@ class WindowStart:
 
     scene: Scene
     source: ScannerOpener | Log | None = None  # how to get at a scanner, or a log to replay
-    source_name: str = "the log"  # file name, for messages
+    source_name: str = "the log"  # its file name
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
     autostart: bool = False  # begin to scan at once

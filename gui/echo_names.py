@@ -18,12 +18,14 @@ _ROWS = 5
 _ROW = 15.0  # pixels
 _GAP = 9.0  # pixels between two names in a row
 _LONGEST = 30  # characters; the middle gives way
+_LONGEST_REPORTED = 64
 _POINTS = 8.0  # of the font
 
 
 @dataclass(frozen=True)
 class _Name:
     echo: NamedEcho
+    text: str
     row: int
     leftward: bool  # it ends at its stem instead of beginning there
 
@@ -72,29 +74,33 @@ class EchoNames:
         for item in self._items[len(names) :]:
             item.setVisible(False)
         for item, name in zip(self._items, names, strict=False):
-            item.setText(shortened(name.echo.via), color=PREDICTED if name.echo.heard else INK)
+            item.setText(name.text, color=PREDICTED if name.echo.heard else INK)
             item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
             item.setPos(name.echo.range, _level(name.row, per_pixel))
             item.setVisible(True)
 
     def _fitting(self) -> list[_Name]:
         """A row for every echo in view that finds room in one, the most important first."""
-        left, right = self._view.viewRange()[0]
-        scale = max(self._view.width(), 1.0) / (right - left)  # pixels a metre
         rows: list[list[tuple[float, float]]] = [[] for _ in range(_ROWS)]
-        names = []
-        for echo in self._echoes:
-            at = (echo.range - left) * scale
-            width = self._metrics.horizontalAdvance(shortened(echo.via)) + _GAP
-            leftward = at + width > self._view.width()
-            begin, end = (at - width, at) if leftward else (at, at + width)
-            if at < 0 or at > self._view.width() or begin < 0:
-                continue
-            row = next((k for k in range(_ROWS) if all(end <= b or begin >= e for b, e in rows[k])), None)
-            if row is not None:
-                rows[row].append((begin, end))
-                names.append(_Name(echo, row, leftward))
-        return names
+        names = (self._placed(echo, rows) for echo in self._echoes)
+        return [name for name in names if name is not None]
+
+    def _placed(self, echo: NamedEcho, rows: list[list[tuple[float, float]]]) -> _Name | None:
+        """The name in the first row with room for it, right of its stem or left of it; `rows` then has it too."""
+        left, right = self._view.viewRange()[0]
+        whole = self._view.width()
+        at = (echo.range - left) * whole / (right - left)
+        if not 0 <= at <= whole:
+            return None
+        for text in (shortened(echo.via, _LONGEST_REPORTED if echo.first else _LONGEST), shortened(echo.via, _LONGEST)):
+            width = self._metrics.horizontalAdvance(text) + _GAP
+            for leftward, begin in ((False, at), (True, at - width)):
+                end = begin + width
+                row = next((k for k in range(_ROWS) if all(end <= b or begin >= e for b, e in rows[k])), None)
+                if begin >= 0 and end <= whole and row is not None:
+                    rows[row].append((begin, end))
+                    return _Name(echo, text, row, leftward)
+        return None
 
     def _stem_ends(self, names: Sequence[_Name], per_pixel: float) -> np.ndarray:
         ends = [
@@ -110,11 +116,11 @@ def _level(row: int, per_pixel: float) -> float:
     return (_ROWS - row - 0.5) * _ROW * per_pixel
 
 
-def shortened(via: str) -> str:
+def shortened(via: str, longest: int) -> str:
     """A long path with its middle left out."""
-    if len(via) <= _LONGEST:
+    if len(via) <= longest:
         return via
-    half = (_LONGEST - 1) // 2
+    half = (longest - 1) // 2
     return f"{via[:half]}…{via[-half:]}"
 
 

@@ -122,9 +122,9 @@ class Forecast:
         self._comparer = Worker("compare readings")
 
     @property
-    def busy(self) -> bool:
-        """Whether something better is still to come."""
-        return self._finder.busy or self._comparer.busy
+    def searching(self) -> bool:
+        """Whether paths are still sought; until then there is a draft, or nothing."""
+        return self._finder.busy
 
     def set_scene(self, scene: Scene) -> None:
         """Predict for `scene` from now on."""

@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QPainter, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from compare.match import Kind
-from gui.palette import BEAM, BLANKING, CHOSEN, MARKS, MEASURED, PREDICTED, Mark
+from gui.palette import BEAM, BLANKING, CHOSEN, MARKS, MEASURED, PREDICTED, THRESHOLD, Mark
 
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
@@ -38,6 +38,7 @@ class Legend(QWidget):
 _LINES = (
     (MEASURED, Qt.PenStyle.SolidLine, "measured trace", "the receive signal that the board recorded"),
     (PREDICTED, Qt.PenStyle.SolidLine, "predicted", "what the model says the board reports; in the trace view dashed"),
+    (THRESHOLD, Qt.PenStyle.DashLine, "threshold", "echoes fainter than this are not heard"),
     (CHOSEN, Qt.PenStyle.SolidLine, "rays", "the path of the chosen reading by bounce; dotted: expected, not measured"),
 )
 
@@ -73,7 +74,7 @@ def _mark_picture(mark: Mark, ratio: float) -> QPixmap:
 def _line_picture(colour: str, style: Qt.PenStyle, ratio: float) -> QPixmap:
     picture = _blank(_LINE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.setPen(pg.mkPen(colour, width=2, style=style))
+        painter.setPen(pg.mkPen(colour, width=1 if style == Qt.PenStyle.DashLine else 2, style=style))
         painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
     return picture
 

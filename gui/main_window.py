@@ -147,5 +147,6 @@ class MainWindow(QMainWindow):
         self.status_bar.show_state(status)
         self.scan.setEnabled(status.can_scan and not status.scanning)
         self.stop.setEnabled(status.scanning)
-        for widget in (self.open_log, self.open_room, self.place):
+        for widget in (self.open_log, self.open_room):
             widget.setEnabled(not status.scanning)
+        self.place.setEnabled(not status.scanning and self.place.count() > 0)

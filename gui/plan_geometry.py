@@ -16,6 +16,7 @@ from sonarhw.readings import FloatArray
 
 _JUMP = 0.1  # m between neighbouring headings: another path wins, and a line between them would be a wall nobody has
 _BEAM_POINTS = 17
+_SAME_BOUNCE = 0.005  # m
 
 
 def wall_lines(room: Room) -> FloatArray:
@@ -48,3 +49,15 @@ def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -
     headings = np.linspace(heading - half_angle, heading + half_angle, _BEAM_POINTS)
     rim = points_at(place.position, headings, np.full(_BEAM_POINTS, length))
     return np.vstack((place.position, rim, place.position))
+
+
+def bounce_labels(corners: FloatArray) -> list[tuple[str, FloatArray]]:
+    """The numbers of a path's bounces and where they are; one that comes back its own way has two at a point."""
+    labels: list[tuple[list[int], FloatArray]] = []
+    for number, at in enumerate(corners[1:-1], start=1):
+        same = next((numbers for numbers, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
+        if same is None:
+            labels.append(([number], at))
+        else:
+            same.append(number)
+    return [(" ".join(map(str, numbers)), at) for numbers, at in labels]

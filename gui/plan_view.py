@@ -16,7 +16,7 @@ from compare.picture import points_at
 from gui.marks import ReadingMarks
 from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, PREDICTED, WALL
 from gui.pick import is_plain_click, nearest_reading
-from gui.plan_geometry import beam_wedge, half_power_angle, outline_points, wall_lines
+from gui.plan_geometry import beam_wedge, bounce_labels, half_power_angle, outline_points, wall_lines
 from gui.reading_tip import reading_tip
 from gui.shown import Shown
 from sim.room import Room
@@ -24,7 +24,7 @@ from sonarhw.readings import FloatArray
 
 _BEAM_LENGTH = 0.3  # of the room's diagonal
 _BEYOND = 0.17  # of the room's longer side
-_MOST_NUMBERED = 9  # bounces; numbers on more would hide the rays
+_MOST_NUMBERED = 9  # points; numbers at more would hide the rays
 
 
 class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
@@ -55,7 +55,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
             connect="finite",
         )
         self._rays = pg.PlotCurveItem(pen=pg.mkPen(CHOSEN, width=1.5))
-        self._bounces = [_number(k + 1) for k in range(_MOST_NUMBERED)]
+        self._bounces = [_number() for _ in range(_MOST_NUMBERED)]
         self._sensor = pg.ScatterPlotItem(size=13, symbol="d", pen=pg.mkPen("w"), brush=pg.mkBrush(INK))
         items = (self._beam, self._axis, self._walls, self._posts, self._outline, self._rays, self._sensor)
         for item in (*items, *self._bounces):
@@ -120,11 +120,13 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
         self._rays.setPen(pg.mkPen(CHOSEN, width=1.5, style=style))
         self._rays.setData(*corners.T)
-        touched = corners[1:-1]
+        labels = bounce_labels(corners)
         for k, number in enumerate(self._bounces):
-            number.setVisible(k < len(touched))
-            if k < len(touched):
-                number.setPos(*touched[k])
+            number.setVisible(k < len(labels))
+            if k < len(labels):
+                text, at = labels[k]
+                number.setText(text)
+                number.setPos(*at)
 
     def _tip(self, index: int) -> str:
         return reading_tip(self._shown, index) if self._shown else ""
@@ -156,9 +158,9 @@ def _posts_path(room: Room) -> QPainterPath:
     return path
 
 
-def _number(number: int) -> pg.TextItem:
+def _number() -> pg.TextItem:
     # beside the bounce, where the reading may lie
-    item = pg.TextItem(str(number), color=PAPER, anchor=(-0.4, 1.3), fill=pg.mkBrush(CHOSEN))
+    item = pg.TextItem(color=PAPER, anchor=(-0.4, 1.3), fill=pg.mkBrush(CHOSEN))
     item.setFont(_small_font())
     item.setZValue(30)
     item.setVisible(False)

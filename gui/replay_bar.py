@@ -7,9 +7,8 @@ import math
 from typing import TypeVar
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSlider, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSlider, QStyle, QWidget
 
-from gui.palette import REPLAY
 from gui.playback import SPEEDS
 from gui.replay import ReplayState
 
@@ -27,19 +26,17 @@ class ReplayBar(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.play = _with_tip(QPushButton("▶ Play"), "Play the log on its recorded schedule, or pause (space)")
+        self.play = _with_tip(QPushButton(), "Play the log on its recorded schedule, or pause (space)")
         self.play.setMinimumWidth(92)
         self.slider = _with_tip(QSlider(Qt.Orientation.Horizontal), "Where in the log; drag to scrub")
         self.time = QLabel()
         self.speed = _with_tip(QComboBox(), "How many times as fast as it was recorded")
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
-        badge = _with_tip(QLabel("replay"), "A log is played; nothing here is measured now")
-        badge.setStyleSheet(f"color: white; background: {REPLAY}; border-radius: 4px; padding: 2px 8px;")
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 2, 12, 6)
         row.setSpacing(10)
-        for part in (self.play, self.slider, self.time, QLabel("Speed"), self.speed, badge):
+        for part in (self.play, self.slider, self.time, QLabel("Speed"), self.speed):
             row.addWidget(part, stretch=1 if part is self.slider else 0)
         self.play.clicked.connect(self.toggled)
         self.slider.valueChanged.connect(lambda value: self.sought.emit(value / _STEPS_PER_SECOND))
@@ -51,13 +48,20 @@ class ReplayBar(QWidget):
         self.setVisible(state is not None)
         if state is None:
             return
-        self.play.setText("⏸ Pause" if state.playing else "▶ Play")
+        self._show_playing(state.playing)
         self.time.setText(f"{clock(state.position)} / {clock(state.duration)}")
         self.speed.setCurrentIndex(SPEEDS.index(state.speed))
         with QSignalBlocker(self.slider):  # it follows here, it does not ask
             self.slider.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
             self.slider.setPageStep(max(1, self.slider.maximum() // 20))
             self.slider.setValue(round(state.position * _STEPS_PER_SECOND))
+
+    def _show_playing(self, playing: bool) -> None:
+        if self.play.text() != (wanted := "Pause" if playing else "Play"):
+            # the style's own icons: not every font has the signs
+            icon = QStyle.StandardPixmap.SP_MediaPause if playing else QStyle.StandardPixmap.SP_MediaPlay
+            self.play.setIcon(self.style().standardIcon(icon))
+            self.play.setText(wanted)
 
 
 def _with_tip(widget: _Widget, tip: str) -> _Widget:

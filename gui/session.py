@@ -45,7 +45,7 @@ class Session(QObject):
         self._live: LiveScan | None = None
         self._end_told = True
         self._heard: tuple[Reading, ...] = ()  # of the live scan
-        self._lost_in_log = 0
+        self._log_name, self._lost_in_log = "", 0
         self._choice = Choice()
         self._rate = RateMeter()
         self._forecast = Forecast()
@@ -79,6 +79,7 @@ class Session(QObject):
     def show_log(self, log: Log, name: str = "the log") -> None:
         """Show all readings of a log, ready to be played."""
         self._live = None
+        self._log_name = name
         self._lost_in_log = sum(lost_in(scan.expected, {r.number for r in scan.readings}) for scan in log.scans)
         self._begin()
         self._forecast.follow(log.readings)
@@ -239,5 +240,6 @@ class Session(QObject):
             lost=self._lost_in_log if self.replay.loaded else live.lost,
             temperature_c=newest.temperature_c if self.replay.loaded and newest else live.temperature_c,
             recording=live.recording,
-            predicting=self._forecast.busy,
+            log_name=self._log_name if self.replay.loaded else "",
+            predicting=self._forecast.searching,
         )

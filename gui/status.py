@@ -30,6 +30,7 @@ class Status:
     lost: int = 0  # readings
     temperature_c: float | None = None
     recording: Path | None = None
+    log_name: str = ""  # of the log that is replayed
     predicting: bool = False
 
     @property

@@ -3,6 +3,8 @@
 Takes the status; hands on nothing.
 """
 
+from pathlib import Path
+
 from PySide6.QtWidgets import QLabel, QStatusBar
 
 from gui.palette import LIVE, REPLAY
@@ -58,7 +60,15 @@ def doing(status: Status) -> str:
     if status.source is Source.LIVE and status.phase is not None:
         parts.append(str(status.phase))
     if status.source is Source.LIVE and status.recording is not None:
-        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {status.recording}")
+        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
+    if status.source is Source.REPLAY:
+        parts.append(f"replaying {status.log_name}")
     if status.predicting:
         parts.append("predicting …")
     return " · ".join(parts)
+
+
+def _short(path: Path) -> str:
+    """A path with the person's own folder as ~."""
+    home = Path.home()
+    return f"~/{path.relative_to(home).as_posix()}" if path.is_relative_to(home) else str(path)

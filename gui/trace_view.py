@@ -35,12 +35,7 @@ class TraceView(pg.PlotWidget):  # type: ignore[misc]
         self.setMouseEnabled(x=True, y=False)
         self._blanking = pg.LinearRegionItem(movable=False, brush=pg.mkBrush(BLANKING), pen=pg.mkPen(BLANKING))
         self._blanking.setZValue(-20)
-        self._threshold = pg.InfiniteLine(
-            angle=0,
-            pen=pg.mkPen(THRESHOLD, width=1, style=Qt.PenStyle.DashLine),
-            label="threshold",
-            labelOpts={"position": 0.97, "anchors": [(1, 1), (1, 1)], "color": THRESHOLD},
-        )
+        self._threshold = pg.InfiniteLine(angle=0, pen=pg.mkPen(THRESHOLD, width=1, style=Qt.PenStyle.DashLine))
         self._predicted = pg.PlotCurveItem(pen=pg.mkPen(PREDICTED, width=1.5, style=Qt.PenStyle.DashLine))
         self._measured = pg.PlotCurveItem(pen=pg.mkPen(MEASURED, width=1))
         for item in (self._blanking, self._threshold, self._measured, self._predicted):

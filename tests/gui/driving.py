@@ -20,7 +20,8 @@ def predicted(window: MainWindow) -> bool:
     """Whether nothing better is still to come, with every reading compared."""
     shown, status = window.session.shown, window.session.status
     compared = all(shown.row(k) is not None for k in range(len(shown.readings)))
-    return compared and not status.predicting and shown.outline is not None
+    draft = shown.compared is not None and shown.compared.draft
+    return compared and not draft and not status.predicting and shown.outline is not None
 
 
 def ended(window: MainWindow) -> bool:

@@ -94,7 +94,7 @@ def forecast() -> Iterator[Forecast]:
 def finished(qtbot: QtBot, forecast: Forecast) -> None:
     def settled() -> bool:
         forecast.take()
-        return not forecast.busy
+        return not forecast.searching and not forecast._comparer.busy
 
     qtbot.waitUntil(settled, timeout=30_000)
 
