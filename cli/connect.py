@@ -103,10 +103,9 @@ def read_seed(text: str) -> int:
 
 @contextmanager
 def _replay(path: Path) -> Iterator[str]:
-    from sonarhw.replay import ReplayDevice
-
     from cli.log_input import open_log
     from sonarhw.endpoint import serve
+    from sonarhw.replay import ReplayDevice
 
     with serve(ReplayDevice(open_log(path)), tcp=LOOPBACK) as endpoint:
         yield endpoint.url
