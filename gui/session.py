@@ -13,14 +13,14 @@ from PySide6.QtCore import QObject, QTimer, Signal, Slot
 from gui.choice import Choice
 from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
 from gui.forecast import Forecast
-from gui.live_scan import LiveScan, LiveStatus, Phase, ScannerOpener, ScanWish
+from gui.live_feed import LiveFeed
+from gui.live_scan import ScannerOpener, ScanWish
 from gui.rate import RateMeter
 from gui.replay import Replay
 from gui.scene import Scene
 from gui.shown import Shown
 from gui.status import Source, Status, lost_in
 from gui.worker import Failure, Worker
-from sonarhw.errors import SonarError
 from sonarhw.log import Log
 from sonarhw.readings import Reading
 
@@ -40,11 +40,7 @@ class Session(QObject):
         self.status = Status(can_scan=opener is not None)
         self.replay = Replay(self)
         self.replay.changed.connect(self._refresh)
-        self._opener = opener
-        self._wish = wish
-        self._live: LiveScan | None = None
-        self._end_told = True
-        self._heard: tuple[Reading, ...] = ()  # of the live scan
+        self._live = LiveFeed(opener, wish)
         self._log_name, self._lost_in_log = "", 0
         self._choice = Choice()
         self._rate = RateMeter()
@@ -61,24 +57,19 @@ class Session(QObject):
     @Slot()
     def scan(self) -> None:
         """Scan with the scanner this session was given, and record."""
-        if self._opener is None or self._scanning:
-            return
-        self._live = LiveScan(self._opener, self.shown.scene, self._wish)
-        self._end_told = False
-        self._begin()
-        self.replay.unload()
-        self._live.start()
+        if self._live.possible and not self._live.running:
+            self._begin()
+            self.replay.unload()
+            self._live.start(self.shown.scene)
 
     @Slot()
     def stop(self) -> None:
         """Stop the scan that runs, or the playback."""
-        if self._live is not None:
-            self._live.stop()
+        self._live.stop()
         self.replay.pause()
 
     def show_log(self, log: Log, name: str = "the log") -> None:
         """Show all readings of a log, ready to be played."""
-        self._live = None
         self._log_name = name
         self._lost_in_log = sum(lost_in(scan.expected, {r.number for r in scan.readings}) for scan in log.scans)
         self._begin()
@@ -91,7 +82,7 @@ class Session(QObject):
         """Put the readings into another room, to another place, or before another board."""
         self.shown = replace(self.shown, scene=scene)
         self._forecast.set_scene(scene)
-        self._forecast.follow(self.replay.readings or self._heard)
+        self._forecast.follow(self.replay.readings or self._live.readings)
         self._refresh()
 
     @Slot(str)
@@ -131,17 +122,11 @@ class Session(QObject):
     def close(self) -> None:
         """Stop the board, close the log, end every thread; twice does no harm."""
         self._timer.stop()
-        if self._live is not None:
-            self._live.stop()
-            self._live.join()
+        self._live.close()
         self._files.close()
         self._forecast.close()
 
     # what happens meanwhile
-
-    @property
-    def _scanning(self) -> bool:
-        return self._live is not None and not self._live.status.ended
 
     @Slot()
     def tick(self) -> None:
@@ -160,7 +145,7 @@ class Session(QObject):
         self._tell_status(now)
 
     def _take_opened(self, opened: LogOpened | RoomOpened | Failure) -> None:
-        if self._scanning:
+        if self._live.running:
             return  # asked for before the scan began; it would tear it from its room
         match opened:
             case Failure():
@@ -173,37 +158,24 @@ class Session(QObject):
                 self.show_log(opened.log, opened.name)
 
     def _take_heard(self) -> bool:
-        if self._live is None:
-            return False
-        status = self._live.status  # before its readings, so that none comes after the end
-        fresh = self._live.take()
+        fresh, broken = self._live.take()
         if fresh:
-            self._rate.add(len(fresh), self._last_tick)
-            self._heard += tuple(fresh)
-            self._forecast.follow(self._heard)
-        if status.ended and not self._end_told:
-            self._end_told = True
-            self._tell_end(status)
+            self._rate.add(fresh, self._last_tick)
+            self._forecast.follow(self._live.readings)
+        if broken:
+            self.warned.emit(broken)
         return bool(fresh)
-
-    def _tell_end(self, status: LiveStatus) -> None:
-        if status.error is None:
-            return
-        if not isinstance(status.error, SonarError | OSError):
-            raise status.error
-        kept = f"; {status.made} readings are kept in {status.recording}" if status.recording else ""
-        self.warned.emit(f"{status.error}{kept}")
 
     def _begin(self) -> None:
         self.warned.emit("")
-        self._heard = ()
+        self._live.forget()
         self._rate = RateMeter()
         self._choice.follow_newest()
         self._forecast.begin_scan()
 
     @Slot()
     def _refresh(self) -> None:
-        readings = self._played() if self.replay.loaded else self._heard
+        readings = self._played() if self.replay.loaded else self._live.readings
         compared = self._forecast.compared
         self.shown = replace(
             self.shown,
@@ -219,7 +191,11 @@ class Session(QObject):
         if len(before) == count and (not count or before[-1] is self.replay.readings[count - 1]):
             return before  # the same object, so that views see nothing to draw
         self._rate.add(max(0, count - len(before)), time.monotonic())
-        return self.replay.readings[:count]
+        readings = self.replay.readings[:count]
+        compared = self._forecast.compared
+        if readings and compared is not None and compared.row(count - 1) is None:
+            self._forecast.follow(readings)  # a long log is compared by stretches
+        return readings
 
     def _tell_status(self, now: float) -> None:
         status = self._status(now)
@@ -228,13 +204,13 @@ class Session(QObject):
             self.status_changed.emit(status)
 
     def _status(self, now: float) -> Status:
-        live = self._live.status if self._live else LiveStatus(Phase.DONE)
+        live = self._live.status
         newest = self.shown.readings[-1] if self.shown.readings else None
-        source = Source.REPLAY if self.replay.loaded else Source.LIVE if self._live else Source.NONE
+        source = Source.REPLAY if self.replay.loaded else Source.LIVE if self._live.phase else Source.NONE
         return Status(
             source=source,
-            phase=live.phase if self._live else None,
-            can_scan=self._opener is not None,
+            phase=self._live.phase,
+            can_scan=self._live.possible,
             readings=len(self.shown.readings),
             rate=self._rate.rate(now),
             lost=self._lost_in_log if self.replay.loaded else live.lost,

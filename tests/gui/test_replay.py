@@ -145,3 +145,17 @@ def test_playback_keeps_the_recorded_schedule(log: Log) -> None:
     assert playback.count == ORDER.readings - 1
     playback.seek(first.time - log.scans[0].began)
     assert playback.count == 1
+
+
+def test_a_log_longer_than_is_compared_at_once_is_compared_where_it_is_looked_at(
+    qtbot: QtBot, open_with: OpenWith, log: Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gui.forecast.MOST_COMPARED", 10)
+    window = open_with(source=log)
+    until(qtbot, lambda: window.session.shown.chosen_row is not None)
+    assert window.session.shown.row(0) is None
+    slider = window.replay_bar.slider
+    slider.setValue(slider.maximum() // 4)
+    until(qtbot, lambda: window.session.shown.chosen_row is not None)
+    assert window.session.shown.row(0) is not None
+    assert window.session.shown.chosen == len(window.session.shown.readings) - 1

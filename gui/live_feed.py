@@ -1,0 +1,83 @@
+"""The live scan as the session sees it: started, stopped, and asked every tick for what is new.
+
+Takes the way to a scanner; hands on readings, how things stand, and once, when a scan has broken, what to tell.
+"""
+
+from gui.live_scan import LiveScan, LiveStatus, Phase, ScannerOpener, ScanWish
+from gui.scene import Scene
+from sonarhw.errors import SonarError
+from sonarhw.readings import Reading
+
+_IDLE = LiveStatus(Phase.DONE)
+
+
+class LiveFeed:
+    """At most one live scan, and what it has brought."""
+
+    def __init__(self, opener: ScannerOpener | None, wish: ScanWish) -> None:
+        self.possible = opener is not None
+        self.readings: tuple[Reading, ...] = ()
+        self._opener = opener
+        self._wish = wish
+        self._scan: LiveScan | None = None
+        self._end_told = True
+
+    @property
+    def phase(self) -> Phase | None:
+        """How far the scan is; None before the first and after `forget`."""
+        return self._scan.status.phase if self._scan else None
+
+    @property
+    def status(self) -> LiveStatus:
+        """What is known of the scan."""
+        return self._scan.status if self._scan else _IDLE
+
+    @property
+    def running(self) -> bool:
+        """Whether more is to come."""
+        return not self.status.ended
+
+    def start(self, scene: Scene) -> None:
+        """Begin a scan; what the one before brought is forgotten."""
+        if self._opener is not None:
+            self.readings, self._end_told = (), False
+            self._scan = LiveScan(self._opener, scene, self._wish)
+            self._scan.start()
+
+    def stop(self) -> None:
+        """Ask for the end."""
+        if self._scan is not None:
+            self._scan.stop()
+
+    def forget(self) -> None:
+        """Forget the scan that is over; something else is shown now."""
+        self._scan, self.readings, self._end_told = None, (), True
+
+    def close(self) -> None:
+        """Stop the board and wait until the log is closed."""
+        if self._scan is not None:
+            self._scan.stop()
+            self._scan.join()
+
+    def take(self) -> tuple[int, str]:
+        """How many readings are new, and what to tell of an end that was none wanted (else empty)."""
+        if self._scan is None:
+            return 0, ""
+        status = self._scan.status  # before the readings, so that none comes after the end
+        fresh = tuple(self._scan.take())
+        if fresh:
+            self.readings += fresh
+        if not status.ended or self._end_told:
+            return len(fresh), ""
+        self._end_told = True
+        return len(fresh), _told(status)
+
+
+def _told(status: LiveStatus) -> str:
+    """What the person is to know of an error; raises what is a defect."""
+    if status.error is None:
+        return ""
+    if not isinstance(status.error, SonarError | OSError):
+        raise status.error
+    kept = f"; {status.made} readings are kept in {status.recording}" if status.recording else ""
+    return f"{status.error}{kept}"
