@@ -15,6 +15,7 @@ from gui.forecast import Compared, CompareRequest, Forecast, PathsFound, PathsRe
 from gui.scene import Scene
 from gui.worker import Failure, Worker
 from sim.paths import MAX_BOUNCES
+from sim.prediction import predict_scan
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 
@@ -162,3 +163,12 @@ def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
     assert len(whole.paths) > len(draft.paths)
     heard = ~np.isnan(whole.outline.ranges)
     assert heard.sum() >= (~np.isnan(draft.outline.ranges)).sum()
+
+
+def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
+    kept = PathsRequest(1, scene.room, scene.standing, scene.board, MAX_BOUNCES).answer().paths
+    headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
+    everything = predict_scan(scene.room, scene.standing, scene.board, headings)
+    loud = everything.paths.lengths[everything.loud.any(axis=0)]
+    assert len(loud) < len(everything.paths)
+    assert set(loud) <= set(kept.lengths)
