@@ -115,6 +115,8 @@ class LiveScan:
 
     def _converse(self) -> Phase:
         with self._opener() as scanner:
+            if self._stop_wanted.is_set():
+                return Phase.STOPPED
             log, path = start_recording(self._wish.folder, self._scene)
             with log:
                 self._scanner = scanner

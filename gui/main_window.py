@@ -45,7 +45,8 @@ class MainWindow(QMainWindow):
         self.replay_bar.show_state(session.replay.state)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End the session first: the board stops, the log is closed."""
+        """End the session too: the board stops, the log is closed."""
+        self.hide()  # what a thread is at may take a moment to finish
         self.session.close()
         event.accept()
 

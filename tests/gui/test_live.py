@@ -74,6 +74,26 @@ def test_stop_while_it_homes_ends_it_too(qtbot: QtBot, open_with: OpenWith, fake
     assert window.session.shown.readings == ()
 
 
+def test_stop_before_the_scanner_has_answered_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    asked, go_on = threading.Event(), threading.Event()
+    opener = fake("max")
+
+    @contextmanager
+    def slow() -> Iterator[Scanner]:
+        asked.set()
+        assert go_on.wait(30)
+        with opener() as scanner:
+            yield scanner
+
+    window = open_with(source=slow, autostart=True)
+    assert asked.wait(30)
+    window.session.stop()
+    go_on.set()
+    until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.STOPPED
+    assert window.session.status.recording is None
+
+
 def test_a_second_scan_begins_afresh(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window) and predicted(window))

@@ -25,7 +25,8 @@ from tests.gui.driving import ended, predicted, until
 
 SIZE = (1280, 800)
 ASKED_FOR = "SONARHW_SCREENSHOTS"
-ORDER = ScanOrder(0.0, radians(3), 120)
+HEADINGS = 120
+ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second leaves time for the picture of the first
 LIVE_UP_TO = 84  # readings in the picture of the running scan
 ASKED_LIVE, ASKED_IN_REPLAY = 74, 15  # the readings that the pictures explain
 
@@ -50,16 +51,18 @@ def test_pictures_of_the_demo_live_and_in_replay(
     echoes = RoomEchoes(room, room.place("bench"), scene.board, seed=1)
     echoes.prepare()
     # a picture to keep is taken at the pace of a real board
-    pace: Pace = "real" if ASKED_FOR in os.environ else 8.0
+    pace: Pace = "real" if ASKED_FOR in os.environ else 4.0
     with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace=pace) as endpoint:
-        window = open_with(
-            scene=scene, order=ORDER, source=lambda: Scanner.open(endpoint.url), autostart=True, recordings=at_home
-        )
+        window = open_with(scene=scene, order=ORDER, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
+        until(qtbot, lambda: predicted(window))
+        window.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
         window.session.choose(ASKED_LIVE)
-        until(qtbot, lambda: not window.session.status.predicting and window.session.shown.chosen_row is not None)
+        until(qtbot, lambda: window.session.shown.chosen_row is not None)
         save(window, folder / "live.png")
         assert window.status_bar.badge.text() == "● live"
+        until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
+        window.stop.trigger()
         until(qtbot, lambda: ended(window))
         recording = window.session.status.recording
         window.close()
