@@ -71,7 +71,7 @@ class Session(QObject):
     def show_log(self, log: Log, name: str = "the log") -> None:
         """Show all readings of a log, ready to be played."""
         self._log_name = name
-        self._lost_in_log = sum(lost_in(scan.expected, {r.number for r in scan.readings}) for scan in log.scans)
+        self._lost_in_log = sum(map(lost_in, log.scans))
         self._begin()
         self._forecast.follow(log.readings)
         self.replay.load(log)

@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from gui.live_scan import Phase
+from sonarhw.log import RecordedScan
 
 
 class Source(StrEnum):
@@ -39,6 +40,8 @@ class Status:
         return self.phase in (Phase.CONNECTING, Phase.HOMING, Phase.SCANNING)
 
 
-def lost_in(expected: int | None, numbers: set[int]) -> int:
-    """How many readings of a scan are missing: of those announced, or else below the highest number there is."""
-    return max(expected or 0, max(numbers, default=-1) + 1) - len(numbers)
+def lost_in(scan: RecordedScan) -> int:
+    """How many of the readings that a scan made its log does not have; where it does not say how many, the gaps."""
+    numbers = {reading.number for reading in scan.readings}
+    made = scan.finished.readings if scan.finished else max(numbers, default=-1) + 1
+    return max(0, made - len(numbers))

@@ -1,6 +1,7 @@
 """A log in a real window: all of it at once, played, paused, scrubbed, and torn."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from pytestqt.qtbot import QtBot
 from gui.main_window import MainWindow
 from gui.playback import SPEEDS, Playback
 from gui.scene import Scene
-from gui.status import Source
+from gui.status import Source, lost_in
 from sonarhw.log import Log, read_log
 from tests.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.gui.driving import predicted, until
@@ -159,3 +160,13 @@ def test_a_log_longer_than_is_compared_at_once_is_compared_where_it_is_looked_at
     until(qtbot, lambda: window.session.shown.chosen_row is not None)
     assert window.session.shown.row(0) is not None
     assert window.session.shown.chosen == len(window.session.shown.readings) - 1
+
+
+def test_lost_are_the_readings_that_were_made_and_are_not_there(log: Log) -> None:
+    (scan,) = log.scans
+    assert lost_in(scan) == 0
+    assert lost_in(replace(scan, readings=scan.readings[:5] + scan.readings[7:])) == 2
+    # a scan that was stopped has not lost what it never made
+    stopped = replace(scan, readings=scan.readings[:10], finished=replace(scan.finished, readings=10))
+    assert lost_in(stopped) == 0
+    assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
