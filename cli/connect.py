@@ -5,12 +5,14 @@ Takes the URL as it was typed; hands on one that pyserial opens, or the opened s
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qsl
 
 import typer
 
+from cli.options import DEFAULT_BOARD
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ ScannerUrl = Annotated[
     str, typer.Argument(help="Serial port, socket://HOST:PORT, fake:ROOM?place=NAME&seed=1, or a log.", metavar="URL")
 ]
 LOOPBACK = "127.0.0.1:0"
-_FAKE = "fake:"
+FAKE = "fake:"
 _FAKE_KEYS = ("place", "board", "seed", "pace")
 
 
@@ -39,7 +41,7 @@ def connect(url: str) -> "Iterator[Scanner]":
 @contextmanager
 def resolve(url: str) -> Iterator[str]:
     """A URL that pyserial opens; what `fake:` and log files need runs in this process meanwhile."""
-    if url.startswith(_FAKE):
+    if url.startswith(FAKE):
         with _fake(url) as target:
             yield target
     elif Path(url).suffix == ".mcap":
@@ -77,20 +79,40 @@ def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tu
     return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready), echoes
 
 
-@contextmanager
-def _fake(url: str) -> Iterator[str]:
-    from cli.options import DEFAULT_BOARD
-    from sonarhw.endpoint import serve
+@dataclass(frozen=True)
+class FakeUrl:
+    """What a `fake:` URL asks for."""
 
-    room_file, _, query = url.removeprefix(_FAKE).partition("?")
+    room_file: Path
+    place: str | None
+    board: str
+    seed: int
+    pace: "Pace"
+
+
+def read_fake_url(url: str) -> FakeUrl:
+    """The wishes in `fake:ROOM?place=NAME&seed=1`. Raises InputError for one that is not known or makes no sense."""
+    room_file, _, query = url.removeprefix(FAKE).partition("?")
     wishes = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(set(wishes) - set(_FAKE_KEYS)):
         raise InputError(f"{url}: does not know {', '.join(unknown)}; known: {', '.join(_FAKE_KEYS)}")
-    pace = read_pace(wishes.get("pace", "real"))
-    seed = read_seed(wishes.get("seed", "0"))
-    board, echoes = fake_board(Path(room_file), wishes.get("place"), wishes.get("board", DEFAULT_BOARD), seed)
+    return FakeUrl(
+        room_file=Path(room_file),
+        place=wishes.get("place"),
+        board=wishes.get("board", DEFAULT_BOARD),
+        seed=read_seed(wishes.get("seed", "0")),
+        pace=read_pace(wishes.get("pace", "real")),
+    )
+
+
+@contextmanager
+def _fake(url: str) -> Iterator[str]:
+    from sonarhw.endpoint import serve
+
+    wish = read_fake_url(url)
+    board, echoes = fake_board(wish.room_file, wish.place, wish.board, wish.seed)
     echoes.prepare()
-    with serve(board, tcp=LOOPBACK, pace=pace) as endpoint:
+    with serve(board, tcp=LOOPBACK, pace=wish.pace) as endpoint:
         yield endpoint.url
 
 

@@ -1,18 +1,16 @@
 """`sonarhw demo`: the main job with no hardware: a fake scanner's scan of the demo room lands on its prediction."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from cli.demo_room import PLACE, demo_room, demo_url
+from cli.gui import gui
 from sonarhw.errors import InputError
 
-PLACE = "bench"
-SEED = 1
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
 STEP_DEGREES = 3.0
 
@@ -26,25 +24,11 @@ def demo(
 
     Its own files of an earlier run are written anew: the demo is seeded and gives the same again.
     """
+    if headless is None and _has_display():
+        return gui()
     with demo_room() as room_file:
-        if headless is None and _has_display():
-            return _in_a_window(room_file)
         _without_a_window(room_file, headless or RESULT)
-        return 0
-
-
-@contextmanager
-def demo_room() -> Iterator[Path]:
-    """The room file of the demo, which ships with the product."""
-    from importlib.resources import as_file, files
-
-    with as_file(files("rooms") / "laboratory.toml") as path:
-        yield path
-
-
-def demo_url(room_file: Path, pace: str) -> str:
-    """The URL of the demo's fake scanner."""
-    return f"fake:{room_file}?place={PLACE}&seed={SEED}&pace={pace}"
+    return 0
 
 
 def _has_display() -> bool:
@@ -56,12 +40,6 @@ def _has_display() -> bool:
         typer.echo("No window can be opened here: the demo runs without one.")
         return False
     return True
-
-
-def _in_a_window(room_file: Path) -> int:
-    from cli.gui import gui
-
-    return gui(demo_url(room_file, "real"), room_file, PLACE)
 
 
 def _without_a_window(room_file: Path, folder: Path) -> None:

@@ -1,15 +1,14 @@
 """`sonarhw gui`: the window, on a log, on a scanner, or on the demo."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-from urllib.parse import parse_qsl
 
 import typer
 
-from cli.connect import read_pace, read_seed, resolve
+from cli.connect import FAKE, read_fake_url, resolve
+from cli.demo_room import demo_room, demo_url
 from cli.options import DEFAULT_BOARD, PlaceName
 from sonarhw.errors import InputError
 
@@ -17,9 +16,6 @@ if TYPE_CHECKING:
     from gui.scene import Scene
     from sonarhw.log import Log, LogMetadata
     from sonarhw.scanner import Scanner
-
-_FAKE = "fake:"
-_DEMO = "place=bench&seed=1"
 
 
 @dataclass(frozen=True)
@@ -46,25 +42,14 @@ def gui(
     wish = _Wish(room, place, board)
     if source is not None and _is_log(source):
         return _replay(Path(source), wish)
-    with _demo_url() if source is None else _as_it_is(source) as url:
-        return _scan(url, wish)
+    if source is not None:
+        return _scan(source, wish)
+    with demo_room() as room_file:
+        return _scan(demo_url(room_file), wish)
 
 
 def _is_log(source: str) -> bool:
-    return Path(source).suffix == ".mcap" and not source.startswith(_FAKE)
-
-
-@contextmanager
-def _demo_url() -> Iterator[str]:
-    from importlib.resources import as_file, files
-
-    with as_file(files("rooms") / "laboratory.toml") as path:
-        yield f"{_FAKE}{path}?{_DEMO}"
-
-
-@contextmanager
-def _as_it_is(url: str) -> Iterator[str]:
-    yield url
+    return Path(source).suffix == ".mcap" and not source.startswith(FAKE)
 
 
 def _replay(path: Path, wish: _Wish) -> int:
@@ -82,7 +67,7 @@ def _replay(path: Path, wish: _Wish) -> int:
 def _scan(url: str, wish: _Wish) -> int:
     from gui.display import check_display
 
-    fake = url.startswith(_FAKE)
+    fake = url.startswith(FAKE)
     scene = _fake_scene(url, wish) if fake else _scene(wish)
     check_display()
     from gui.app import WindowStart, run_window
@@ -126,11 +111,8 @@ def _scene(wish: _Wish) -> "Scene":
 
 def _fake_scene(url: str, wish: _Wish) -> "Scene":
     """The room that the fake hears, unless another one is asked for; every part of the URL is checked."""
-    room, _, query = url.removeprefix(_FAKE).partition("?")
-    parts = dict(parse_qsl(query, keep_blank_values=True))
-    read_pace(parts.get("pace", "real"))
-    read_seed(parts.get("seed", "0"))
-    heard = _Wish(Path(room), parts.get("place"), parts.get("board"))
+    fake = read_fake_url(url)
+    heard = _Wish(fake.room_file, fake.place, fake.board)
     scene = _scene(heard)
     if wish.room is None:
         wish = replace(heard, place=wish.place or heard.place, board=wish.board or heard.board)
