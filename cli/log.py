@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.log_input import LogFile, open_log
-from cli.options import Force, refuse_existing, text_output
+from cli.options import Force, refuse_existing, refuse_overwriting, text_output
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ def recover(
 
 def _refuse(log: Path, out: Path, force: bool) -> None:
     refuse_existing(out, force)
-    if out.exists() and log.exists() and out.samefile(log):
-        raise InputError(f"--out {out}: is the log that is read; choose another name")
+    refuse_overwriting(out, log)
 
 
 def _lost(log: "Log") -> str:

@@ -22,16 +22,25 @@ ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this,
 StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
 DEFAULT_BOARD = "polaroid-6500"
+MOST_DEGREES = 2147.0  # what the angle of a frame can carry
+MOST_HEADINGS = 65535  # what the order of a scan can carry
 
 
 def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
     """The scan from `start` to below `stop` (degrees). Raises InputError where there is no heading between them."""
+    for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
+        if not abs(degrees) <= MOST_DEGREES:
+            raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     try:
         headings = headings_between(start, stop, step)
     except ValueError as error:
         raise InputError(
             f"--from, --to, --step: {error} degrees; give a step that leads from one to the other"
         ) from error
+    if headings > MOST_HEADINGS:
+        raise InputError(
+            f"--step {step:g}: makes {headings:.6g} headings of a sweep, more than {MOST_HEADINGS}; take wider steps"
+        )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 
@@ -41,6 +50,18 @@ def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
         raise InputError(f"{path}: exists already; choose another {option} or add --force")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+
+
+def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
+    """Raise InputError where `out` is one of the files that the command reads, by whatever name.
+
+    An input may also be None, a URL, or the name of something that ships: what is no file cannot be overwritten.
+    """
+    for given in inputs:
+        # `fake:ROOM?place=NAME` reads a room file
+        read = None if given is None else Path(str(given).removeprefix("fake:").partition("?")[0])
+        if read is not None and read.exists() and out.exists() and out.samefile(read):
+            raise InputError(f"{option} {out}: is {read}, which this command reads; choose another name")
 
 
 @contextmanager

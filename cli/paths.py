@@ -1,12 +1,13 @@
 """`sonarhw paths`: every path of a place, whatever the heading."""
 
 import math
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cli.numbers import write_csv
-from cli.options import DEFAULT_BOARD, Force, PlaceName, RoomFile, text_output
+from cli.options import DEFAULT_BOARD, Force, PlaceName, RoomFile, refuse_overwriting, text_output
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 
@@ -14,7 +15,7 @@ HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 def paths(
     room_file: RoomFile,
     place: PlaceName = None,
-    max_bounces: Annotated[int, typer.Option(min=0, help="At most so many reflections.")] = 64,
+    max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="At most so many reflections.")] = 64,
     max_range: Annotated[
         float | None, typer.Option(min=0, help="Paths of length up to twice this, metres; default: the board's range.")
     ] = None,
@@ -22,11 +23,16 @@ def paths(
     out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
     force: Force = False,
 ) -> None:
-    """List every path of sound from a place back to it, shortest first."""
+    """List every path of sound from a place back to it, shortest first.
+
+    Sound bent by an edge goes straight to the sensor: what is reflected behind an edge is left out.
+    """
     from sim.board import load_board
     from sim.paths import PathSearch, find_paths
     from sim.room import load_room
 
+    if out != "-":
+        refuse_overwriting(Path(out), room_file)
     room = load_room(room_file)
     here, board = room.place(place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range

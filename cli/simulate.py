@@ -19,6 +19,7 @@ from cli.options import (
     StepDegrees,
     ToDegrees,
     refuse_existing,
+    refuse_overwriting,
     scan_order,
     text_output,
 )
@@ -75,7 +76,7 @@ def simulate(
     from sim.prediction import PredictionOptions, Unit
     from sim.room import load_room
 
-    suffix = _checked_suffix(out, force)
+    suffix = _checked_suffix(out, force, room_file, board)
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
@@ -93,13 +94,14 @@ def simulate(
                 write_csv(file, HEADER, _rows(scan))
 
 
-def _checked_suffix(out: str, force: bool) -> str:
+def _checked_suffix(out: str, force: bool, *inputs: str | Path) -> str:
     if out == "-":
         return ".csv"
     suffix = Path(out).suffix
     if suffix not in _FORMATS:
         raise InputError(f"--out {out}: expected a name ending in {', '.join(_FORMATS)}, or - for standard output")
     refuse_existing(Path(out), force)
+    refuse_overwriting(Path(out), *inputs)
     return suffix
 
 

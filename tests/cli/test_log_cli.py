@@ -91,7 +91,7 @@ def test_an_existing_file_is_refused_without_force(
 def test_a_log_is_never_written_over_itself(log: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
     before = log.read_bytes()
     assert run(["log", command, str(log), "--out", str(log), "--force"]) == 2
-    assert "is the log that is read" in capsys.readouterr().err
+    assert "which this command reads" in capsys.readouterr().err
     assert log.read_bytes() == before
 
 
