@@ -5,7 +5,7 @@ once and all of them when they are found. An answer for a scene or scan that is 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from sonarhw.readings import Reading
 
 DRAFT_BOUNCES = 4
 OUTLINE_HEADINGS = 360
-BELOW_THRESHOLD_DB = 20.0  # what lies farther below the threshold at every heading is seen in no view
 MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
 
 
@@ -51,16 +50,7 @@ class PathsRequest:
         paths = find_paths(room, place.position, search)
         headings = np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS, endpoint=False)
         outline = weigh_paths(room, place, board, headings, paths)
-        paths = _noticeable(outline)
-        outline = weigh_paths(room, place, board, headings, paths)
-        return PathsFound(self.generation, paths, outline, self.max_bounces < MAX_BOUNCES)
-
-
-def _noticeable(outline: PredictedScan) -> Paths:
-    """The paths that are seen at some heading: of those a room has, nine in ten never rise out of the noise."""
-    loudest = outline.levels.max(axis=0, initial=-np.inf)
-    rows = loudest >= outline.board.threshold_db - BELOW_THRESHOLD_DB
-    return Paths(*(getattr(outline.paths, field.name)[rows] for field in fields(Paths)))
+        return PathsFound(self.generation, outline.paths, outline, self.max_bounces < MAX_BOUNCES)
 
 
 class DraftRequest(PathsRequest):

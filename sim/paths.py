@@ -6,7 +6,7 @@ transducer points.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from sonarhw.readings import FloatArray
 # 1/16° apart finds 99.3 % of all paths up to 21.4 m in the simple room, where 0.25° finds 94 %
 RAYS = 5760
 MAX_BOUNCES = 64
+SLACK = 1e-9  # m: a path that comes out a rounding error over the wanted length is still one
 _SAME = 1e-7  # m and rad: paths that agree so far in length and departure are one
 
 
@@ -55,6 +56,10 @@ class Paths:
         """Number of reflections of each path, (n,) int."""
         return np.asarray((self.surfaces >= 0).sum(axis=1), dtype=np.int32)
 
+    def select(self, rows: NDArray[np.intp]) -> "Paths":
+        """Only those rows, in that order."""
+        return Paths(*(getattr(self, column.name)[rows] for column in fields(Paths)))
+
     def via(self, path: int, room: Room) -> tuple[str, ...]:
         """Names of what a path touched, in order of travel; an edge as the two walls that meet there."""
         touched = tuple(room.names[surface] for surface in self.surfaces[path] if surface >= 0)
@@ -74,8 +79,9 @@ def find_paths(room: Room, position: tuple[float, float], search: PathSearch) ->
     targets = np.vstack((place, room.edges.points[heard]))
     directions = fan(search.rays)
     touched, candidates = follow_fan(
-        place, directions, room.walls, room.posts, targets, search.max_length, search.max_bounces
+        place, directions, room.walls, room.posts, targets, search.max_length + SLACK, search.max_bounces
     )
+    touched = touched[:, : candidates[:, 1].max(initial=0)]
     # straight to an edge and back needs no ray to find it
     direct = [(0, 0, target) for target in range(1, len(targets))]
     candidates = np.vstack((np.array(direct, dtype=np.int32).reshape(-1, 3), _distinct(touched, candidates)))
@@ -136,8 +142,8 @@ def _assemble(room: Room, place: FloatArray, solved: _Solved, search: PathSearch
         edges,
         points,
     )
-    kept = (lengths <= search.max_length) & ~(diffracted & ~_stays_in_wedge(room.edges, paths)) & (gains > 0)
-    return _shortest_first(_select(paths, np.flatnonzero(kept)))
+    kept = (lengths <= search.max_length + SLACK) & ~(diffracted & ~_stays_in_wedge(room.edges, paths)) & (gains > 0)
+    return _shortest_first(paths.select(np.flatnonzero(kept)))
 
 
 def _reflected(room: Room, surfaces: IntArray) -> FloatArray:
@@ -169,20 +175,8 @@ def _stays_in_wedge(edges: Edges, paths: Paths) -> BoolArray:
 def _shortest_first(paths: Paths) -> Paths:
     """Sorted by length, and each path once: through a vertex several sequences describe one path."""
     order = np.lexsort((*paths.surfaces.T[::-1], paths.edges, np.round(paths.lengths, 9)))
-    paths = _select(paths, order)
+    paths = paths.select(order)
     where = np.column_stack((paths.lengths, np.cos(paths.departures), np.sin(paths.departures), paths.edges))
     same = cKDTree(where).query_pairs(_SAME, output_type="ndarray") if len(paths) else np.empty((0, 2), np.intp)
     # of two that are one, the later in the order of the room file goes
-    return _select(paths, np.setdiff1d(np.arange(len(paths)), same.max(axis=1, initial=-1)))
-
-
-def _select(paths: Paths, rows: NDArray[np.intp]) -> Paths:
-    return Paths(
-        paths.lengths[rows],
-        paths.departures[rows],
-        paths.arrivals[rows],
-        paths.gains[rows],
-        paths.surfaces[rows],
-        paths.edges[rows],
-        paths.points[rows],
-    )
+    return paths.select(np.setdiff1d(np.arange(len(paths)), same.max(axis=1, initial=-1)))

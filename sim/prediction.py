@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.board import Board
-from sim.paths import MAX_BOUNCES, RAYS, Paths, PathSearch, find_paths
+from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch, find_paths
 from sim.room import Place, Room
 from sim.sequences import BoolArray
 from sim.transducer import beam_gain
 from sonarhw.readings import FloatArray
+
+# Fainter than this under the threshold, a path is not noticed: of those a room has, nine in ten never are. dB
+NOTICED_BELOW_THRESHOLD = 20.0
+_BLOCK = 256  # headings weighed at a time, so that long scans need no more memory than what they keep
 
 
 class Unit(StrEnum):
@@ -106,15 +110,27 @@ def predict_scan(
 def weigh_paths(
     room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
 ) -> PredictedScan:
-    """The scan that known paths give at `headings` (n,) rad."""
+    """The scan that known paths give at `headings` (n,) rad; paths too faint to notice at all of them are left out."""
     headings = np.asarray(headings, dtype=np.float64)
+    blocks = [headings[k : k + _BLOCK] for k in range(0, len(headings), _BLOCK)]
+    faintest = board.threshold_db - NOTICED_BELOW_THRESHOLD
+    noticed = np.zeros(len(paths), dtype=np.bool_)
+    for block in blocks:
+        noticed |= (_levels(room, place, board, block, paths, unit) >= faintest).any(axis=0)
+    paths = paths.select(np.flatnonzero(noticed))
+    levels = np.empty((len(headings), len(paths)))
+    for k, block in enumerate(blocks):
+        levels[k * _BLOCK :][: len(block)] = _levels(room, place, board, block, paths, unit)
+    loud = (levels >= board.threshold_db) & (paths.lengths <= 2 * board.max_range + SLACK)
+    return PredictedScan(room, place, board, headings, paths, levels, loud)
+
+
+def _levels(room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit) -> FloatArray:
     amplitudes = path_amplitudes(room, board, headings, paths)
     if unit is Unit.BLOCK:
         amplitudes[_meets_unit(paths, place, headings, board.aperture_radius)] = 0.0
     with np.errstate(divide="ignore"):
-        levels = 20 * np.log10(amplitudes)
-    loud = (levels >= board.threshold_db) & (paths.lengths <= 2 * board.max_range)
-    return PredictedScan(room, place, board, headings, paths, levels, loud)
+        return np.asarray(20 * np.log10(amplitudes))
 
 
 def path_amplitudes(room: Room, board: Board, headings: FloatArray, paths: Paths) -> FloatArray:

@@ -85,7 +85,7 @@ def headings_between(start: float, stop: float, step: float) -> int:
 
     Raises ValueError where the step is zero, not finite, or leads away from `stop`.
     """
-    if not all(map(math.isfinite, (start, stop, step))) or step == 0 or (stop - start) / step <= 0:
+    if not all(map(math.isfinite, (start, stop, step))) or step == 0 or not 0 < (stop - start) / step < math.inf:
         raise ValueError(f"no angle lies from {start:g} below {stop:g} in steps of {step:g}")
     # a hair less, so that 0 to 360 by 0.1 is 3600 and not 3601 where the division lands just above
     return math.ceil((stop - start) / step - 1e-9)
