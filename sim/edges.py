@@ -37,9 +37,9 @@ class Edges:
 
 
 def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) -> NDArray[np.bool_]:
-    """Whether directions (rad) lie in wedges, faces included, (n,) bool."""
+    """Whether directions (rad) lie inside wedges, (n,) bool; along a face sound grazes past and is not bent."""
     turned = np.mod(direction - start, math.tau)
-    return np.asarray((turned <= opening + 1e-9) | (turned >= math.tau - 1e-9))
+    return np.asarray((turned > _FLUSH) & (turned < opening - _FLUSH))
 
 
 class _Face(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.air import Air
 from sim.edges import Edges, find_edges
-from sim.room_file import MEETING, RoomFile
+from sim.room_file import MEETING, MOST_DISTANT, RoomFile
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -62,8 +62,8 @@ class Room:
             raise InputError(
                 f"room {self.name!r}: no place {wanted!r}; {self._known_places()}, or X,Y in metres"
             ) from error
-        if not (math.isfinite(x) and math.isfinite(y)):
-            raise InputError(f"place {wanted!r}: expected two finite numbers X,Y in metres")
+        if not (abs(x) <= MOST_DISTANT and abs(y) <= MOST_DISTANT):
+            raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MOST_DISTANT:g}")
         inside = np.flatnonzero(np.hypot(self.posts[:, 0] - x, self.posts[:, 1] - y) <= self.posts[:, 2])
         if len(inside):
             name = self.names[len(self.walls) + int(inside[0])]

@@ -12,10 +12,12 @@ from pydantic import Field, model_validator
 from sim.toml_file import TomlModel
 
 MEETING = 1e-6  # m; wall ends closer than this meet
+MOST_DISTANT = 1e6  # m; farther off, rounding would move walls
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
-Point = tuple[float, float]
+Coordinate = Annotated[float, Field(ge=-MOST_DISTANT, le=MOST_DISTANT)]
+Point = tuple[Coordinate, Coordinate]
 Name = Annotated[str, Field(pattern=r"^[^>/\n\r]+$")]  # via joins names with > and /
 
 
@@ -60,8 +62,10 @@ class WallSection(TomlModel):
         for k, (start, end) in enumerate(self.segments):
             if math.dist(start, end) <= MEETING:
                 raise ValueError(f"segment {k} of wall {self.name!r}, at {start}, has no length")
+        if self.closed and len(self.points) == 2:
+            raise ValueError(f"wall {self.name!r} is closed but has two points only; it would lie on itself")
         if self.edges is not None and len(self.edges) != len(self.segments):
-            raise ValueError(f"wall {self.name!r} has {len(self.segments)} segments, but {len(self.edges)} edges named")
+            raise ValueError(f"wall {self.name!r}: expected a name in edges for each of {len(self.segments)} segments")
         if self.height is not None and self.height[0] >= self.height[1]:
             raise ValueError(f"height of wall {self.name!r} must be [lower, upper], got {list(self.height)}")
         return self

@@ -27,7 +27,8 @@ def parse_toml(text: str, where: str, model: type[Model]) -> Model:
     except ValidationError as error:
         first = error.errors()[0]
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise InputError(f"{where}: {_key(first['loc'])}: {_reason(first)}{more}") from error
+        key = f"{_key(first['loc'])}: " if first["loc"] else ""
+        raise InputError(f"{where}: {key}{_reason(first)}{more}") from error
 
 
 def read_text(path: Path, what: str) -> str:
@@ -52,7 +53,7 @@ def _arrays_as_tuples(value: object) -> object:
 
 def _key(location: tuple[int | str, ...]) -> str:
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
-    return key.removeprefix(".") or "file"
+    return key.removeprefix(".")
 
 
 def _reason(error: object) -> str:
@@ -62,5 +63,10 @@ def _reason(error: object) -> str:
         return "unknown key; check its spelling"
     if kind == "missing":
         return "missing; it is required"
+    if kind == "too_short":
+        return f"expected at least {error['ctx']['min_length']} of them, got {error['ctx']['actual_length']}"
+    if kind == "string_pattern_mismatch":
+        return f"expected a name without > and /, which join names, got {got!r}"
     message = message.removeprefix("Value error, ").replace("Input should be", "expected")
+    message = message.replace("a valid tuple", "a list of numbers")
     return message if isinstance(got, dict | tuple) else f"{message}, got {got!r}"

@@ -228,3 +228,14 @@ def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_is_answered(place: tup
     assert np.isfinite(paths.lengths).all()
     assert np.isfinite(paths.gains).all()
     assert (paths.gains <= 1.0).all()
+
+
+def test_edge_seen_along_its_own_wall_is_not_heard() -> None:
+    paths = find_paths(polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
+    assert paths.lengths == pytest.approx([2.0])
+
+
+def test_path_as_long_as_the_limit_and_its_reverse_are_both_listed() -> None:
+    room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+    paths = find_paths(room, (1.13, 0.71), specular(8.0, 4))
+    assert [paths.via(k, room)[0] for k in np.flatnonzero(paths.lengths > 7.999)] == ["w[0]", "w[2]"]

@@ -45,7 +45,11 @@ heading_deg = 90.0
         ("position = [0.2, 0.3]", "position = [5.1, 5.1]", "place 'here' lies inside post 'p'"),
         ("radius = 0.5", "radius = 0.0", "posts[0].radius: expected greater than 0"),
         ('name = "p"', 'name = "w[0]"', "named 'w[0]'"),
-        ('material = "m"\n[[posts]]', 'material = "m"\nedges = ["a"]\n[[posts]]', "2 segments, but 1 edges named"),
+        (
+            'material = "m"\n[[posts]]',
+            'material = "m"\nedges = ["a"]\n[[posts]]',
+            "a name in edges for each of 2 segments",
+        ),
         ("position = [0.2, 0.3]", "position = [0.2", "not TOML"),
         ("position = [0.2, 0.3]", "", "places.here.position: missing"),
     ],
