@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.board import load_board
+from sim.board import load_board, parse_board
 from sim.room import load_room, parse_room
 from sonarhw.errors import InputError
 
@@ -105,3 +105,13 @@ def test_board_file_is_checked(tmp_path: Path) -> None:
     wrong.write_text('name = "x"\nfrequency = 50000.0\n')
     with pytest.raises(InputError, match="aperture_radius: missing"):
         load_board(str(wrong))
+
+
+def test_board_and_room_of_the_readme_load() -> None:
+    import re
+
+    blocks = re.findall(r"```toml\n(.*?)```", Path("README.md").read_text(), flags=re.DOTALL)
+    rooms = [parse_room(block, "README") for block in blocks if "[[walls]]" in block]
+    boards = [parse_board(block, "README") for block in blocks if "aperture_radius" in block]
+    assert [room.name for room in rooms] == ["Simple room"]
+    assert [board.name for board in boards] == ["my board"]
