@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.log_input import LogFile, open_log
-from cli.options import DEFAULT_BOARD, Force, PlaceName, refuse_existing, refuse_overwriting
+from cli.options import DEFAULT_BOARD, Force, PlaceName, checked_out
 from cli.simulate import ModelChoice, Receiver
 from sonarhw.errors import InputError
 
@@ -36,7 +36,7 @@ def compare(
 ) -> None:
     """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
     if plot is not None:
-        _check_plot(plot, force, log_file, room_file, board)
+        checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, ModelChoice(model), fit)
     if plot is not None:
         draw_comparison(comparison, plot)
@@ -82,13 +82,6 @@ def _recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
     if not metadata.room_text:
         raise InputError(f"{log_file}: holds no room; give one with --room")
     return parse_room(metadata.room_text, f"room inside {log_file}")
-
-
-def _check_plot(plot: Path, force: bool, *inputs: str | Path | None) -> None:
-    if plot.suffix != ".png":
-        raise InputError(f"--plot {plot}: expected a name ending in .png")
-    refuse_existing(plot, force, "--plot")
-    refuse_overwriting(plot, *inputs, option="--plot")
 
 
 def _recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.options import Force, refuse_existing, refuse_overwriting
+from cli.options import LOG, Force, checked_out
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ def import_csv(
     from sonarhw.encode import write_scan
     from sonarhw.log import LogMetadata
 
-    refuse_existing(out, force)
-    refuse_overwriting(out, file)
+    checked_out(out, (LOG,), force, file)
     _check_options(scale, heading_zero)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
     columns = _Columns(heading, distance, time_column)

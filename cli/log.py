@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.log_input import LogFile, open_log
-from cli.options import Force, refuse_existing, refuse_overwriting, text_output
+from cli.options import LOG, STDOUT, Force, checked_out, text_output
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,13 +31,9 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the readings of a log as CSV or arrays (FILE.npz), or the log anew (FILE.mcap)."""
-    kind = Path(out).suffix.lower()
-    if out != "-" and kind not in (".csv", ".npz", ".mcap"):
-        raise InputError(f"--out {out}: ends in none of .csv, .npz, .mcap; choose one, or - for CSV on standard output")
-    if out != "-":
-        _refuse(log, Path(out), force)
+    kind = checked_out(out, (".csv", ".npz", LOG, STDOUT), force, log)
     recorded = open_log(log)
-    if kind == ".mcap":
+    if kind == LOG:
         from sonarhw.log import copy_log
 
         copy_log(recorded, Path(out), overwrite=force)
@@ -46,7 +42,7 @@ def export(
 
         save_arrays(Path(out), recorded.scans)
     else:
-        _write_csv(recorded, out, force)
+        _write_csv(recorded, out)
 
 
 @app.command()
@@ -58,7 +54,7 @@ def recover(
     """Write a whole log with everything that can be read of a torn one, and say what was lost."""
     from sonarhw.log import copy_log, read_log
 
-    _refuse(log, out, force)
+    checked_out(out, (LOG,), force, log)
     if not log.is_file():
         raise InputError(f"{log}: there is no such file; give the name of a log (*.mcap)")
     recorded = read_log(log)
@@ -67,21 +63,16 @@ def recover(
     typer.echo(f"{kept}; lost: {_lost(recorded)}" if recorded.torn else f"{kept}; {log} was whole, nothing is lost")
 
 
-def _refuse(log: Path, out: Path, force: bool) -> None:
-    refuse_existing(out, force)
-    refuse_overwriting(out, log)
-
-
 def _lost(log: "Log") -> str:
     missing = sum(max(0, (scan.expected or 0) - len(scan.readings)) for scan in log.scans if scan.finished is None)
     readings = f"{missing} of the readings ordered were not recorded; " if missing else ""
     return f"{readings}the file {log.torn}"
 
 
-def _write_csv(log: "Log", out: str, force: bool) -> None:
+def _write_csv(log: "Log", out: str) -> None:
     from sonarhw.reading_csv import HEADER, row
 
-    with text_output(out, force) as file:
+    with text_output(out) as file:
         file.write(HEADER + "\n")
         for scan in log.scans:
             file.writelines(row(reading, scan.began) + "\n" for reading in scan.readings)

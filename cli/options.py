@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -22,6 +22,9 @@ ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this,
 StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
 DEFAULT_BOARD = "polaroid-6500"
+STDOUT = "-"
+LOG = ".mcap"
+_OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 MOST_DEGREES = 2147.0  # what the angle of a frame can carry
 MOST_HEADINGS = 65535  # what the order of a scan can carry
 
@@ -44,8 +47,40 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 
+def checked_out(
+    out: str | Path, endings: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
+) -> str:
+    """The format that a name asks for: the one of `endings` it has; `-`, where that is one, is standard output.
+
+    Raises InputError where the name has another ending, names a folder, a file that may not be overwritten or one of
+    the `inputs`, or lies in no folder. A device or pipe has no ending and takes the first.
+    """
+    if str(out) == STDOUT and STDOUT in endings:
+        return STDOUT
+    path = Path(out)
+    if is_special(path):
+        return endings[0]
+    ending = path.suffix.lower()
+    if ending not in endings:
+        *others, last = [name for name in endings if name != STDOUT]
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        stdout = f", or {STDOUT} for standard output" if STDOUT in endings else ""
+        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
+    refuse_existing(path, force, option)
+    refuse_overwriting(path, *inputs, option=option)
+    return ending
+
+
+def is_special(path: Path) -> bool:
+    """Whether a name stands for a device, a pipe or an open file, which is written into and never replaced."""
+    # /dev/stdout and its kind may lead to a plain file, which whoever opened it goes on writing to
+    return path.parent in _OPEN_FILES or (path.exists() and not path.is_file() and not path.is_dir())
+
+
 def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
     """Raise InputError where `path` exists and may not be overwritten, or its folder is missing."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; choose another {option} or add --force")
     if not path.parent.is_dir():
@@ -65,11 +100,10 @@ def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--o
 
 
 @contextmanager
-def text_output(out: str, force: bool) -> Iterator[TextIO]:
-    """Standard output for `-`, else the file `out`, opened for writing text."""
-    if out == "-":
+def text_output(out: str) -> Iterator[TextIO]:
+    """Standard output for `-`, else the file `out`, opened for writing text; `checked_out` has let it pass."""
+    if out == STDOUT:
         yield sys.stdout
         return
-    refuse_existing(Path(out), force)
     with open(out, "w", encoding="utf-8", newline="") as file:
         yield file

@@ -1,13 +1,12 @@
 """`sonarhw paths`: every path of a place, whatever the heading."""
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from cli.numbers import write_csv
-from cli.options import DEFAULT_BOARD, Force, PlaceName, RoomFile, refuse_overwriting, text_output
+from cli.options import DEFAULT_BOARD, STDOUT, Force, PlaceName, RoomFile, checked_out, text_output
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 
@@ -31,13 +30,12 @@ def paths(
     from sim.paths import PathSearch, find_paths
     from sim.room import load_room
 
-    if out != "-":
-        refuse_overwriting(Path(out), room_file)
+    checked_out(out, (".csv", STDOUT), force, room_file)
     room = load_room(room_file)
     here, board = room.place(place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
     search = PathSearch(2 * reach, board.wavelength(room.air), max_bounces, not no_diffraction)
-    with text_output(out, force) as file:
+    with text_output(out) as file:
         found = find_paths(room, here.position, search)
         rows = (
             (

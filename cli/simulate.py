@@ -11,6 +11,8 @@ import typer
 from cli.numbers import write_csv
 from cli.options import (
     DEFAULT_BOARD,
+    LOG,
+    STDOUT,
     BoardName,
     Force,
     FromDegrees,
@@ -18,19 +20,17 @@ from cli.options import (
     RoomFile,
     StepDegrees,
     ToDegrees,
-    refuse_existing,
-    refuse_overwriting,
+    checked_out,
     scan_order,
     text_output,
 )
-from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.prediction import PredictedScan
 
 HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"
 _PING_PERIOD = 0.1  # s; a simulated scan is logged as if taken at the usual pace
-_FORMATS = (".csv", ".npz", ".png", ".mcap")
+_FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
 
 
 class Receiver(StrEnum):
@@ -76,13 +76,13 @@ def simulate(
     from sim.prediction import PredictionOptions, Unit
     from sim.room import load_room
 
-    suffix = _checked_suffix(out, force, room_file, board)
+    kind = checked_out(out, _FORMATS, force, room_file, board)
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
     options = PredictionOptions(unit=Unit(unit.value))
     scan = predict_with(Model(model.value), room, here, chosen, order.angles(), options)
-    match suffix:
+    match kind:
         case ".npz":
             _write_npz(scan, Path(out))
         case ".png":
@@ -90,19 +90,8 @@ def simulate(
         case ".mcap":
             _write_log(scan, room_file.name, Path(out), force)
         case _:
-            with text_output(out, force) as file:
+            with text_output(out) as file:
                 write_csv(file, HEADER, _rows(scan))
-
-
-def _checked_suffix(out: str, force: bool, *inputs: str | Path) -> str:
-    if out == "-":
-        return ".csv"
-    suffix = Path(out).suffix
-    if suffix not in _FORMATS:
-        raise InputError(f"--out {out}: expected a name ending in {', '.join(_FORMATS)}, or - for standard output")
-    refuse_existing(Path(out), force)
-    refuse_overwriting(Path(out), *inputs)
-    return suffix
 
 
 def _rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:

@@ -1,4 +1,4 @@
-"""Files that commands write: never over what they read."""
+"""Files that commands write: under the right name, and never over what they read."""
 
 import shutil
 from pathlib import Path
@@ -46,3 +46,58 @@ def test_no_command_overwrites_what_it_reads(
     assert "which this command reads" in error
     assert error.count("\n") == 1
     assert read.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("command", "out", "wanted"),
+    [
+        ("import", "-", ".mcap"),
+        ("import", "x.csv", ".mcap"),
+        ("import", "x", ".mcap"),
+        ("recover", "-", ".mcap"),
+        ("recover", "x.csv", ".mcap"),
+        ("paths", "x.npz", ".csv, or - for standard output"),
+        ("paths", "x.mcap", ".csv, or - for standard output"),
+        ("simulate", "x.docx", ".csv, .npz, .png or .mcap, or - for standard output"),
+        ("simulate", ".csv", ".csv, .npz, .png or .mcap, or - for standard output"),
+        ("export", "x.png", ".csv, .npz or .mcap, or - for standard output"),
+        ("compare", "-", ".png"),
+        ("compare", "x.csv", ".png"),
+    ],
+)
+def test_a_name_must_end_as_what_is_written(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    out: str,
+    wanted: str,
+) -> None:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    write_example(tmp_path / "scan.mcap", 4)
+    (tmp_path / "own.csv").write_text("deg,m\n0,1\n")
+    monkeypatch.chdir(folder)
+    arguments = {
+        "import": ["import", "../own.csv", *IMPORT],
+        "compare": ["compare", "../scan.mcap", "--room", str(ROOM)],
+        "simulate": ["simulate", str(ROOM), "--place", "figure9"],
+        "paths": ["paths", str(ROOM), "--place", "figure9"],
+    }.get(command, ["log", command, "../scan.mcap"])
+    option = "--plot" if command == "compare" else "--out"
+    assert run([*arguments, option, out]) == 2
+    assert capsys.readouterr() == ("", f"sonarhw: {option} {out}: expected a name ending in {wanted}\n")
+    assert [*folder.iterdir()] == []
+
+
+def test_an_ending_may_be_in_capitals(tmp_path: Path) -> None:
+    assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(tmp_path / "SCAN.NPZ")]) == 0
+    assert (tmp_path / "SCAN.NPZ").read_bytes().startswith(b"PK")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz", ".mcap"])
+def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
+    out = tmp_path / f"d{ending}"
+    out.mkdir()
+    assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(out), "--force"]) == 2
+    assert capsys.readouterr().err == f"sonarhw: --out {out}: is a folder; give the name of a file in it\n"
