@@ -94,6 +94,9 @@ def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.C
         ["simulate", ROOM],
         ["simulate", *FIGURE_9, "--step", "0"],
         ["simulate", *FIGURE_9, "--from", "nan"],
+        ["simulate", *FIGURE_9, "--step", "1e-300"],
+        ["simulate", *FIGURE_9, "--to", "1e300"],
+        ["simulate", ROOM, "--place", "1e300,1"],
         ["simulate", *FIGURE_9, "--board", "unheard-of"],
         ["simulate", *FIGURE_9, "--out", "scan.docx"],
         ["paths", ROOM, "--place", "atlantis"],
@@ -124,3 +127,12 @@ def test_help_tells_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     promised = "demo ports info scan home turn stop monitor fake simulate paths import replay log compare gui"
     assert [name for name in promised.split() if f"\n  {name} " not in out] == []
+
+
+def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.CaptureFixture[str]) -> None:
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert run(["simulate", "rooms/laboratory.toml", "--place", "bench", "--step", "0.2"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1801
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400e3  # kB; whole matrices took 1.5 GB
