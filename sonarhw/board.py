@@ -97,16 +97,12 @@ class Board(Conversation):
 
     def configure(self, wish: Configure, sequence: int) -> Settings:
         """The settings from now on in force: never longer than it can listen. Raises Refusing."""
-        if wish.trace > 1:
-            raise Refusing(Refusal.OUT_OF_RANGE, f"trace is {wish.trace}; it is 0 or 1")
         listen = min(wish.listen_us, round(MAX_LISTEN * 1e6))
-        if not 0 < listen > wish.blanking_us:
+        if listen <= wish.blanking_us:
             raise Refusing(
                 Refusal.OUT_OF_RANGE,
                 f"nothing is heard with {wish.blanking_us} us of blanking in {listen} us of listening",
             )
-        if wish.speed_of_sound == 0:
-            raise Refusing(Refusal.OUT_OF_RANGE, "speed of sound is 0 mm/s")
         self._settings = Settings(sequence, listen, wish.blanking_us, wish.trace, wish.speed_of_sound)
         return self._settings
 

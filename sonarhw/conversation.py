@@ -40,6 +40,7 @@ from sonarhw.messages import (
 
 HEARTBEAT = 0.250  # s
 KEPT_READINGS = 64
+MOST_READINGS = 0xFFFF_FFFF  # of one scan: Started and Finished count in u32
 BACKLOG = 65_536  # bytes waiting for the line; commands that come on top of that are dropped
 
 
@@ -116,10 +117,10 @@ class Conversation(ABC):
         """Stand still where it is: what ran was stopped."""
 
     def report(self, reading: ReadingMessage, trace: Iterable[TraceChunk], now: float) -> None:
-        """Send a reading and its trace; the reading is kept to be sent again."""
+        """Send a reading and its trace; it is kept to be sent again. Raises MessageError where it fits no message."""
+        self.line.send(reading, now)
         self._kept.append(reading)
         self._made = reading.number + 1
-        self.line.send(reading, now)
         for chunk in trace:
             self.line.send(chunk, now)
 
@@ -196,7 +197,13 @@ class Conversation(ABC):
         self._next_heartbeat = now + HEARTBEAT
 
     def _step(self, action: _Action, now: float) -> None:
-        due = next(action.wakes, None)
+        try:
+            due = next(action.wakes, None)
+        except MessageError as error:
+            # settings under which a reading fits no message: the host hears of it, and the next one is served
+            self.halt(now)
+            self._finish(action, Outcome.FAULT, now, f"reading {self._made}: {error}")
+            return
         if due is None:
             self._finish(action, Outcome.DONE, now)
         else:
@@ -233,6 +240,7 @@ class Conversation(ABC):
                 self._greet(sequence, now)
             case Configure():
                 self._refuse_when_busy()
+                _check_settings(message)
                 self.line.send(self.configure(message, sequence), now)
             case Home():
                 self._refuse_when_busy()
@@ -243,6 +251,8 @@ class Conversation(ABC):
             case StartScan():
                 self._refuse_when_busy()
                 count, wakes = self.scanning(message, now)
+                if count > MOST_READINGS:
+                    raise Refusing(Refusal.OUT_OF_RANGE, f"{count} readings; they are counted up to {MOST_READINGS}")
                 self._kept.clear()
                 self._start(_Action(key, Started(sequence, count), State.SCANNING, wakes), now)
             case Stop():
@@ -277,9 +287,9 @@ class Conversation(ABC):
         self.line.send(action.accepted, now)
         self._step(action, now)
 
-    def _finish(self, action: _Action, outcome: Outcome, now: float) -> None:
+    def _finish(self, action: _Action, outcome: Outcome, now: float, text: str = "") -> None:
         readings = self._made if action.state == State.SCANNING else 0
-        action.finished = Finished(action.key[1], outcome, readings, "")
+        action.finished = Finished(action.key[1], outcome, readings, text)
         self.line.send(action.finished, now)
 
     def _stop_action(self, now: float) -> None:
@@ -291,3 +301,13 @@ class Conversation(ABC):
         self.line.send(action.accepted, now)
         if action.finished:
             self.line.send(action.finished, now)
+
+
+def _check_settings(wish: Configure) -> None:
+    """Raise Refusing for settings that make no sense on any device."""
+    if wish.trace > 1:
+        raise Refusing(Refusal.OUT_OF_RANGE, f"trace is {wish.trace}; it is 0 or 1")
+    if wish.listen_us == 0:
+        raise Refusing(Refusal.OUT_OF_RANGE, "listen is 0 us; nothing would be heard")
+    if wish.speed_of_sound == 0:
+        raise Refusing(Refusal.OUT_OF_RANGE, "speed of sound is 0 mm/s")
