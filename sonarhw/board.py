@@ -29,7 +29,7 @@ from sonarhw.reading_messages import centidegrees_of, trace_chunks
 from sonarhw.readings import ScanOrder
 from sonarhw.turntable import Turntable
 
-PING_PERIOD = 0.100  # s, turning and settling within
+PING_PERIOD = 0.100  # s from start to start; turning and settling within
 MAX_LISTEN = 0.065  # s
 REACH = 720_000_000  # µdeg either way; the transducer's cable winds no further
 _MICROSTEPS = 3200
@@ -65,6 +65,7 @@ class Board(Conversation):
         self._ready = ready
         self._identity = identity or BoardIdentity(serial=f"FAKE-{seed:04d}")
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
+        self._next_ping = 0.0  # s; not before that, so that the echoes of the last one have died
         self._settings = Settings(0, round(MAX_LISTEN * 1e6), round(blanking * 1e6), 0, 343_200)
 
     @property
@@ -146,14 +147,13 @@ class Board(Conversation):
         listen = self._settings.listen_us * 1e-6
         for number in range(scan.readings):
             sweep, angle, ping = scan.ping_at(number)
-            fire = self._turntable.turn(angle, now)
+            fire = max(self._turntable.turn(angle, now), self._next_ping)
             yield fire
-            heard = fire + listen
-            yield heard
-            self._hear(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, heard)
-            now = max(now + PING_PERIOD, heard)
-            if number + 1 < scan.readings:
-                yield now
+            # counted from the ping itself, in the whole µs in which it is told, and across scans
+            self._next_ping = round(fire, 6) + PING_PERIOD
+            now = fire + listen
+            yield now
+            self._hear(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
     def _hear(self, number: int, ping: Ping, fired: float, now: float) -> None:
         heard = self._echoes.hear(ping)

@@ -13,6 +13,7 @@ from sonarhw.errors import LogError, NoAnswer
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.messages import (
     Accepted,
+    Configure,
     Finished,
     Heartbeat,
     Hello,
@@ -129,6 +130,49 @@ def test_readings_follow_each_other_as_fast_as_turning_and_listening_allow_but_n
         joined.greet()
         times = [reading.time for reading in joined.scan(StartScan(0, step, 72, 1, 1))]
         assert times[-1] - times[1] == pytest.approx(70 * period, abs=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.5, 1, 2, 5, 10, 90])
+@pytest.mark.parametrize(("headings", "sweeps", "pings"), [(6, 1, 3), (6, 2, 1), (1, 3, 2)])
+@pytest.mark.parametrize("listen", [3_000, 30_000, 65_000])
+def test_no_two_pings_start_within_a_tenth_of_a_second(
+    step: float, headings: int, sweeps: int, pings: int, listen: int
+) -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(Configure(listen, 2_380, 0, 343_200))
+    order = StartScan(0, round(step * 1e6), headings, sweeps, pings)
+    times = [reading.time for _ in range(2) for reading in joined.scan(order)]
+    assert len(times) == 2 * headings * sweeps * pings
+    assert all(later - earlier > 0.1 - 1e-7 for earlier, later in itertools.pairwise(times))
+
+
+def test_a_move_between_two_pings_hides_inside_the_ping_period() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(Configure(30_000, 2_380, 0, 343_200))
+    # 5 degrees and settling take 48 ms, after 30 ms of listening; the first heading is where the turntable stands
+    times = [reading.time for reading in joined.scan(StartScan(0, 5_000_000, 10, 1, 2))]
+    assert np.diff(times) == pytest.approx([0.1] * 19, abs=2e-6)
+
+
+def test_a_stopped_scan_keeps_the_next_one_from_pinging_too_soon() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(StartScan(0, 1_000_000, 50, 1, 1))
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.ask(Stop())
+    last = joined.readings[-1].time
+    (first, *_) = joined.scan(StartScan(0, 1_000_000, 1, 1, 1))
+    assert first.time - last > 0.1 - 1e-7
+
+
+def test_thirty_six_headings_with_traces_take_less_than_twelve_seconds() -> None:
+    joined = Joined()
+    joined.greet(trace=True)
+    began = joined.now
+    joined.scan(StartScan(0, 10_000_000, 36, 1, 1))
+    assert joined.now - began < 12.0
 
 
 def test_heartbeats_come_every_quarter_second_while_homing_and_turning() -> None:
