@@ -3,12 +3,13 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
 from cli.log_input import LogFile, open_log
 from cli.options import DEFAULT_BOARD, Force, PlaceName, checked_out
+from cli.output import whole_file
 from cli.simulate import ModelChoice, Receiver
 from sonarhw.errors import InputError
 
@@ -39,7 +40,8 @@ def compare(
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, ModelChoice(model), fit)
     if plot is not None:
-        draw_comparison(comparison, plot)
+        with whole_file(plot, "--plot") as file:
+            draw_comparison(comparison, file)
     if as_json:
         typer.echo(json.dumps(asdict(comparison.summary()), indent=2))
     else:
@@ -90,12 +92,12 @@ def _recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
     return metadata.place if named else None
 
 
-def draw_comparison(comparison: "Comparison", out: Path) -> None:
-    """Draw measured over predicted in the plan of the room."""
+def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:
+    """Draw measured over predicted in the plan of the room, as PNG."""
     from compare.picture import draw_plan
 
     measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
-    draw_plan(comparison.prediction, measured).savefig(out)
+    draw_plan(comparison.prediction, measured).savefig(out, format="png")
 
 
 def _tell(comparison: "Comparison") -> None:

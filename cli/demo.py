@@ -9,6 +9,7 @@ import typer
 
 from cli.demo_room import PLACE, demo_room, demo_url
 from cli.gui import gui
+from cli.output import whole_file
 from sonarhw.errors import InputError
 
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
@@ -53,8 +54,10 @@ def _without_a_window(room_file: Path, folder: Path) -> None:
     log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
     scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
     comparison = compare_log(log, room_file, PLACE)
-    draw_comparison(comparison, picture)
-    figures.write_text(json.dumps(asdict(comparison.summary()), indent=2) + "\n")
+    with whole_file(picture, "--headless") as file:
+        draw_comparison(comparison, file)
+    with whole_file(figures, "--headless") as file:
+        file.write((json.dumps(asdict(comparison.summary()), indent=2) + "\n").encode())
     for line in summary_lines(comparison.summary()):
         typer.echo(line)
     typer.echo(f"The picture lies in {picture}, the scan in {log}, the figures in {figures}.")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.log_input import LogFile, open_log
-from cli.options import LOG, STDOUT, Force, checked_out, text_output
+from cli.options import LOG, STDOUT, Force, checked_out
+from cli.output import text_output, whole_file
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,9 +39,10 @@ def export(
 
         copy_log(recorded, Path(out), overwrite=force)
     elif kind == ".npz":
-        from sonarhw.reading_arrays import save_arrays
+        from sonarhw.reading_arrays import write_arrays
 
-        save_arrays(Path(out), recorded.scans)
+        with whole_file(Path(out)) as file:
+            write_arrays(file, recorded.scans)
     else:
         _write_csv(recorded, out)
 

@@ -1,11 +1,9 @@
 """Options that several commands share, and what they are made into: degrees and names in, SI values out."""
 
 import math
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -97,13 +95,3 @@ def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--o
         read = None if given is None else Path(str(given).removeprefix("fake:").partition("?")[0])
         if read is not None and read.exists() and out.exists() and out.samefile(read):
             raise InputError(f"{option} {out}: is {read}, which this command reads; choose another name")
-
-
-@contextmanager
-def text_output(out: str) -> Iterator[TextIO]:
-    """Standard output for `-`, else the file `out`, opened for writing text; `checked_out` has let it pass."""
-    if out == STDOUT:
-        yield sys.stdout
-        return
-    with open(out, "w", encoding="utf-8", newline="") as file:
-        yield file

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from cli.numbers import write_csv
-from cli.options import DEFAULT_BOARD, STDOUT, Force, PlaceName, RoomFile, checked_out, text_output
+from cli.options import DEFAULT_BOARD, STDOUT, Force, PlaceName, RoomFile, checked_out
+from cli.output import text_output
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 

@@ -22,8 +22,8 @@ from cli.options import (
     ToDegrees,
     checked_out,
     scan_order,
-    text_output,
 )
+from cli.output import text_output, whole_file
 
 if TYPE_CHECKING:
     from sim.prediction import PredictedScan
@@ -110,14 +110,16 @@ def _write_npz(scan: "PredictedScan", out: Path) -> None:
 
     *numbers, via = zip(*_rows(scan), strict=True)
     columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
-    with open(out, "wb") as file:
+    with whole_file(out) as file:
         np.savez(file, allow_pickle=False, **dict(zip(HEADER.split(","), columns, strict=True)))
 
 
 def _write_picture(scan: "PredictedScan", out: Path) -> None:
     from compare.picture import draw_plan
 
-    draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}").savefig(out)
+    figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
+    with whole_file(out) as file:
+        figure.savefig(file, format="png")
 
 
 def _write_log(scan: "PredictedScan", room_file: str, out: Path, force: bool) -> None:

@@ -9,7 +9,8 @@
     │   ├── NoAnswer           a deadline passed                                                   exit 1
     │   ├── Incompatible       it speaks another protocol version                                  exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
-    └── LogError               a log cannot be read or written                                     exit 1
+    ├── LogError               a log cannot be read or written                                     exit 1
+    └── OutputError            another file, or standard output, cannot be written                 exit 1
 
 A message says what was expected, what came, where, and what to do; it fits on one line.
 """
@@ -61,3 +62,7 @@ class CommandRefused(DeviceError):
 
 class LogError(SonarError):
     """A log cannot be read or written."""
+
+
+class OutputError(SonarError):
+    """A file that is no log, or standard output, cannot be written."""

@@ -1,21 +1,20 @@
 """Readings as named arrays in an .npz file, for NumPy and everything that reads it.
 
-Takes the scans of a log; hands on a file of plain arrays, one row a reading.
+Takes the scans of a log; fills a file with plain arrays, one row a reading.
 """
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
-from sonarhw.errors import LogError
 from sonarhw.log_contents import RecordedScan
 from sonarhw.readings import FloatArray, Reading
 
 
-def save_arrays(path: Path, scans: Sequence[RecordedScan]) -> None:
-    """Write the readings of all scans to `path`, which may exist. Raises LogError where it cannot be written.
+def write_arrays(file: BinaryIO, scans: Sequence[RecordedScan]) -> None:
+    """Write the readings of all scans to `file`.
 
     One row a reading: `scan`, `number`, `sweep`, `ping`; `time_s` since its scan began; `heading_deg`, the turntable
     angle; `range_m`, NaN without an echo; `echoes_s` (n, most echoes), padded with NaN; `temperature_c`, NaN without
@@ -37,11 +36,7 @@ def save_arrays(path: Path, scans: Sequence[RecordedScan]) -> None:
         "speed_of_sound": np.array([reading.speed_of_sound for reading in readings], np.float64),
         **_traces(readings),
     }
-    try:
-        with path.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **columns)
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+    np.savez_compressed(file, allow_pickle=False, **columns)
 
 
 def _traces(readings: Sequence[Reading]) -> dict[str, FloatArray]:

@@ -1,11 +1,16 @@
-"""Files that commands write: under the right name, and never over what they read."""
+"""Files that commands write: under the right name, never over what they read, whole or not at all."""
 
+import os
 import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from cli.app import run
+from cli.output import text_output, whole_file
 from tests.sonarhw.example_logs import write_example
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
@@ -101,3 +106,100 @@ def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     out.mkdir()
     assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(out), "--force"]) == 2
     assert capsys.readouterr().err == f"sonarhw: --out {out}: is a folder; give the name of a file in it\n"
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """Files that may grow no further fail as they do on a full disk."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("there", [False, True])
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("simulate", "scan.csv"),
+        ("simulate", "scan.npz"),
+        ("simulate", "scan.png"),
+        ("export", "scan.csv"),
+        ("export", "scan.npz"),
+        ("compare", "plot.png"),
+    ],
+)
+def test_a_full_disk_leaves_no_half_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, name: str, there: bool
+) -> None:
+    log, folder = tmp_path / "scan.mcap", tmp_path / "results"
+    write_example(log, 40)
+    folder.mkdir()
+    arguments = {
+        "simulate": ["simulate", str(ROOM), "--place", "figure9", "--force", "--out"],
+        "export": ["log", "export", str(log), "--force", "--out"],
+        "compare": ["compare", str(log), "--room", str(ROOM), "--force", "--plot"],
+    }[command]
+    # once with room enough: what compiles or lists fonts writes files of its own
+    assert run([*arguments, str(tmp_path / name)]) == 0
+    capsys.readouterr()
+    out = folder / name
+    if there:
+        out.write_text("older")
+    with full_disk():
+        status = run([*arguments, str(out)])
+    told = f"sonarhw: {out}: File too large; choose another {arguments[-1]}\n"
+    assert (status, *capsys.readouterr()) == (1, "", told)
+    assert [path.read_text() for path in folder.iterdir()] == ["older"] * there
+
+
+def test_a_file_that_fails_half_way_leaves_the_older_one(tmp_path: Path) -> None:
+    out = tmp_path / "scan.csv"
+    out.write_text("older")
+    with suppress(KeyboardInterrupt), whole_file(out) as file:
+        file.write(b"newer")
+        file.flush()
+        raise KeyboardInterrupt
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["older"]
+
+
+def test_a_file_written_anew_keeps_its_permissions_and_the_links_to_it(tmp_path: Path) -> None:
+    out, link = tmp_path / "scan.csv", tmp_path / "newest.csv"
+    out.write_text("older")
+    out.chmod(0o640)
+    link.symlink_to(out)
+    with text_output(str(link)) as file:
+        file.write("newer")
+    assert link.is_symlink()
+    assert out.read_text() == "newer"
+    assert out.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_new_file_has_the_permissions_that_new_files_have(tmp_path: Path) -> None:
+    with text_output(str(tmp_path / "scan.csv")) as file:
+        file.write("new")
+    (tmp_path / "other").touch()
+    assert (tmp_path / "scan.csv").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
+def test_devices_are_written_into_and_never_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["simulate", str(ROOM), "--place", "figure9", "--out"]
+    assert run([*command, "/dev/full"]) == 1
+    told = "sonarhw: /dev/full: No space left on device; free some or choose another --out\n"
+    assert capsys.readouterr().err == told
+    assert run([*command, "/dev/null"]) == 0
+    assert Path("/dev/null").is_char_device()
+
+
+def test_a_pipe_takes_what_a_file_would(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE, text=True) as cat:
+        assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(pipe)]) == 0
+        assert cat.stdout is not None
+        assert cat.stdout.read().count("\n") == 73
+    assert pipe.is_fifo()
