@@ -23,6 +23,7 @@ from sonarhw.messages import (
     Refusal,
     Settings,
     StartScan,
+    State,
     Turn,
 )
 from sonarhw.reading_messages import centidegrees_of, trace_chunks
@@ -59,7 +60,7 @@ class Board(Conversation):
         identity: BoardIdentity | None = None,
         ready: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`ready` tells whether the echo source answers at once by now; until then home and scan take longer."""
+        """`ready` tells whether the echo source answers at once by now; until then no ping is made."""
         super().__init__(Line())
         self._echoes = echoes
         self._ready = ready
@@ -70,8 +71,9 @@ class Board(Conversation):
 
     @property
     def busy(self) -> bool:
-        """Whether it homes, turns or scans; not while it waits for its echo source, which needs real time."""
-        return super().busy and self._ready()
+        """Whether it homes, turns or scans; not while its pings wait for the echo source, which needs real time."""
+        running = self._running
+        return running is not None and (running.state is not State.SCANNING or self._ready())
 
     def temperature(self) -> int:
         """Air at the board, as messages carry it."""
@@ -108,13 +110,9 @@ class Board(Conversation):
         return self._settings
 
     def homing(self, now: float) -> Iterator[float]:
-        """Seek the zero mark; takes longer until the echo source is ready."""
-        found = self._turntable.home(now)
-        yield found
-        while not self._ready():
-            found += _PATIENCE
-            yield found
-        self._turntable.found(found)
+        """Seek the zero mark; it needs no ears, so it does not wait for them."""
+        yield self._turntable.home(now)
+        self._turntable.found()
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises Refusing, at once."""

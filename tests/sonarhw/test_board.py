@@ -17,6 +17,7 @@ from sonarhw.messages import (
     Home,
     Info,
     Message,
+    Outcome,
     ReadingMessage,
     Refusal,
     Refused,
@@ -217,17 +218,43 @@ def test_a_stop_half_way_leaves_the_turntable_where_it_is(homed: Joined) -> None
     assert 80_000_000 < homed.driver.heartbeat.angle < 140_000_000
 
 
-def test_a_board_whose_ears_are_not_ready_beats_on_and_homes_later() -> None:
+def test_a_board_whose_ears_are_not_ready_homes_and_turns_and_holds_back_its_pings() -> None:
     ready = False
     echoes = PlainEchoes()
     joined = Joined(board=Board(echoes, ready=lambda: ready))
     joined.ask(Hello(1, 0))
-    home = joined.ask(Home())
+    joined.act(Home())
+    joined.act(Turn(90_000_000))
+    assert joined.now < 3.0
+    scan = joined.ask(StartScan(0, 1_000_000, 2, 1, 1))
     joined.until(lambda: joined.now > 10)
-    assert home.finished is None
+    assert (scan.finished, echoes.pings) == (None, [])
     assert not joined.board.busy
     ready = True
-    joined.until(lambda: home.finished is not None, within=1.0)
+    joined.until(lambda: scan.finished is not None, within=2.0)
+    assert len(echoes.pings) == 2
+
+
+@pytest.mark.parametrize("degrees", [-720, -350, 0, 1, 90, 700, 720])
+def test_home_takes_less_than_three_seconds_from_any_angle_the_cable_allows(homed: Joined, degrees: int) -> None:
+    homed.act(Turn(degrees * 1_000_000))
+    began = homed.now
+    home = homed.act(Home())
+    assert homed.now - began < 3.0
+    assert home.finished is not None
+    assert home.finished.outcome == Outcome.DONE
+
+
+def test_a_home_that_was_stopped_goes_on_from_where_it_stands(homed: Joined) -> None:
+    homed.act(Turn(720_000_000))
+    homed.ask(Home())
+    end = homed.now + 1.5
+    homed.until(lambda: homed.now >= end)
+    homed.ask(Stop())
+    assert refusal(homed, Turn(0)) is Refusal.NOT_HOMED
+    began = homed.now
+    homed.act(Home())
+    assert homed.now - began < 0.6  # a quarter of the way is left
 
 
 def test_sweeps_run_to_and_fro(homed: Joined) -> None:
