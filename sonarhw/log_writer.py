@@ -136,7 +136,9 @@ class _WholeWrites:
         self._pending = bytearray()
         self._written = 0
         try:
-            self._file = FileIO(path, "wb" if overwrite else "xb")
+            # a device or a pipe is always there, and nothing in it can be lost
+            device = path.exists() and not path.is_file() and not path.is_dir()
+            self._file = FileIO(path, "wb" if overwrite or device else "xb")
         except FileExistsError as error:
             raise LogError(f"{path}: exists already; choose another name or overwrite it on purpose") from error
         except OSError as error:
@@ -165,10 +167,7 @@ class _WholeWrites:
             links = os.fstat(self._file.fileno()).st_nlink
         except OSError as error:
             self._give_up()
-            raise LogError(
-                f"{self.path}: cannot be written any further: {error.strerror}; "
-                f"the first {self._written} bytes are a readable log"
-            ) from error
+            raise LogError(f"{self.path}: {self._what_is_left(error.strerror)}") from error
         if links == 0:
             self._give_up()
             raise LogError(f"{self.path}: was deleted while it was being written; record into another folder")
@@ -178,6 +177,11 @@ class _WholeWrites:
     def close(self) -> None:
         """Close the file; what was not flushed is dropped."""
         self._file.close()
+
+    def _what_is_left(self, reason: str | None) -> str:
+        if not self._written:
+            return f"cannot be written: {reason}; nothing is recorded, choose another file"
+        return f"cannot be written any further: {reason}; the first {self._written} bytes are a readable log"
 
     def _give_up(self) -> None:
         try:

@@ -241,6 +241,15 @@ def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: 
     assert f"at byte {size} in the record that begins at byte {size}" in str(log.torn)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
+def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
+    with pytest.raises(LogError) as told:
+        LogWriter(Path("/dev/full"), METADATA)
+    assert str(told.value) == (
+        "/dev/full: cannot be written: No space left on device; nothing is recorded, choose another file"
+    )
+
+
 def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
         before = (tmp_path / "scan.mcap").stat().st_size
