@@ -26,12 +26,31 @@ def text_output(out: str) -> Iterator[TextIO]:
     Raises OutputError.
     """
     if out == STDOUT:
-        yield sys.stdout
+        with _flushed(standard_output()) as text:
+            yield text
         return
     text = StringIO(newline="")
     yield text
     with whole_file(Path(out)) as file:
         file.write(text.getvalue().encode())
+
+
+def standard_output() -> TextIO:
+    """Standard output. Raises OutputError where it was closed before the command began."""
+    if sys.stdout is None:
+        raise OutputError("standard output: is closed; leave it open, or name a file with --out")
+    return sys.stdout
+
+
+@contextmanager
+def _flushed(text: TextIO) -> Iterator[TextIO]:
+    try:
+        yield text
+        text.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"standard output: {error.strerror or error}; name a file with --out") from error
 
 
 @contextmanager

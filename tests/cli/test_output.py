@@ -1,8 +1,10 @@
 """Files that commands write: under the right name, never over what they read, whole or not at all."""
 
 import os
+import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -203,3 +205,31 @@ def test_a_pipe_takes_what_a_file_would(tmp_path: Path) -> None:
         assert cat.stdout is not None
         assert cat.stdout.read().count("\n") == 73
     assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["simulate", ROOM, "--place", "figure9"],
+        ["paths", ROOM, "--place", "figure9"],
+        ["log", "export", "scan.mcap", "--out", "-"],
+    ],
+    ids=["simulate", "paths", "export"],
+)
+@pytest.mark.parametrize(
+    ("redirection", "told"),
+    [
+        (">&-", "standard output: is closed; leave it open, or name a file with --out"),
+        (">/dev/full", "standard output: No space left on device; name a file with --out"),
+    ],
+)
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a shell and a device that is always full")
+def test_standard_output_that_takes_nothing_is_one_line(
+    tmp_path: Path, arguments: list[str | Path], redirection: str, told: str
+) -> None:
+    write_example(tmp_path / "scan.mcap", 4)
+    command = shlex.join([sys.executable, "-c", "from cli.app import main; main()", *map(str, arguments)])
+    done = subprocess.run(
+        f"{command} {redirection}", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (1, f"sonarhw: {told}\n")
