@@ -6,6 +6,7 @@ Takes a plot; hands on the scatters in it, and their tooltips.
 from collections.abc import Callable
 
 import pyqtgraph as pg
+from PySide6.QtWidgets import QGraphicsView
 
 from compare.match import Kind
 from gui.palette import CHOSEN, MARKS, PAPER, Unclassed
@@ -13,6 +14,8 @@ from gui.shown import ClassPoints
 from sonarhw.readings import FloatArray
 
 _SIZE = 9
+# scatters tell Qt less of what they leave than of what they draw: repainting by parts would let old points stand
+WHOLE = QGraphicsView.ViewportUpdateMode.FullViewportUpdate
 _RING = 16
 Placed = tuple[ClassPoints, FloatArray]
 

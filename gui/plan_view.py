@@ -13,7 +13,7 @@ from PySide6.QtGui import QFont, QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
 from compare.picture import points_at
-from gui.marks import ReadingMarks
+from gui.marks import WHOLE, ReadingMarks
 from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, PREDICTED, WALL
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import beam_wedge, bounce_labels, half_power_angle, outline_points, wall_lines
@@ -34,6 +34,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
 
     def __init__(self) -> None:
         super().__init__()
+        self.setViewportUpdateMode(WHOLE)
         self._shown: Shown | None = None
         self.setAspectLocked(True)
         self.setLabel("bottom", "x (m)")

@@ -11,7 +11,7 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Signal
 
 from compare.match import TOLERANCE, Kind
-from gui.marks import Placed, ReadingMarks
+from gui.marks import WHOLE, Placed, ReadingMarks
 from gui.palette import CHOSEN, GRID_ALPHA, PREDICTED, TOLERANCE_BAND, Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
@@ -31,6 +31,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
 
     def __init__(self) -> None:
         super().__init__()
+        self.setViewportUpdateMode(WHOLE)
         self._shown: Shown | None = None
         self.ranges = self._plot(0, "range (m)")
         self.residuals = self._plot(1, "residual (cm)")
@@ -62,12 +63,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         if before is None or before.outline is not shown.outline:
             self._draw_outline(shown)
         if before is None or before.classes is not shown.classes:
-            self._marks[0].draw(
-                {
-                    kind: (points, _over_heading(points.headings, points.ranges))
-                    for kind, points in shown.classes.items()
-                }
-            )
+            self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
         for marks in self._marks:
             marks.ring(shown.chosen)

@@ -8,6 +8,7 @@ from PySide6.QtCore import Qt
 
 from gui.chosen_trace import ChosenTrace, Curve, chosen_trace, degrees_text
 from gui.echo_names import EchoNames
+from gui.marks import WHOLE
 from gui.palette import BLANKING, GRID_ALPHA, MEASURED, PREDICTED, THRESHOLD
 from gui.shown import Shown
 
@@ -26,6 +27,7 @@ class TraceView(pg.PlotWidget):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__(axisItems={"left": _LevelAxis("left")})
+        self.setViewportUpdateMode(WHOLE)
         self._drawn: tuple[object, object] | None = None
         self._reach = 0.0
         self.setLabel("bottom", "range (m)")

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QGraphicsView
 from pytestqt.qtbot import QtBot
 
 from gui.main_window import MainWindow
@@ -170,3 +172,25 @@ def test_lost_are_the_readings_that_were_made_and_are_not_there(log: Log) -> Non
     stopped = replace(scan, readings=scan.readings[:10], finished=replace(scan.finished, readings=10))
     assert lost_in(stopped) == 0
     assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
+
+
+def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
+    until(qtbot, lambda: predicted(window))
+    window.session.choose(20)
+    QApplication.processEvents()
+    window.session.replay.toggle()
+    until(qtbot, lambda: len(window.session.shown.readings) >= ORDER.readings // 3)
+    window.session.replay.pause()
+    until(qtbot, lambda: predicted(window))
+    QApplication.processEvents()
+    for view in (window.ranges, window.plan):
+        until(qtbot, lambda view=view: _on_screen(window, view) == _drawn_anew(view))
+
+
+def _on_screen(window: MainWindow, view: QGraphicsView) -> QImage:
+    image = window.screen().grabWindow(view.viewport().winId()).toImage()
+    return image.convertToFormat(QImage.Format.Format_RGB32)
+
+
+def _drawn_anew(view: QGraphicsView) -> QImage:
+    return view.viewport().grab().toImage().convertToFormat(QImage.Format.Format_RGB32)
