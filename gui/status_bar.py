@@ -5,6 +5,7 @@ Takes the status; hands on nothing.
 
 from pathlib import Path
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QStatusBar
 
 from gui.palette import LIVE, REPLAY
@@ -24,6 +25,10 @@ class StatusBar(QStatusBar):
         self.badge = QLabel()
         self.figures = QLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air")
+        # room for the longest line, or a number that grows by a digit is cut off until the next layout
+        widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
+        self.figures.setMinimumWidth(widest)
+        self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.setContentsMargins(8, 0, 4, 0)
         self.addWidget(self.doing, 1)
         self.addPermanentWidget(self.figures)
