@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.log_input import LogFile, open_log
+from cli.log_input import LogFile, load_log, open_log
 from cli.options import LOG, STDOUT, Force, checked_out
 from cli.output import text_output, whole_file
-from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sonarhw.log import Log, RecordedScan
@@ -54,12 +53,10 @@ def recover(
     force: Force = False,
 ) -> None:
     """Write a whole log with everything that can be read of a torn one, and say what was lost."""
-    from sonarhw.log import copy_log, read_log
+    from sonarhw.log import copy_log
 
     checked_out(out, (LOG,), force, log)
-    if not log.is_file():
-        raise InputError(f"{log}: there is no such file; give the name of a log (*.mcap)")
-    recorded = read_log(log)
+    recorded = load_log(log)
     copy_log(recorded, out, overwrite=force)
     kept = f"{out}: {_counted(len(recorded.readings), 'reading')} in {_counted(len(recorded.scans), 'scan')}"
     typer.echo(f"{kept}; lost: {_lost(recorded)}" if recorded.torn else f"{kept}; {log} was whole, nothing is lost")

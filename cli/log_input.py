@@ -14,12 +14,18 @@ LogFile = Annotated[Path, typer.Argument(help="Log (*.mcap), whole or torn.", me
 
 
 def open_log(path: Path) -> "Log":
-    """The log in a file. Warns on standard error where it is torn; raises InputError where there is no such file."""
-    from sonarhw.log import read_log
-
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file; give the name of a log (*.mcap)")
-    log = read_log(path)
+    """The log in a file. Warns on standard error where it is torn; raises InputError where there is none."""
+    log = load_log(path)
     if log.torn:
         typer.echo(f"sonarhw: warning: {path}: {log.torn}; going on with {len(log.readings)} whole readings", err=True)
     return log
+
+
+def load_log(path: Path) -> "Log":
+    """The log in a file, without a warning. Raises InputError where there is none."""
+    from sonarhw.log import read_log
+
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "is no file" if path.exists() else "there is no such file"
+        raise InputError(f"{path}: {what}; give the name of a log (*.mcap)")
+    return read_log(path)

@@ -2,6 +2,7 @@
 
     SonarError
     ├── InputError             what a person handed in is wrong: option, room file, profile, CSV   exit 2
+    │   └── NotALog            a file that cannot be read as a log, or is damaged beyond reading   exit 2
     ├── LinkError              the way to the scanner is shut
     │   ├── LinkBusy           somebody else holds the port                                        exit 1
     │   └── LinkLost           it was open and went away                                           exit 1
@@ -9,7 +10,7 @@
     │   ├── NoAnswer           a deadline passed                                                   exit 1
     │   ├── Incompatible       it speaks another protocol version                                  exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
-    ├── LogError               a log cannot be read or written                                     exit 1
+    ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
 A message says what was expected, what came, where, and what to do; it fits on one line.
@@ -26,6 +27,10 @@ class InputError(SonarError):
     """What a person handed in is wrong; nothing has been done yet."""
 
     exit_status = 2
+
+
+class NotALog(InputError):
+    """A file that cannot be read as a log: another kind of file, of a newer format, or damaged beyond reading."""
 
 
 class LinkError(SonarError):
@@ -61,7 +66,7 @@ class CommandRefused(DeviceError):
 
 
 class LogError(SonarError):
-    """A log cannot be read or written."""
+    """A log cannot be written."""
 
 
 class OutputError(SonarError):

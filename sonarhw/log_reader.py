@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-from sonarhw.errors import LogError
+from sonarhw.errors import NotALog
 from sonarhw.log_contents import (
     FORMAT_VERSION,
     FRAMES_RECEIVED,
@@ -26,18 +26,18 @@ from sonarhw.recorded_scans import Follower
 def read_log(path: Path) -> Log:
     """Everything readable in a log; `torn` of the result says where it ends too early.
 
-    Raises LogError where the file cannot be read, is no log of this project, or is of a newer format.
+    Raises NotALog where the file cannot be read, is no log of this project, or is of a newer format.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     if not data:
-        raise LogError(f"{path}: is empty; a log of this project was expected")
+        raise NotALog(f"{path}: is empty; a log of this project was expected")
     try:
         contents = read_mcap(data)
     except NotMcapError:
-        raise LogError(f"{path}: is not an MCAP file; a log of this project was expected") from None
+        raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected") from None
     metadata = _metadata(path, contents)
     frames = tuple(_frames(contents))
     follower = Follower()
@@ -63,13 +63,13 @@ def _metadata(path: Path, contents: McapContents) -> LogMetadata:
     if fields is None and contents.cut and contents.profile == PROFILE:
         return LogMetadata("unknown", 0.0, product_version="unknown")
     if fields is None and contents.cut and contents.profile is None:
-        raise LogError(f"{path}: {_torn(contents)}, before it says what it is; nothing in it can be read")
+        raise NotALog(f"{path}: {_torn(contents)}, before it says what it is; nothing in it can be read")
     if fields is None:
-        raise LogError(f"{path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata")
+        raise NotALog(f"{path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata")
     try:
         format_version = int(fields["format_version"])
         if format_version > FORMAT_VERSION:
-            raise LogError(
+            raise NotALog(
                 f"{path}: has format {format_version}; this version reads up to {FORMAT_VERSION}: update sonarhw"
             )
         return LogMetadata(
@@ -83,6 +83,6 @@ def _metadata(path: Path, contents: McapContents) -> LogMetadata:
             format_version=format_version,
         )
     except KeyError as error:
-        raise LogError(f"{path}: its {METADATA_NAME} metadata has no field {error}") from error
+        raise NotALog(f"{path}: its {METADATA_NAME} metadata has no field {error}") from error
     except ValueError as error:
-        raise LogError(f"{path}: its {METADATA_NAME} metadata cannot be understood: {error}") from error
+        raise NotALog(f"{path}: its {METADATA_NAME} metadata cannot be understood: {error}") from error

@@ -1,10 +1,13 @@
 """`sonarhw log` and `sonarhw replay`: what they write, say and refuse."""
 
+import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from cli.app import run
 from sonarhw.log import read_log
@@ -123,31 +126,52 @@ def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: p
         assert text in told
 
 
-@pytest.mark.parametrize("command", [["info"], ["export", "--out", "-"]])
+def another_programs_mcap(path: Path) -> None:
+    writer = Writer(str(path))
+    writer.start("ros2")
+    writer.finish()
+
+
 @pytest.mark.parametrize(
-    ("content", "status", "told"),
+    "command",
     [
-        (None, 2, "there is no such file"),
-        (b"", 1, "is empty"),
-        (b"time_s\n", 1, "is not an MCAP file"),
+        ["log", "info"],
+        ["log", "export", "--out", "-"],
+        ["log", "recover", "--out", "mended.mcap"],
+        ["replay"],
+        ["compare"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda path: None, "there is no such file"),
+        (Path.mkdir, "is a folder"),
+        (os.mkfifo, "is no file"),
+        (lambda path: path.write_bytes(b""), "is empty"),
+        (lambda path: path.write_bytes(b"time_s\n"), "is not an MCAP file"),
+        (another_programs_mcap, "is an MCAP file, but not a log of this project"),
+        (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "nothing in it can be read"),
     ],
 )
-def test_what_is_no_log_is_one_line_and_no_traceback(
+def test_what_is_no_log_is_bad_input_in_one_line(
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     command: list[str],
-    content: bytes | None,
-    status: int,
+    make: Callable[[Path], object],
     told: str,
 ) -> None:
-    path = tmp_path / "scan.mcap"
-    if content is not None:
-        path.write_bytes(content)
-    assert run(["log", command[0], str(path), *command[1:]]) == status
+    monkeypatch.chdir(tmp_path)
+    make(Path("scan.mcap"))
+    assert run([*command, "scan.mcap"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
+    assert err.startswith("sonarhw: scan.mcap: ")
     assert told in err
     assert err.count("\n") == 1
+    assert not Path("mended.mcap").exists()
 
 
 def test_an_export_of_no_known_kind_is_refused(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

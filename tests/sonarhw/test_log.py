@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from sonarhw.encode import write_scan
-from sonarhw.errors import LogError
+from sonarhw.errors import LogError, NotALog
 from sonarhw.frames import Frame, decode_block, encode_frame
 from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
 from sonarhw.messages import Finished, Hello, Message, Started, StartScan
@@ -282,5 +282,5 @@ def test_every_frame_is_kept_as_it_was_on_the_wire(tmp_path: Path) -> None:
 def test_a_newer_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "scan.mcap", LogMetadata("scan", STARTED, format_version=99)):
         pass
-    with pytest.raises(LogError, match=r"has format 99.*update"):
+    with pytest.raises(NotALog, match=r"has format 99.*update"):
         read_log(tmp_path / "scan.mcap")

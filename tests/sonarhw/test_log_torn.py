@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from sonarhw.errors import LogError
+from sonarhw.errors import LogError, NotALog
 from sonarhw.log import LogWriter, copy_log, read_log
 from tests.sonarhw.example_logs import METADATA, assert_readings_close, example_reading, write_example
 
@@ -70,7 +70,7 @@ def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_
     data = whole.read_bytes()
     for at in range(1, first_record_end(data)):
         (tmp_path / "torn.mcap").write_bytes(data[:at])
-        with pytest.raises(LogError, match=r"torn\.mcap: ") as told:
+        with pytest.raises(NotALog, match=r"torn\.mcap: ") as told:
             read_log(tmp_path / "torn.mcap")
         assert "\n" not in str(told.value)
 
@@ -110,7 +110,7 @@ def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path)
 
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
-def test_no_damage_makes_reading_fail_otherwise_than_with_a_log_error(
+def test_no_damage_makes_reading_fail_otherwise_than_as_no_log(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = bytearray(whole.read_bytes())
@@ -121,7 +121,7 @@ def test_no_damage_makes_reading_fail_otherwise_than_with_a_log_error(
     told = ""
     try:
         assert len(read_log(path).readings) <= COUNT
-    except LogError as error:
+    except NotALog as error:
         told = str(error)
     assert "\n" not in told
 
@@ -136,12 +136,12 @@ def test_no_damage_makes_reading_fail_otherwise_than_with_a_log_error(
 )
 def test_what_is_no_log_is_one_clear_line(tmp_path: Path, content: bytes, told: str) -> None:
     (tmp_path / "scan.mcap").write_bytes(content)
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(NotALog, match=told):
         read_log(tmp_path / "scan.mcap")
 
 
 def test_a_log_that_is_not_there_is_one_clear_line(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be read: No such file"):
+    with pytest.raises(NotALog, match="cannot be read: No such file"):
         read_log(tmp_path / "scan.mcap")
 
 
@@ -149,7 +149,7 @@ def test_another_programs_mcap_is_one_clear_line(tmp_path: Path) -> None:
     writer = Writer(str(tmp_path / "scan.mcap"))
     writer.start("ros2")
     writer.finish()
-    with pytest.raises(LogError, match="is an MCAP file, but not a log of this project"):
+    with pytest.raises(NotALog, match="is an MCAP file, but not a log of this project"):
         read_log(tmp_path / "scan.mcap")
 
 
