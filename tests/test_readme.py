@@ -1,0 +1,30 @@
+"""The README's words are true: its example prints what it says, its pictures are there, no command is left out."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+from cli.app import app, run
+
+README = Path("README.md").read_text()
+
+
+def test_example_of_figure_9_prints_what_the_readme_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    command, printed = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)[0]
+    assert run(shlex.split(command)) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_pictures_are_there() -> None:
+    pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
+    assert len(pictures) == 2
+    assert all(Path(picture).is_file() for picture in pictures)
+
+
+def test_every_command_is_told_and_has_help() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    assert [name for name in commands if f"`sonarhw {name}`" not in README] == []
+    assert [name for name, command in commands.items() if not command.help] == []
