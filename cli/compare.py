@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 import typer
 
 from cli.log_input import LogFile, open_log
+from cli.numbers import counted
 from cli.options import DEFAULT_BOARD, Force, PlaceName, checked_out
 from cli.output import whole_file
 from cli.simulate import ModelChoice, Receiver
@@ -113,7 +114,7 @@ def _tell(comparison: "Comparison") -> None:
 def summary_lines(summary: "Summary") -> list[str]:
     """The figures of a comparison for a person to read."""
     classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
-    lines = [f"{summary.n} readings, {summary.n_echo} with an echo: {classes}"]
+    lines = [f"{counted(summary.n, 'reading')}, {summary.n_echo} with an echo: {classes}"]
     if summary.within_5cm is not None and summary.explained is not None:
         lines.append(
             f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "

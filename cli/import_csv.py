@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.numbers import counted
 from cli.options import LOG, Force, checked_out
 from sonarhw.errors import InputError
 
@@ -63,7 +64,7 @@ def import_csv(
     readings = _readings(_rows(file, columns, no_echo), _Meaning(file, scale, sign, heading_zero))
     write_scan(out, LogMetadata("import", time.time()), readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
-    typer.echo(f"{out}: {len(readings)} readings, {echoes} with an echo")
+    typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ class _Line:
     def text(self, name: str, place: int) -> str:
         """The field of a column."""
         if place >= len(self.fields):
-            raise self.refuse(f"has {len(self.fields)} fields and none for column {name!r}")
+            raise self.refuse(f"has {counted(len(self.fields), 'field')} and none for column {name!r}")
         return self.fields[place].strip()
 
     def number_in(self, name: str, place: int) -> float:

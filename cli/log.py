@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.log_input import LogFile, load_log, open_log
+from cli.numbers import counted
 from cli.options import LOG, STDOUT, Force, checked_out
 from cli.output import text_output, whole_file
 
@@ -58,14 +59,20 @@ def recover(
     checked_out(out, (LOG,), force, log)
     recorded = load_log(log)
     copy_log(recorded, out, overwrite=force)
-    kept = f"{out}: {_counted(len(recorded.readings), 'reading')} in {_counted(len(recorded.scans), 'scan')}"
-    typer.echo(f"{kept}; lost: {_lost(recorded)}" if recorded.torn else f"{kept}; {log} was whole, nothing is lost")
+    kept = f"{out}: {counted(len(recorded.readings), 'reading')} in {counted(len(recorded.scans), 'scan')}"
+    lost = (
+        f"{_lost(recorded)}; {log} was torn: {recorded.torn}" if recorded.torn else f"nothing is lost, {log} was whole"
+    )
+    typer.echo(f"{kept}; {lost}")
 
 
 def _lost(log: "Log") -> str:
-    missing = sum(max(0, (scan.expected or 0) - len(scan.readings)) for scan in log.scans if scan.finished is None)
-    readings = f"{missing} of the readings ordered were not recorded; " if missing else ""
-    return f"{readings}the file {log.torn}"
+    # a scan that was stopped has not lost what it never made
+    made = [scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans]
+    missing = sum(max(0, count - len(scan.readings)) for count, scan in zip(made, log.scans, strict=True))
+    if not missing:
+        return "no reading is known to be missing"
+    return f"{missing} of {counted(sum(made), 'reading')} {'is' if missing == 1 else 'are'} missing"
 
 
 def _write_csv(log: "Log", out: str) -> None:
@@ -79,9 +86,10 @@ def _write_csv(log: "Log", out: str) -> None:
 
 def _described(log: "Log") -> list[tuple[str, str]]:
     made, device = log.metadata, log.info
+    started = f"{datetime.fromtimestamp(made.started, UTC):%Y-%m-%d %H:%M:%S} UTC"
     lines = [
-        ("made by", f"{made.made_by}, sonarhw {made.product_version}"),
-        ("started", f"{datetime.fromtimestamp(made.started, UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("made by", f"{made.made_by}, sonarhw {made.product_version}" if made.started else "unknown"),
+        ("started", started if made.started else "unknown"),
         ("room", made.room_file or "not recorded"),
         ("place", made.place or "not recorded"),
         ("board", made.board or (device.board if device else "") or "not recorded"),
@@ -93,25 +101,22 @@ def _described(log: "Log") -> list[tuple[str, str]]:
         lines.append(("sound", f"{log.settings.speed_of_sound / 1000:.3f} m/s"))
     lines += [(f"scan {number}", _scan_line(scan)) for number, scan in enumerate(log.scans, 1)]
     lines.append(("frames", str(len(log.frames))))
-    lines.append(("torn", log.torn or "no"))
+    lines.append(("file", f"torn: {log.torn}" if log.torn else "whole"))
     return lines
 
 
 def _scan_line(scan: "RecordedScan") -> str:
     readings = scan.readings
-    ordered = "" if scan.expected is None else f" of {scan.expected}"
+    ordered = "" if scan.expected is None else f"{len(readings)} of "
+    took = f"{ordered}{counted(len(readings) if scan.expected is None else scan.expected, 'reading')}"
+    end = "" if scan.finished else "; the scan was not finished"
     if not readings:
-        return f"0{ordered} readings"
+        return f"{took}{end}"
     echoes = sum(reading.range is not None for reading in readings)
     traces = sum(reading.trace is not None for reading in readings)
     angles = [math.degrees(reading.angle) for reading in readings]
-    end = "" if scan.finished else "; the log ends before the scan"
     return (
-        f"{len(readings)}{ordered} readings, {echoes} with an echo, {traces} with a trace; "
-        f"{min(angles):.6g}° to {max(angles):.6g}°, {_counted(readings[-1].sweep + 1, 'sweep')}, "
+        f"{took}, {echoes} with an echo, {traces} with a trace; "
+        f"{min(angles):.6g}° to {max(angles):.6g}°, {counted(readings[-1].sweep + 1, 'sweep')}, "
         f"{readings[-1].time - scan.began:.1f} s{end}"
     )
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cli.numbers import counted
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +18,8 @@ def open_log(path: Path) -> "Log":
     """The log in a file. Warns on standard error where it is torn; raises InputError where there is none."""
     log = load_log(path)
     if log.torn:
-        typer.echo(f"sonarhw: warning: {path}: {log.torn}; going on with {len(log.readings)} whole readings", err=True)
+        read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
+        typer.echo(f"sonarhw: warning: {path}: torn; {read}; {log.torn}", err=True)
     return log
 
 

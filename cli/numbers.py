@@ -13,6 +13,11 @@ def written(value: float | int | str | None) -> str:
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
+def counted(count: int, noun: str) -> str:
+    """So many of something: `1 reading`, `2 readings`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def write_csv(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
     """Write a header and rows as CSV with plain line ends."""
     out.write(header + "\n")

@@ -24,7 +24,7 @@ class LogMetadata:
     """Where a log comes from; stands at the beginning of the file."""
 
     made_by: str  # "scan", "import", "simulate"; "unknown" where a torn file ends before it
-    started: float  # s since the epoch
+    started: float  # s since the epoch; 0 where a torn file ends before it
     room_file: str = ""  # name of the room file, empty where none was given
     room_text: str = ""  # the room file's text as it was then
     place: str = ""
@@ -62,7 +62,7 @@ class Log:
     settings: Settings | None  # the last in force
     frames: tuple[RecordedFrame, ...]
     scans: tuple[RecordedScan, ...]
-    torn: str | None  # where the file ends too early or is damaged; None: it is whole
+    torn: str | None  # where the file ends too early or is damaged, as a clause; None: it is whole
 
     @property
     def readings(self) -> tuple[Reading, ...]:

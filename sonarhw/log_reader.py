@@ -48,7 +48,10 @@ def read_log(path: Path) -> Log:
 
 
 def _torn(contents: McapContents) -> str | None:
-    return "; ".join(contents.damage) or None
+    # a disk may have spoilt thousands of records: the first says enough in a line
+    more = len(contents.damage) - 1
+    others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
+    return f"{contents.damage[0]}{others}" if contents.damage else None
 
 
 def _frames(contents: McapContents) -> Iterator[RecordedFrame]:
@@ -63,7 +66,7 @@ def _metadata(path: Path, contents: McapContents) -> LogMetadata:
     if fields is None and contents.cut and contents.profile == PROFILE:
         return LogMetadata("unknown", 0.0, product_version="unknown")
     if fields is None and contents.cut and contents.profile is None:
-        raise NotALog(f"{path}: {_torn(contents)}, before it says what it is; nothing in it can be read")
+        raise NotALog(f"{path}: nothing in it can be read: {_torn(contents)}, before it says what it is")
     if fields is None:
         raise NotALog(f"{path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata")
     try:

@@ -66,7 +66,8 @@ def read_mcap(data: bytes) -> McapContents:
     try:
         _read_file(memoryview(data), contents)
     except _Cut as cut:
-        contents.damage.append(f"ends too early, at byte {len(data)} in the record that begins at byte {cut.at}")
+        inside = "" if cut.at == len(data) else f", in the record that begins at byte {cut.at}"
+        contents.damage.append(f"the file ends too early at byte {len(data)}{inside}")
     return contents
 
 
@@ -79,9 +80,9 @@ def _read_file(data: memoryview, contents: McapContents) -> None:
         try:
             _read_record(opcode, content, contents)
         except _Damaged as damaged:
-            contents.damage.append(f"{damaged} in the record that begins at byte {at}; it is left out")
+            contents.damage.append(f"the record that begins at byte {at} is left out: {damaged}")
         except _UNREADABLE:
-            contents.damage.append(f"damaged in the record that begins at byte {at}; it is left out")
+            contents.damage.append(f"the record that begins at byte {at} is left out: it is damaged")
     raise _Cut(len(data))
 
 
@@ -123,11 +124,11 @@ def _read_record(opcode: int, content: memoryview, contents: McapContents) -> No
 
 def _read_chunk(chunk: Chunk, contents: McapContents) -> None:
     if chunk.compression:
-        raise _Damaged(f"compressed with {chunk.compression}, which logs of this project never are,")
+        raise _Damaged(f"it is compressed with {chunk.compression}, which logs of this project never are")
     if chunk.uncompressed_crc and zlib.crc32(chunk.data) != chunk.uncompressed_crc:
-        raise _Damaged("CRC-32 does not match")
+        raise _Damaged("its CRC-32 does not match")
     try:
         for _, opcode, content in _records(memoryview(chunk.data), 0):
             _read_record(opcode, content, contents)
     except _Cut:
-        raise _Damaged("records do not fill the chunk") from None
+        raise _Damaged("what it holds does not fill it") from None

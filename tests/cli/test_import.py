@@ -67,6 +67,11 @@ def test_the_time_column_counts_from_the_first_reading(tmp_path: Path) -> None:
     assert [reading.time for reading in readings] == pytest.approx([0, 0.75, 0.75], abs=2e-6)
 
 
+def test_one_reading_is_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    imported(tmp_path, "deg,cm\n0,1\n")
+    assert capsys.readouterr().out == f"{tmp_path / 'out.mcap'}: 1 reading, 1 with an echo\n"
+
+
 def test_pings_at_one_heading_are_counted(tmp_path: Path) -> None:
     readings = imported(tmp_path, "deg,cm\n0,1\n0,2\n5,1\n5,2\n5,3\n")
     assert [reading.ping for reading in readings] == [0, 1, 0, 1, 2]
@@ -96,7 +101,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm\ninf,1\n", [], "line 2: deg is inf"),
         ("deg,cm\n0,-1\n", [], "line 2: cm is -1; expected a range of 0 or more, or --no-echo -1"),
         ("deg,cm\n0,inf\n", [], "line 2: cm is inf"),
-        ("deg,cm\n0\n", [], "line 2: has 1 fields and none for column 'cm'"),
+        ("deg,cm\n0\n", [], "line 2: has 1 field and none for column 'cm'"),
         ("deg,cm\n0,1e6\n", [], "line 2: a range of 1e+06 m"),
         ("deg,cm\n1e6,1\n", [], "line 2: a turntable angle of 1e+06 degrees"),
         ("deg,cm\n0,1\n", ["--time", "s"], "line 1: no column 's'"),

@@ -54,7 +54,9 @@ def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
     out, err = capsys.readouterr()
     assert out == "".join(GOLDEN.splitlines(keepends=True)[:4])
     assert err.count("\n") == 1
-    assert "torn.mcap: ends too early" in err
+    size = torn.stat().st_size
+    told = f"sonarhw: warning: {torn}: torn; 3 whole readings are read; the file ends too early at byte {size}"
+    assert err.startswith(told)
 
 
 def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:
@@ -104,12 +106,13 @@ def test_recover_mends_a_torn_log_and_says_what_was_lost(
     mended = tmp_path / "mended.mcap"
     assert run(["log", "recover", str(torn), "--out", str(mended)]) == 0
     out, err = capsys.readouterr()
-    assert "3 readings in 1 scan; lost: 1 of the readings ordered were not recorded" in out
+    told = f"{mended}: 3 readings in 1 scan; 1 of 4 readings is missing; {torn} was torn: the file ends too early at"
+    assert out.startswith(told)
     assert err == ""
     assert read_log(mended).torn is None
     assert len(read_log(mended).readings) == 3
     assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
-    assert "was whole, nothing is lost" in capsys.readouterr().out
+    assert f"; nothing is lost, {mended} was whole" in capsys.readouterr().out
 
 
 def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,6 +127,42 @@ def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: p
         "0° to 15°",
     ):
         assert text in told
+
+
+def test_info_of_a_log_cut_before_its_metadata_makes_up_no_date(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = log.read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(data[: 8 + 9 + int.from_bytes(data[9:17], "little")])
+    assert run(["log", "recover", str(tmp_path / "torn.mcap"), "--out", str(tmp_path / "mended.mcap")]) == 0
+    assert "0 readings in 0 scans; no reading is known to be missing" in capsys.readouterr().out
+    for name, state in (("torn.mcap", "torn: the file ends too early at byte"), ("mended.mcap", "whole")):
+        assert run(["log", "info", str(tmp_path / name)]) == 0
+        told = dict(
+            line.split(maxsplit=1) for line in capsys.readouterr().out.replace("made by", "made_by").splitlines()
+        )
+        assert (told["made_by"], told["started"]) == ("unknown", "unknown")
+        assert told["file"].startswith(state)
+
+
+def test_info_of_a_scan_that_was_not_finished_says_that_the_file_is_whole(
+    torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["log", "recover", str(torn), "--out", str(tmp_path / "mended.mcap")]) == 0
+    capsys.readouterr()
+    assert run(["log", "info", str(tmp_path / "mended.mcap")]) == 0
+    told = capsys.readouterr().out
+    assert "3 of 4 readings, 2 with an echo" in told
+    assert "; the scan was not finished\n" in told
+    assert "file      whole\n" in told
+
+
+def test_one_reading_is_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_example(tmp_path / "scan.mcap", 1)
+    assert run(["log", "info", str(tmp_path / "scan.mcap")]) == 0
+    assert "1 of 1 reading, 1 with an echo" in capsys.readouterr().out
+    assert run(["compare", str(tmp_path / "scan.mcap"), "--room", "rooms/simple.toml"]) == 0
+    assert "\n1 reading, 1 with an echo: " in capsys.readouterr().out
 
 
 def another_programs_mcap(path: Path) -> None:

@@ -93,7 +93,7 @@ def test_a_damaged_length_inside_a_chunk_costs_its_own_reading_only(whole: Path,
     data[length : length + 8] = b"\xff" * 8
     (tmp_path / "damaged.mcap").write_bytes(data)
     log = read_log(tmp_path / "damaged.mcap")
-    assert f"begins at byte {chunk.chunk_start_offset}; it is left out" in str(log.torn)
+    assert str(log.torn).startswith(f"the record that begins at byte {chunk.chunk_start_offset} is left out: ")
     assert len(log.readings) == COUNT - 1
 
 
@@ -104,8 +104,20 @@ def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path)
     (tmp_path / "damaged.mcap").write_bytes(data)
     log = read_log(tmp_path / "damaged.mcap")
     assert log.torn is not None
-    assert "CRC-32 does not match" in log.torn
+    assert log.torn.endswith("is left out: its CRC-32 does not match")
     assert len(log.readings) == COUNT - 1
+
+
+def test_however_much_is_damaged_is_told_in_a_short_line(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    ends = [end for end, _ in chunk_ends(whole)][2:]
+    for end in ends:
+        data[end - 5] ^= 0x40
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    torn = str(read_log(tmp_path / "damaged.mcap").torn)
+    assert "CRC-32 does not match" in torn
+    assert torn.endswith(f" (and {len(ends) - 1} more places)")
+    assert len(torn) < 120
 
 
 @settings(max_examples=150, deadline=None)
@@ -238,7 +250,8 @@ def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: 
     log = read_log(path)
     assert len(log.readings) == int(taken) > 5
     size = path.stat().st_size
-    assert f"at byte {size} in the record that begins at byte {size}" in str(log.torn)
+    # cut behind the last whole piece, not inside the one that did not fit
+    assert log.torn == f"the file ends too early at byte {size}"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
