@@ -24,8 +24,10 @@ from sonarhw.errors import InputError
 __all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_door", "serve"]
 
 Pace = float | Literal["real", "max"]
-_LONGEST_STEP = 0.1  # s of real time passed on at once: a stalled machine slows the device, it does not make it jump
-_LONGEST_WAIT = 0.25  # s
+_LONGEST_WAIT = 0.1  # s
+# s of real time passed on at once: a stalled machine slows the device, it does not make it jump; with room above the
+# longest wait, or the device would lose time whenever it has nothing to do
+_LONGEST_STEP = 3 * _LONGEST_WAIT
 
 
 class Clock:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sonarhw.board import Board
-from sonarhw.endpoint import Clock, serve
+from sonarhw.endpoint import Clock, Endpoint, open_door, serve
 from sonarhw.errors import InputError, LinkError
 from sonarhw.frames import Frame, encode_frame
 from sonarhw.messages import Hello
@@ -149,7 +149,25 @@ def test_time_runs_at_its_pace_and_stands_still_while_held(monkeypatch: pytest.M
     assert clock.now == pytest.approx(0.2)
     real += 3600  # a machine that slept does not make the device jump an hour
     clock.tick(held=False)
-    assert clock.now < 1.0
+    assert clock.now < 2.0
+
+
+def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = 100.0
+
+    def waits(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
+        nonlocal real
+        real += wait + 0.001
+        if real > 110:
+            endpoint.stop()
+        return [], [], []
+
+    monkeypatch.setattr(time, "monotonic", lambda: real)
+    monkeypatch.setattr("sonarhw.endpoint.select.select", waits)
+    with open_door(tcp="127.0.0.1:0") as door:
+        endpoint = Endpoint(Board(PlainEchoes()), door)
+        endpoint.run()
+    assert endpoint._clock.now == pytest.approx(10, abs=0.5)
 
 
 def test_a_client_that_goes_takes_its_conversation_with_it() -> None:
