@@ -24,6 +24,7 @@ MOST_DEGREES = 2147.0
 MOST_RANGE = 700.0  # m
 LONGEST = 1e9  # s
 _PINGS = 256
+_OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 
 
 class TurnDirection(StrEnum):
@@ -118,7 +119,13 @@ def _rows(file: Path, columns: _Columns, no_echo: float | None) -> Iterator[_Row
 def _places(file: Path, header: list[str], columns: _Columns) -> dict[str, int]:
     if not any(header):
         raise InputError(f"{file}: is empty; expected a header line and a reading a line")
-    wanted = [columns.heading, columns.distance, *([columns.time] if columns.time else [])]
+    separator = next((mark for mark in _OTHER_SEPARATORS if len(header) == 1 and mark in header[0]), None)
+    if separator is not None:
+        raise InputError(
+            f"{file}, line 1: has one column, with {_OTHER_SEPARATORS[separator]} in it; "
+            "expected commas between columns, and points in numbers"
+        )
+    wanted = [columns.heading, columns.distance, *([] if columns.time is None else [columns.time])]
     for name in wanted:
         if header.count(name) != 1:
             count = "no column" if name not in header else "more than one column"
@@ -143,15 +150,12 @@ class _Line:
         return self.fields[place].strip()
 
     def number_in(self, name: str, place: int) -> float:
-        """The number in a column, which may be infinite but not NaN."""
+        """The number in a column, which may be infinite or NaN."""
         text = self.text(name, place)
         try:
-            value = float(text)
+            return float(text)
         except ValueError:
             raise self.refuse(f"{name} is {text!r}; expected a number") from None
-        if math.isnan(value):
-            raise self.refuse(f"{name} is {text!r}; expected a number")
-        return value
 
 
 def _row(line: _Line, columns: _Columns, places: dict[str, int], no_echo: float | None) -> _Row:
@@ -167,9 +171,9 @@ def _row(line: _Line, columns: _Columns, places: dict[str, int], no_echo: float 
     if not line.text(name, places[name]):
         return _Row(line.number, heading, None, seconds)
     distance = line.number_in(name, places[name])
-    if distance == no_echo:
+    if no_echo is not None and (distance == no_echo or (math.isnan(distance) and math.isnan(no_echo))):
         return _Row(line.number, heading, None, seconds)
-    if distance < 0 or math.isinf(distance):
+    if not 0 <= distance < math.inf:
         raise line.refuse(f"{name} is {distance:g}; expected a range of 0 or more, or --no-echo {distance:g}")
     return _Row(line.number, heading, distance, seconds)
 
@@ -206,6 +210,9 @@ def _check(reading: "Reading", before: "Reading | None", where: str) -> None:
     if reading.range is not None and reading.range > MOST_RANGE:
         raise InputError(f"{where}: a range of {reading.range:g} m; expected at most {MOST_RANGE:g}: is --scale right?")
     if before and reading.time < before.time:
-        raise InputError(f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s")
+        raise InputError(
+            f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s; "
+            "sort the lines by time"
+        )
     if before and reading.time - before.time > LONGEST:
         raise InputError(f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} after the one above")

@@ -51,6 +51,12 @@ def test_ranges_are_scaled_and_no_echo_is_compared_before(tmp_path: Path) -> Non
     assert readings[3].range == pytest.approx(0.0255, abs=2e-7)
 
 
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", "-1"])
+def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) -> None:
+    readings = imported(tmp_path, f"deg,cm\n0,1\n5,{value}\n", "--no-echo", value)
+    assert [reading.range is None for reading in readings] == [False, True]
+
+
 def test_ranges_come_from_the_speed_of_sound_at_20_degrees(tmp_path: Path) -> None:
     (reading,) = imported(tmp_path, "deg,cm\n0,1\n")
     assert reading.speed_of_sound == pytest.approx(343.987, abs=1e-3)
@@ -97,7 +103,13 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm,cm\n0,1,1\n", [], "line 1: more than one column 'cm'"),
         ("deg,cm\n0,1\n5,far\n", [], "line 3: cm is 'far'; expected a number"),
         ("deg,cm\n\n0,1\n\n,1\n", [], "line 5: deg is ''; expected a number"),
-        ("deg,cm\n0,nan\n", [], "line 2: cm is 'nan'; expected a number"),
+        ("deg,cm\n0,nan\n", [], "line 2: cm is nan; expected a range of 0 or more, or --no-echo nan"),
+        ("deg,cm\nnan,1\n", [], "line 2: deg is nan; expected degrees"),
+        ("deg,cm,s\n0,1,nan\n", ["--time", "s"], "line 2: s is nan; expected seconds"),
+        ("deg,cm,s\n0,1,\n", ["--time", "s"], "line 2: s is ''; expected a number"),
+        ("deg,cm\n0,1\n", ["--time", ""], "line 1: no column ''; there are: deg, cm"),
+        ("deg;cm\n0;1\n", [], "line 1: has one column, with semicolons in it; expected commas between columns"),
+        ("deg\tcm\n0\t1\n", [], "line 1: has one column, with tabs in it; expected commas between columns"),
         ("deg,cm\ninf,1\n", [], "line 2: deg is inf"),
         ("deg,cm\n0,-1\n", [], "line 2: cm is -1; expected a range of 0 or more, or --no-echo -1"),
         ("deg,cm\n0,inf\n", [], "line 2: cm is inf"),
