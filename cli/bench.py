@@ -8,6 +8,7 @@ import typer
 
 from cli.connect import ScannerUrl, connect, resolve
 from cli.interruption import sigterm_raises
+from cli.options import MOST_DEGREES
 from sonarhw.errors import CommandRefused, InputError
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ def turn(
     """Turn to an angle, finding the zero first where the turntable does not know it."""
     from sonarhw.messages import Refusal
 
-    if not math.isfinite(degrees):
-        raise InputError(f"{degrees} degrees: expected a finite angle")
+    if not abs(degrees) <= MOST_DEGREES:
+        raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     with sigterm_raises(), connect(url) as scanner:
         try:
             scanner.turn(math.radians(degrees))

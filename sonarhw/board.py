@@ -136,7 +136,11 @@ class Board(Conversation):
         if not self._turntable.homed:
             raise Refusing(Refusal.NOT_HOMED, "the turntable does not know its angle; send Home first")
         if abs(microdegrees) > REACH:
-            raise Refusing(Refusal.OUT_OF_RANGE, f"{microdegrees} udeg; the cable winds from -{REACH} to {REACH} udeg")
+            reach = REACH / 1e6
+            raise Refusing(
+                Refusal.OUT_OF_RANGE,
+                f"{microdegrees / 1e6:.9g} degrees; the cable winds from -{reach:g} to {reach:g} degrees",
+            )
 
     def _scan(self, scan: ScanOrder, now: float) -> Iterator[float]:
         while not self._ready():
