@@ -72,7 +72,7 @@ def checked_out(
 def is_special(path: Path) -> bool:
     """Whether a name stands for a device, a pipe or an open file, which is written into and never replaced."""
     # /dev/stdout and its kind may lead to a plain file, which whoever opened it goes on writing to
-    return path.parent in _OPEN_FILES or (path.exists() and not path.is_file() and not path.is_dir())
+    return path.exists() and not path.is_dir() and (path.parent in _OPEN_FILES or not path.is_file())
 
 
 def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
@@ -91,7 +91,8 @@ def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--o
     An input may also be None, a URL, or the name of something that ships: what is no file cannot be overwritten.
     """
     for given in inputs:
-        # `fake:ROOM?place=NAME` reads a room file
-        read = None if given is None else Path(str(given).removeprefix("fake:").partition("?")[0])
-        if read is not None and read.exists() and out.exists() and out.samefile(read):
+        text = "" if given is None else str(given)
+        # this URL reads a room file: fake:ROOM?place=NAME
+        read = Path(text.removeprefix("fake:").partition("?")[0] if text.startswith("fake:") else text)
+        if text and read.exists() and out.exists() and out.samefile(read):
             raise InputError(f"{option} {out}: is {read}, which this command reads; choose another name")

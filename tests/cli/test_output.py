@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 from cli.app import run
+from cli.options import LOG, checked_out
 from cli.output import text_output, whole_file
+from sonarhw.errors import InputError
 from tests.sonarhw.example_logs import write_example
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
@@ -233,3 +235,26 @@ def test_standard_output_that_takes_nothing_is_one_line(
         f"{command} {redirection}", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (1, f"sonarhw: {told}\n")
+
+
+@pytest.mark.parametrize("given", ["{}", "fake:{}", "fake:{}?place=figure9&seed=1"])
+def test_a_url_that_reads_a_file_is_known_to(tmp_path: Path, given: str) -> None:
+    room = tmp_path / "own.mcap"
+    room.write_text("name = 'own'")
+    with pytest.raises(InputError, match="which this command reads"):
+        checked_out(room, (LOG,), True, None, "paper", "socket://127.0.0.1:4000", given.format(room))
+
+
+def test_a_file_with_a_question_mark_is_known_to_be_read(tmp_path: Path) -> None:
+    log = tmp_path / "why?.mcap"
+    log.write_text("mine")
+    with pytest.raises(InputError, match="which this command reads"):
+        checked_out(log, (LOG,), True, log)
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="this system has no such folder")
+def test_a_folder_among_the_devices_is_a_folder() -> None:
+    with pytest.raises(InputError, match="expected a name ending in"):
+        checked_out("/dev/fd", (LOG,), True)
+    with pytest.raises(InputError, match="expected a name ending in"):
+        checked_out("/dev/nonesuch", (LOG,), True)
