@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while something must be ended whole: noticed between two steps, not in the middle of one."""
+"""Ctrl-C, SIGTERM and SIGHUP while something must be ended whole: noticed between two steps, not amid one."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# Windows has no SIGHUP
+ENDINGS = (signal.SIGTERM, signal.SIGHUP) if hasattr(signal, "SIGHUP") else (signal.SIGTERM,)
+SIGNALS = (signal.SIGINT, *ENDINGS)
 
 
 class Interruption:
@@ -37,7 +39,7 @@ class Interruption:
 
 @contextmanager
 def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
-    """Let Ctrl-C and SIGTERM call `stop`; KeyboardInterrupt at the end where one came."""
+    """Let any of SIGNALS call `stop`; KeyboardInterrupt at the end where one came."""
     handler = Interruption(stop)
     with handled_by(handler):
         try:
@@ -50,19 +52,21 @@ def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
 
 @contextmanager
 def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Let SIGTERM unwind the program like Ctrl-C does; with SystemExit it ends with status 0."""
+    """Let SIGTERM and SIGHUP unwind the program like Ctrl-C does; with SystemExit it ends with status 0."""
 
     def unwind(_number: int, _frame: FrameType | None) -> None:
         raise error
 
-    with handled_by(unwind, (signal.SIGTERM,)):
+    with handled_by(unwind, ENDINGS):
         yield
 
 
 @contextmanager
 def handled_by(handler: Callable[[int, FrameType | None], Any], signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
-    """Install `handler` for `signals` and put back what was there before."""
-    before = {number: signal.signal(number, handler) for number in signals}
+    """Install `handler` for `signals` and put back what was there before; a SIGHUP ignored by nohup stays ignored."""
+    hangup = getattr(signal, "SIGHUP", None)
+    taken = [number for number in signals if number != hangup or signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in taken}
     try:
         yield
     finally:

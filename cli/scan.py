@@ -23,7 +23,7 @@ from cli.options import (
     refuse_existing,
     scan_order,
 )
-from sonarhw.errors import InputError, LinkError, NoAnswer
+from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
 if TYPE_CHECKING:
@@ -79,12 +79,27 @@ def _check(wish: _Wish) -> None:
     from sim.board import load_board
 
     refuse_existing(wish.out, wish.force)
+    _check_order(wish.order)
     if wish.board is not None:
         load_board(wish.board)
     if wish.max_range is not None and not 0 < wish.max_range < math.inf:
         raise InputError(f"--max-range {wish.max_range:g}: expected metres above 0")
     if wish.temperature is not None and not -40 <= wish.temperature <= 60:
         raise InputError(f"--temperature {wish.temperature:g}: expected -40 to 60 °C")
+
+
+def _check_order(order: ScanOrder) -> None:
+    """Raise InputError for an order that no frame carries; whether the turntable goes there only the scanner knows."""
+    from sonarhw.assembly import microdegrees_of
+    from sonarhw.conversation import MOST_READINGS
+
+    if microdegrees_of(order.step) == 0:
+        raise InputError(f"--step {math.degrees(order.step):g}: too fine; expected 0.000001 degrees or more")
+    if order.readings > MOST_READINGS:
+        raise InputError(
+            f"--sweeps {order.sweeps}, --pings {order.pings}: {order.readings} readings of {order.headings} headings, "
+            f"more than {MOST_READINGS}; make fewer"
+        )
 
 
 def _metadata(room_file: Path | None, place: str | None) -> "LogMetadata":
@@ -113,6 +128,7 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
     taken = _Taken()
     with (
         interruption(scanner.stop) as interrupted,
+        _no_log_without_readings(wish.out, taken),
         LogWriter(wish.out, metadata, overwrite=wish.force) as log,
     ):
         scanner.record(log)
@@ -121,7 +137,9 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
             if not interrupted.wanted:
                 _take(scanner, wish, taken, interrupted)
         except (LinkError, NoAnswer) as error:
-            raise type(error)(f"{error}; {taken.count} readings are kept in {wish.out}") from error
+            kept = f"; {taken.count} readings are kept in {wish.out}" if taken.count else ""
+            raise type(error)(f"{error}{kept}") from error
+    typer.echo(f"{taken.count} readings, {taken.echoes} with an echo, in {wish.out}", err=True)
     lost = scanner.statistics.lost_readings
     if lost:
         typer.echo(f"sonarhw: warning: {lost} readings were lost on the link; see the statistics of `info`", err=True)
@@ -132,6 +150,19 @@ class _Taken:
     """How far the scan has come."""
 
     count: int = 0
+    echoes: int = 0  # readings that have one
+
+
+@contextmanager
+def _no_log_without_readings(out: Path, taken: _Taken) -> Iterator[None]:
+    """Remove the log again where scanner or link ended the scan before its first reading: the next try is free."""
+    was_there = out.exists()
+    try:
+        yield
+    except (DeviceError, LinkError):
+        if not was_there and taken.count == 0:
+            out.unlink(missing_ok=True)
+        raise
 
 
 def _board(scanner: "Scanner", wish: _Wish) -> "Board":
@@ -148,6 +179,8 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
     temperature = next(value for value in (wish.temperature, own, DEFAULT_TEMPERATURE) if value is not None)
     speed = speed_of_sound(temperature)
     reach = board.max_range if wish.max_range is None else wish.max_range
+    if wish.traces and not scanner.info.trace_rate:
+        typer.echo(f"sonarhw: warning: {scanner.url}: sends no traces; only echo times are recorded", err=True)
     scanner.configure(2 * reach / speed, board.blanking, wish.traces, speed)
     scanner.home()
 
@@ -156,6 +189,7 @@ def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interrupt
     with _progress(wish.order.readings) as advance, _printed(wish, scanner, interrupted) as show:
         for reading in scanner.scan(wish.order):
             taken.count += 1
+            taken.echoes += bool(reading.echo_times)
             show(reading)
             advance()
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from cli.app import run
-from sonarhw.board import Board
+from cli.interruption import sigterm_raises
+from sonarhw.board import Board, BoardIdentity
 from sonarhw.endpoint import serve
 from sonarhw.log import read_log
 from sonarhw.reading_csv import HEADER
@@ -63,7 +64,7 @@ def log(tmp_path: Path) -> Path:
 def test_a_scan_is_printed_and_recorded_alike(board: Board, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--print", "--room", SIMPLE_ROOM, "--place", "figure9")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, f"72 readings, 72 with an echo, in {log}\n")
     header, *rows = done.stdout.splitlines()
     assert header == HEADER
     recorded = read_log(log)
@@ -90,7 +91,8 @@ def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: 
     ]
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, *options)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == f"12 readings, 12 with an echo, in {log}\n"
     recorded = read_log(log)
     assert len(recorded.readings) == 12
     assert recorded.settings is not None
@@ -99,7 +101,7 @@ def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: 
     assert all(reading.trace is not None for reading in recorded.readings)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
     board: Board, log: Path, number: signal.Signals
 ) -> None:
@@ -144,10 +146,51 @@ def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
     assert len(read_log(log).readings) == 4
 
 
+BEYOND_THE_CABLE = ["--step", "170", "--to", "900"]
+
+
+def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        refused = sonarhw("scan", endpoint.url, "--out", log, *BEYOND_THE_CABLE)
+        assert refused.returncode == 1
+        assert "850 degrees; the cable winds from -720 to 720 degrees" in refused.stderr
+        assert not log.exists()
+        assert sonarhw("scan", endpoint.url, "--out", log, "--step", "90").returncode == 0
+
+
+def test_a_file_that_was_there_before_a_refused_scan_stays(board: Board, log: Path) -> None:
+    log.write_bytes(b"")
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert sonarhw("scan", endpoint.url, "--out", log, "--force", *BEYOND_THE_CABLE).returncode == 1
+    assert log.exists()
+
+
+def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with sigterm_raises():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
+    assert done.returncode == 0
+    warning, summary = done.stderr.splitlines()
+    assert re.fullmatch(r"sonarhw: warning: socket://.*: sends no traces; only echo times are recorded", warning)
+    assert summary == f"4 readings, 4 with an echo, in {log}"
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         ["--step", "0"],
+        ["--step", "0.0000001"],
+        ["--to", "0.0000001", "--step", "0.0000001"],
+        ["--step", "0.01", "--sweeps", "60000", "--pings", "2"],
         ["--to", "-10"],
         ["--sweeps", "0"],
         ["--place", "somewhere"],
