@@ -93,6 +93,8 @@ class FakeUrl:
 def read_fake_url(url: str) -> FakeUrl:
     """The wishes in `fake:ROOM?place=NAME&seed=1`. Raises InputError for one that is not known or makes no sense."""
     room_file, _, query = url.removeprefix(FAKE).partition("?")
+    if not room_file:
+        raise InputError(f"{url}: names no room; expected fake:ROOM.toml?place=NAME")
     wishes = dict(parse_qsl(query, keep_blank_values=True))
     if unknown := sorted(set(wishes) - set(_FAKE_KEYS)):
         raise InputError(f"{url}: does not know {', '.join(unknown)}; known: {', '.join(_FAKE_KEYS)}")
@@ -110,10 +112,19 @@ def _fake(url: str) -> Iterator[str]:
     from sonarhw.endpoint import serve
 
     wish = read_fake_url(url)
+    _check_place(url, wish)
     board, echoes = fake_board(wish.room_file, wish.place, wish.board, wish.seed)
     echoes.prepare()
     with serve(board, tcp=LOOPBACK, pace=wish.pace) as endpoint:
         yield endpoint.url
+
+
+def _check_place(url: str, wish: FakeUrl) -> None:
+    from sim.room import load_room
+
+    places = load_room(wish.room_file).places
+    if wish.place is None and len(places) > 1:
+        raise InputError(f"{url}: the room has several places; add ?place=NAME, one of {', '.join(places)}")
 
 
 def read_seed(text: str) -> int:

@@ -45,9 +45,14 @@ class TcpDoor:
         """Listen on HOST:PORT; port 0 picks one. Raises InputError for a bad address, LinkError where taken."""
         host, port = _host_and_port(address)
         try:
+            # looked up by itself: create_server tells a name that is none as if the system had refused
+            socket.getaddrinfo(host, port, socket.AF_INET)
             self._listener = socket.create_server((host, port), backlog=_CLIENTS_WAITING)
+        except socket.gaierror as error:
+            raise InputError(f"{address}: {host} is no address of this machine; try 127.0.0.1:{port}") from error
         except OSError as error:
-            raise LinkError(f"{address}: cannot listen there: {error.strerror or error}; try port 0") from error
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise LinkError(f"{address}: cannot listen there: {reason}; try 127.0.0.1:0") from error
         self._client: socket.socket | None = None
         self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
 

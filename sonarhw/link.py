@@ -8,16 +8,19 @@ import os
 import select
 import time
 from contextlib import suppress
+from urllib.parse import urlsplit
 
 import serial
 from serial.serialutil import SerialException
 
-from sonarhw.errors import LinkBusy, LinkError, LinkLost
+from sonarhw.errors import InputError, LinkBusy, LinkError, LinkLost
 
 BAUD = 1_000_000
 WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
 _MOST = 4096  # bytes a read returns
+_WITH_HOST = ("socket", "rfc2217")  # what pyserial opens by host and port
+_KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
 _POLL = 0.005  # s, where the system cannot tell that bytes have come
 
 
@@ -25,7 +28,8 @@ class Link:
     """An open link. A context manager; closing it twice does no harm."""
 
     def __init__(self, url: str) -> None:
-        """Open `url`. Raises LinkBusy where another process holds it, LinkError where it cannot be opened."""
+        """Open `url`. Raises InputError for one that says nothing, LinkBusy, LinkError where it cannot be opened."""
+        _check_url(url)
         self.url = url
         try:
             self._port = serial.serial_for_url(
@@ -87,6 +91,26 @@ class Link:
             waited += _POLL
 
 
+def _check_url(url: str) -> None:
+    """Raise InputError where `url` cannot lead anywhere, whatever is plugged in."""
+    scheme, separator, _ = url.partition("://")
+    if not url.strip():
+        raise InputError("no URL: expected a serial port such as /dev/ttyUSB0, or socket://HOST:PORT")
+    if not separator:
+        return
+    if scheme in _WITH_HOST:
+        try:
+            parts = urlsplit(url)
+            complete = bool(parts.hostname) and bool(parts.port)
+        except ValueError:  # a port that is no number, or over 65535
+            complete = False
+        if not complete:
+            raise InputError(f"{url}: expected {scheme}://HOST:PORT, with a port from 1 to 65535")
+    elif scheme not in _KNOWN:
+        known = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
+        raise InputError(f"{url}: {scheme}:// is not known; known: {known}, or the name of a serial port")
+
+
 def _has_descriptor(port: serial.SerialBase) -> bool:
     try:
         return int(port.fileno()) >= 0
@@ -107,6 +131,8 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
         return LinkError(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:
         return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are")
+    if "Name or service not known" in text or "getaddrinfo" in text or "nodename nor servname" in text:
+        return LinkError(f"{url}: there is no host of that name; check it")
     if "refused" in text:
         return LinkError(f"{url}: nobody listens there; start the scanner or check host and port")
     return LinkError(f"{url}: cannot be opened: {text}")

@@ -111,3 +111,31 @@ def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
 
 def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
     assert sonarhw("ports").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("", "no URL: expected a serial port"),
+        ("socket://", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1:99999", "expected socket://HOST:PORT"),
+        ("rfc2217://", "expected rfc2217://HOST:PORT"),
+        ("bogus://x", "bogus:// is not known; known: "),
+        ("fake:", "names no room; expected fake:ROOM.toml?place=NAME"),
+        (f"fake:{SIMPLE_ROOM.parent / 'laboratory.toml'}", "add ?place=NAME, one of bench, door"),
+    ],
+)
+def test_a_url_that_leads_nowhere_is_bad_input_in_one_line(
+    url: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["info", url]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    assert told in said.err
+
+
+def test_a_fake_that_is_to_listen_at_no_address_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fake", str(SIMPLE_ROOM), "--place", "figure9", "--tcp", "256.1.1.1:0"]) == 2
+    told = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
+    assert capsys.readouterr().err == told
