@@ -1,11 +1,10 @@
 """`sonarhw paths`: every path of a place, whatever the heading."""
 
-import math
 from typing import Annotated
 
 import typer
 
-from cli.numbers import write_csv
+from cli.numbers import bearing, write_csv
 from cli.options import DEFAULT_BOARD, STDOUT, Force, PlaceName, RoomFile, checked_out
 from cli.output import text_output
 
@@ -41,8 +40,8 @@ def paths(
         rows = (
             (
                 float(found.lengths[k]),
-                math.degrees(found.departures[k]) % 360,
-                math.degrees(found.arrivals[k]) % 360,
+                bearing(float(found.departures[k])),
+                bearing(float(found.arrivals[k])),
                 float(found.gains[k]),
                 int(found.bounces[k]),
                 ">".join(found.via(k, room)),

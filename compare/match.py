@@ -91,7 +91,7 @@ class Comparison:
             no_echo_agreement=_balanced_accuracy(kinds),
             classes={kind.value: kinds[kind] for kind in Kind},
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
-            heading_deg=math.degrees(self.heading) % 360,
+            heading_deg=round(math.degrees(self.heading), 9) % 360,
             offset_m=self.offset,
         )
 

@@ -3,7 +3,6 @@
 Takes a prediction and, where there is one, a measured scan; hands on a matplotlib figure that the caller saves.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -54,7 +53,3 @@ def points_at(position: tuple[float, float], headings: FloatArray, ranges: Float
     """Where readings lie in the plan, (n, 2) float, m; NaN where the range is."""
     return np.column_stack((position[0] + ranges * np.cos(headings), position[1] + ranges * np.sin(headings)))
 
-
-def degrees_name(heading: float) -> str:
-    """A heading as people read it, 0 to 360 degrees."""
-    return f"{math.degrees(heading) % 360:.1f}°"
