@@ -24,6 +24,7 @@ from sonarhw.messages import (
     Message,
     Outcome,
     Refusal,
+    Refused,
     Resend,
     StartScan,
     State,
@@ -32,6 +33,7 @@ from sonarhw.messages import (
     unpack_message,
 )
 from sonarhw.readings import Trace
+from tests.sonarhw.joined import Joined
 
 DOCUMENT = (Path(__file__).parents[2] / "firmware_protocol.md").read_text(encoding="utf-8")
 TRANSCRIPT_SEED = 31  # a turntable that stands close to its zero
@@ -116,6 +118,25 @@ def test_the_worked_example_is_right_at_every_step() -> None:
     (frame,) = FrameDecoder().feed(wire)
     assert isinstance(frame, Frame)
     assert unpack_message(frame.type, frame.payload) == Hello(1, 0)
+
+
+def test_a_last_piece_of_254_bytes_needs_nothing_behind_it_and_may_have_it() -> None:
+    piece = bytes([7]) * 254
+    assert cobs.encode(piece) == b"\xff" + piece
+    assert cobs.decode(b"\xff" + piece) == cobs.decode(b"\xff" + piece + b"\x01") == piece
+
+
+@pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
+def test_what_is_documented_as_refused_is(row: list[str]) -> None:
+    command, code = row
+    name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
+    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
+    message = kind(**{key: int(value) for key, value in re.findall(r"(\w+)=(-?\d+)", values)})
+    joined = Joined()
+    joined.greet()
+    answer = joined.ask(message).answer
+    assert isinstance(answer, Refused)
+    assert Refusal(answer.code).name == code
 
 
 def test_every_frame_in_the_conversation_decodes_to_what_stands_above_it() -> None:
