@@ -99,14 +99,15 @@ class Board(Conversation):
         )
 
     def configure(self, wish: Configure, sequence: int) -> Settings:
-        """The settings from now on in force: never longer than it can listen. Raises Refusing."""
+        """The settings from now on in force: no longer than it can listen, no traces it has not. Raises Refusing."""
         listen = min(wish.listen_us, round(MAX_LISTEN * 1e6))
         if listen <= wish.blanking_us:
             raise Refusing(
                 Refusal.OUT_OF_RANGE,
                 f"nothing is heard with {wish.blanking_us} us of blanking in {listen} us of listening",
             )
-        self._settings = Settings(sequence, listen, wish.blanking_us, wish.trace, wish.speed_of_sound)
+        trace = wish.trace if self._identity.trace_rate else 0
+        self._settings = Settings(sequence, listen, wish.blanking_us, trace, wish.speed_of_sound)
         return self._settings
 
     def homing(self, now: float) -> Iterator[float]:

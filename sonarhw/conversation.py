@@ -254,6 +254,7 @@ class Conversation(ABC):
                 if count > MOST_READINGS:
                     raise Refusing(Refusal.OUT_OF_RANGE, f"{count} readings; they are counted up to {MOST_READINGS}")
                 self._kept.clear()
+                self._made = 0
                 self._start(_Action(key, Started(sequence, count), State.SCANNING, wakes), now)
             case Stop():
                 self._stop_action(now)
@@ -283,7 +284,6 @@ class Conversation(ABC):
 
     def _start(self, action: _Action, now: float) -> None:
         self._action = action
-        self._made = 0
         self.line.send(action.accepted, now)
         self._step(action, now)
 

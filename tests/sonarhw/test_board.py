@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from sonarhw.board import Board
+from sonarhw.board import Board, BoardIdentity
 from sonarhw.conversation import BACKLOG
+from sonarhw.driver import Driver
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.line import Line
 from sonarhw.messages import (
@@ -13,6 +14,7 @@ from sonarhw.messages import (
     Accepted,
     Configure,
     Finished,
+    Heartbeat,
     Hello,
     Home,
     Info,
@@ -41,10 +43,10 @@ def refusal(joined: Joined, message: Message) -> Refusal:
     return Refusal(answer.code)
 
 
-def raw_answers(board: Board, kind: int, payload: bytes, sequence: int = 9) -> list[Message | None]:
+def raw_answers(board: Board, kind: int, payload: bytes, sequence: int = 9, at: float = 1.0) -> list[Message | None]:
     """What the board sends within 10 ms of a frame with any type and payload."""
-    board.receive(encode_frame(Frame(kind, sequence, 0, payload)), 1.0)
-    frames = FrameDecoder().feed(board.advance(1.01))
+    board.receive(encode_frame(Frame(kind, sequence, 0, payload)), at)
+    frames = FrameDecoder().feed(board.advance(at + 0.01))
     return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
 
 
@@ -255,6 +257,38 @@ def test_a_home_that_was_stopped_goes_on_from_where_it_stands(homed: Joined) -> 
     began = homed.now
     homed.act(Home())
     assert homed.now - began < 0.6  # a quarter of the way is left
+
+
+def test_hello_keeps_zero_settings_and_readings_and_sends_nothing_old_behind_info(homed: Joined) -> None:
+    homed.ask(Configure(62_500, 15_100, 0, 343_200))  # the first of two echoes is blanked
+    homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
+    homed.until(lambda: len(homed.readings) == 5)
+    said = raw_answers(homed.board, Hello.TYPE, Hello(1, 0).pack(), at=homed.now)
+    assert [type(message) for message in said if not isinstance(message, Heartbeat)] == [Finished, Info]
+    said = raw_answers(homed.board, Resend.TYPE, Resend(0, 64).pack(), sequence=10, at=homed.now)
+    assert [item.number for item in said if isinstance(item, ReadingMessage)][:5] == [0, 1, 2, 3, 4]
+    homed.driver = Driver(first_sequence=7000)
+    homed.ask(Hello(1, 0))
+    (reading,) = homed.scan(StartScan(0, 1_000_000, 1, 1, 1))  # not refused with NOT_HOMED
+    assert reading.echo_times == pytest.approx([2 * echo_time(0.0)])
+
+
+def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(homed: Joined) -> None:
+    homed.scan(StartScan(0, 1_000_000, 5, 1, 1))
+    homed.act(Turn(90_000_000))
+    end = homed.now + 0.3
+    homed.until(lambda: homed.now >= end)
+    assert homed.driver.heartbeat is not None
+    assert homed.driver.heartbeat.readings == 5
+
+
+def test_a_board_without_traces_says_so_in_its_settings_and_sends_none() -> None:
+    joined = Joined(board=Board(PlainEchoes(), identity=BoardIdentity(trace_rate=0)))
+    joined.greet(trace=True)
+    assert joined.driver.assembler.settings is not None
+    assert joined.driver.assembler.settings.trace == 0
+    (reading,) = joined.scan(StartScan(0, 1_000_000, 1, 1, 1))
+    assert reading.trace is None
 
 
 def test_sweeps_run_to_and_fro(homed: Joined) -> None:
