@@ -3,6 +3,7 @@
 A command lives in the file of its name and does its heavy imports inside its function, so that `--help` stays quick.
 """
 
+import errno
 import os
 import sys
 from importlib.metadata import version
@@ -63,7 +64,8 @@ def run(arguments: list[str] | None = None) -> int:
         # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
             status = command.invoke(context)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # so it is where the shell closed it
+            sys.stdout.flush()
         return status or 0
     except typer.Exit as exit_wanted:
         return exit_wanted.exit_code
@@ -76,8 +78,9 @@ def run(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         return _close_quietly()
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        return _complain(f"{where}{error.strerror or error}", SonarError.exit_status)
+        # files are named by whoever writes them; what fills up without a name is standard output
+        where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
+        return _complain(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
 
 
 def _complain(message: str, status: int) -> int:

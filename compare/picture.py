@@ -52,4 +52,3 @@ def draw_room(axes: Axes, room: Room) -> None:
 def points_at(position: tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
     """Where readings lie in the plan, (n, 2) float, m; NaN where the range is."""
     return np.column_stack((position[0] + ranges * np.cos(headings), position[1] + ranges * np.sin(headings)))
-

@@ -28,7 +28,7 @@ class OpenLogRequest:
     path: Path
 
     def answer(self) -> LogOpened:
-        """Read it. Raises LogError, InputError."""
+        """Read it. Raises InputError."""
         log = read_log(self.path)
         return LogOpened(self.path.name, log, scene_of_log(log.metadata))
 
