@@ -29,7 +29,7 @@ app.command("ports")(ports.ports)
 app.command("info")(info.info)
 app.command("scan")(scan.scan)
 app.command("home")(bench.home)
-app.command("turn")(bench.turn)
+app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
 app.command("fake")(fake.fake)

@@ -13,16 +13,19 @@ import typer
 
 from cli.connect import ScannerUrl, connect
 from cli.interruption import Interruption, interruption, sigterm_raises
+from cli.numbers import counted
 from cli.options import (
     DEFAULT_BOARD,
+    LOG,
     Force,
     FromDegrees,
     PlaceName,
     StepDegrees,
     ToDegrees,
-    refuse_existing,
+    checked_out,
     scan_order,
 )
+from cli.output import standard_output
 from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
@@ -69,6 +72,7 @@ def scan(
 ) -> None:
     """Scan and record a log; with --print each reading is also written out as it arrives."""
     wish = _Wish(scan_order(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show)
+    checked_out(out, (LOG,), force, url, room, board)
     _check(wish)
     metadata = _metadata(room, place)
     with sigterm_raises(), connect(url) as scanner:
@@ -78,8 +82,9 @@ def scan(
 def _check(wish: _Wish) -> None:
     from sim.board import load_board
 
-    refuse_existing(wish.out, wish.force)
     _check_order(wish.order)
+    if wish.show:
+        standard_output()
     if wish.board is not None:
         load_board(wish.board)
     if wish.max_range is not None and not 0 < wish.max_range < math.inf:
@@ -137,12 +142,16 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
             if not interrupted.wanted:
                 _take(scanner, wish, taken, interrupted)
         except (LinkError, NoAnswer) as error:
-            kept = f"; {taken.count} readings are kept in {wish.out}" if taken.count else ""
+            kept = f"; {_are(taken.count)} kept in {wish.out}" if taken.count else ""
             raise type(error)(f"{error}{kept}") from error
-    typer.echo(f"{taken.count} readings, {taken.echoes} with an echo, in {wish.out}", err=True)
+    typer.echo(f"{counted(taken.count, 'reading')}, {taken.echoes} with an echo, in {wish.out}", err=True)
     lost = scanner.statistics.lost_readings
     if lost:
-        typer.echo(f"sonarhw: warning: {lost} readings were lost on the link; see the statistics of `info`", err=True)
+        typer.echo(f"sonarhw: warning: lost on the link: {counted(lost, 'reading')}; see what `info` counts", err=True)
+
+
+def _are(readings: int) -> str:
+    return f"{counted(readings, 'reading')} {'is' if readings == 1 else 'are'}"
 
 
 @dataclass

@@ -88,7 +88,7 @@ def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: P
 
 
 def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
-    for arguments in (("home",), ("turn", "90"), ("stop",)):
+    for arguments in (("home",), ("turn", "90"), ("turn", "-90"), ("stop",)):
         done = sonarhw(arguments[0], url, *arguments[1:])
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     refused = sonarhw("turn", url, "1000")

@@ -208,6 +208,16 @@ def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path, capsy
     assert not log.exists()
 
 
+@pytest.mark.parametrize("out", ["-", "scan.csv", "scan.mcap.txt"])
+def test_a_log_goes_to_a_file_named_as_one(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["scan", "socket://127.0.0.1:1", "--out", out]) == 2
+    assert ".mcap" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_closed_pipe_ends_quietly(board: Board, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
         with started("scan", endpoint.url, "--out", log, "--print") as process:
