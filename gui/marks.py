@@ -1,4 +1,4 @@
-"""The readings of one view, a scatter for every class: same mark, same colour, everywhere.
+"""The marks of one view, the outline and a scatter for every class: same mark, same colour, everywhere.
 
 Takes a plot; hands on the scatters in it, and their tooltips.
 """
@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QGraphicsView
 
 from compare.match import Kind
-from gui.palette import CHOSEN, MARKS, PAPER, Unclassed
+from gui.palette import CHOSEN, MARKS, PAPER, PREDICTED, Unclassed
 from gui.shown import ClassPoints
 from sonarhw.readings import FloatArray
 
@@ -18,6 +18,18 @@ _SIZE = 9
 WHOLE = QGraphicsView.ViewportUpdateMode.FullViewportUpdate
 _RING = 16
 Placed = tuple[ClassPoints, FloatArray]
+
+
+def outline_item() -> pg.PlotDataItem:
+    """What is predicted: points and a thin line, broken where no echo is predicted."""
+    return pg.PlotDataItem(
+        pen=pg.mkPen(PREDICTED, width=1),
+        symbol="o",
+        symbolSize=3,
+        symbolPen=None,
+        symbolBrush=PREDICTED,
+        connect="finite",
+    )
 
 
 class ReadingMarks:

@@ -13,8 +13,8 @@ from PySide6.QtGui import QFont, QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
 from compare.picture import points_at
-from gui.marks import WHOLE, ReadingMarks
-from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, PREDICTED, WALL
+from gui.marks import WHOLE, ReadingMarks, outline_item
+from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, WALL
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import beam_wedge, bounce_labels, half_power_angle, outline_points, wall_lines
 from gui.reading_tip import reading_tip
@@ -47,14 +47,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self._posts = QGraphicsPathItem()
         self._posts.setPen(pg.mkPen(None))
         self._posts.setBrush(pg.mkBrush(WALL))
-        self._outline = pg.PlotDataItem(
-            pen=pg.mkPen(PREDICTED, width=1),
-            symbol="o",
-            symbolSize=3,
-            symbolPen=None,
-            symbolBrush=PREDICTED,
-            connect="finite",
-        )
+        self._outline = outline_item()
         self._rays = pg.PlotCurveItem(pen=pg.mkPen(CHOSEN, width=1.5))
         self._bounces = [_number() for _ in range(_MOST_NUMBERED)]
         self._sensor = pg.ScatterPlotItem(size=13, symbol="d", pen=pg.mkPen("w"), brush=pg.mkBrush(INK))

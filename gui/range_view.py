@@ -11,8 +11,8 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Signal
 
 from compare.match import TOLERANCE, Kind
-from gui.marks import WHOLE, Placed, ReadingMarks
-from gui.palette import CHOSEN, GRID_ALPHA, PREDICTED, TOLERANCE_BAND, Unclassed
+from gui.marks import WHOLE, Placed, ReadingMarks, outline_item
+from gui.palette import CHOSEN, GRID_ALPHA, TOLERANCE_BAND, Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
 from gui.reading_tip import reading_tip
@@ -42,14 +42,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
-        self._outline = pg.PlotDataItem(
-            pen=pg.mkPen(PREDICTED, width=1),
-            symbol="o",
-            symbolSize=3,
-            symbolPen=None,
-            symbolBrush=PREDICTED,
-            connect="finite",
-        )
+        self._outline = outline_item()
         self.ranges.addItem(self._outline)
         self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))

@@ -115,7 +115,8 @@ def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str],
 @contextmanager
 def full_disk() -> Iterator[None]:
     """Files that may grow no further fail as they do on a full disk."""
-    resource = pytest.importorskip("resource")
+    import resource
+
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
     try:
