@@ -5,12 +5,14 @@ import math
 from collections.abc import Iterable
 from typing import TextIO
 
+from sonarhw.reading_csv import number
+
 
 def written(value: float | int | str | None) -> str:
     """One CSV field; None and NaN are empty."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
+    return number(value) if isinstance(value, float) else str(value)
 
 
 def counted(count: int, noun: str) -> str:

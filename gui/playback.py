@@ -44,10 +44,6 @@ class Playback:
         """Go to `position`, s from the beginning."""
         self.position = min(max(position, 0.0), self.duration)
 
-    def seek_reading(self, index: int) -> None:
-        """Go to where reading `index` has just been made."""
-        self.seek(self._times[index])
-
     def advance(self, elapsed: float) -> bool:
         """Let `elapsed` s of the watcher's time pass; whether the position has moved."""
         if not self.playing:

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.room_file import MEETING
 from sonarhw.readings import FloatArray
 
 _DIVIDES = 1e-6  # how near 180° / angle must come to a whole number
-_MEETING = 1e-6  # m
 _FLUSH = 1e-9  # rad
 
 
@@ -72,12 +72,12 @@ def _faces_at(vertex: FloatArray, walls: FloatArray) -> list[_Face]:
         to_vertex = vertex - (x0, y0)
         at = float(to_vertex @ along) / length
         aside = float(along[0] * to_vertex[1] - along[1] * to_vertex[0]) / length
-        if abs(aside) > _MEETING or not -_MEETING <= at <= length + _MEETING:
+        if abs(aside) > MEETING or not -MEETING <= at <= length + MEETING:
             continue
         forward = math.atan2(along[1], along[0])
-        if at < length - _MEETING:
+        if at < length - MEETING:
             faces.append(_Face(forward % math.tau, k))
-        if at > _MEETING:
+        if at > MEETING:
             faces.append(_Face((forward + math.pi) % math.tau, k))
     faces.sort()
     # walls flush with one another are one face

@@ -3,8 +3,6 @@
 Takes angles from the axis; hands on amplitude ratios. One way; a reading pays it on departure and on arrival.
 """
 
-import math
-
 import numpy as np
 from scipy.special import j1
 
@@ -22,9 +20,3 @@ def beam_gain(angles: FloatArray, ka: float) -> FloatArray:
     safe = np.where(np.abs(x) < 1e-8, 1.0, x)
     disc = np.where(np.abs(x) < 1e-8, 1.0, np.abs(2 * j1(safe) / safe))
     return np.asarray(np.where(cosine > 0, disc * cosine, 0.0))
-
-
-def unit_face(position: FloatArray, heading: float, half_width: float) -> tuple[FloatArray, FloatArray]:
-    """Both ends of the transducer's face, each (2,) float, m: a segment through `position` across `heading` (rad)."""
-    across = half_width * np.array([-math.sin(heading), math.cos(heading)])
-    return position - across, position + across
