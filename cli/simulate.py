@@ -96,13 +96,13 @@ def simulate(
 
 def _rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     bounces, ranges = scan.paths.bounces, scan.ranges
-    for k, (heading, first) in enumerate(zip(scan.headings, scan.first, strict=True)):
-        if first < 0:
+    for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
+        if winner < 0:
             yield math.degrees(heading), None, None, None, None, None
             continue
-        length, level = float(scan.paths.lengths[first]), float(scan.levels[k, first])
-        via = ">".join(scan.paths.via(int(first), scan.room))
-        yield math.degrees(heading), float(ranges[k]), length, level, int(bounces[first]), via
+        length, level = float(scan.paths.lengths[winner]), float(scan.levels_at(k)[winner])
+        via = ">".join(scan.paths.via(int(winner), scan.room))
+        yield math.degrees(heading), float(ranges[k]), length, level, int(bounces[winner]), via
 
 
 def _write_npz(scan: "PredictedScan", out: Path) -> None:

@@ -41,7 +41,7 @@ def describe_path(prediction: PredictedScan, path: int) -> str:
 
 
 def _account(row: Matched, prediction: PredictedScan) -> str:
-    first = prediction.first[row.index]
+    first = prediction.winners[row.index]
     predicted = None if first < 0 else f"{row.predicted:.3f} m by {describe_path(prediction, int(first))}"
     match row.kind:
         case Kind.BOTH_SILENT:

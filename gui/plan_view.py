@@ -141,7 +141,7 @@ def _rays(shown: Shown) -> tuple[FloatArray, bool]:
     prediction = shown.prediction
     if row is None or prediction is None:
         return nothing, False
-    path = row.path if row.path is not None else int(prediction.first[row.index])
+    path = row.path if row.path is not None else int(prediction.winners[row.index])
     return (prediction.paths.outline(path) if path >= 0 else nothing), row.path is not None
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim.board import Board
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, predict_scan
+from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
 from sim.rays import first_hit
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray
@@ -62,20 +62,24 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
     order = np.argsort(distances, kind="stable")
     hits, rows, distances = [hits[k] for k in order], rows[order], distances[order]
     directions = np.array([direction for _, direction, _, _ in hits], dtype=np.float64)
+    believed = np.asarray(headings)[rows]  # these models take whatever they meet for straight ahead
     surfaces = np.array([[surface] for *_, surface in hits], dtype=np.int32).reshape(-1, 1)
     paths = Paths(
         lengths=2 * distances,
-        departures=directions,
-        arrivals=directions,
-        gains=room.reflectances[surfaces[:, 0]],
+        departures=believed,
+        arrivals=believed,
+        gains=np.ones(len(hits)),
         surfaces=surfaces,
         edges=np.full(len(hits), -1, dtype=np.int32),
+        bends=np.ones(len(hits), dtype=np.int32),
+        elevations=np.zeros((len(hits), 2)),
         points=_there_and_back(np.array([x, y]), directions, distances),
     )
-    levels = np.full((len(headings), len(hits)), -np.inf)
-    levels[rows, np.arange(len(hits))] = 0.0
-    loud = np.isfinite(levels) & (distances <= board.max_range)
-    return PredictedScan(room, place, board, np.asarray(headings), paths, levels, loud)
+    winners = np.full(len(headings), -1, dtype=np.intp)
+    winners[rows] = np.arange(len(hits))
+    winners[rows[distances > board.max_range]] = -1
+    reached = np.append(distances, np.nan)[winners]
+    return PredictedScan(room, place, board, np.asarray(headings), paths, Unit.PASS, winners, reached, rows)
 
 
 def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple[float, float, int] | None:

@@ -7,6 +7,7 @@ transducer points.
 
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,10 @@ class Paths:
     arrivals: FloatArray  # (n,), rad: direction from which the sound comes back
     gains: FloatArray  # (n,): reflectances, edge factor and curvature; no directivity, spreading, absorption
     surfaces: IntArray  # (n, b): surfaces reflected off, in order; -1 behind the last
-    edges: IntArray  # (n,): row in the room's edges, diffracted at after all reflections; -1: none
-    points: FloatArray  # (n, b + 3, 2), m: place, reflections, edge if any, place; NaN behind
+    edges: IntArray  # (n,): row in the room's edges that bends the path; -1: none
+    bends: IntArray  # (n,): how many of its reflections come before that edge; all of them where there is none
+    elevations: FloatArray  # (n, 2), rad: how far above the plane it departs, and comes back from
+    points: FloatArray  # (n, b + 3, 2), m: source, reflections and edge in order of travel, receiver; NaN behind
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -56,6 +59,16 @@ class Paths:
         """Number of reflections of each path, (n,) int."""
         return np.asarray((self.surfaces >= 0).sum(axis=1), dtype=np.int32)
 
+    @cached_property
+    def leaving(self) -> FloatArray:
+        """Horizontal part of the unit vector along which each path departs, (n, 2) float."""
+        return _horizontal(self.departures, self.elevations[:, 0])
+
+    @cached_property
+    def arriving(self) -> FloatArray:
+        """Horizontal part of the unit vector from where each path comes back, (n, 2) float."""
+        return _horizontal(self.arrivals, self.elevations[:, 1])
+
     def select(self, rows: NDArray[np.intp]) -> "Paths":
         """Only those rows, in that order."""
         return Paths(*(getattr(self, column.name)[rows] for column in fields(Paths)))
@@ -63,13 +76,17 @@ class Paths:
     def via(self, path: int, room: Room) -> tuple[str, ...]:
         """Names of what a path touched, in order of travel; an edge as the two walls that meet there."""
         touched = tuple(room.names[surface] for surface in self.surfaces[path] if surface >= 0)
-        edge = int(self.edges[path])
-        return touched if edge < 0 else (*touched, room.edges.names[edge])
+        edge, bend = int(self.edges[path]), int(self.bends[path])
+        return touched if edge < 0 else (*touched[:bend], room.edges.names[edge], *touched[bend:])
 
     def outline(self, path: int) -> FloatArray:
         """The corners of a path from the place back to it, (k, 2) float, m."""
         points = self.points[path]
         return np.asarray(points[~np.isnan(points[:, 0])])
+
+
+def _horizontal(directions: FloatArray, elevations: FloatArray) -> FloatArray:
+    return np.asarray(np.column_stack((np.cos(directions), np.sin(directions))) * np.cos(elevations)[:, None])
 
 
 def find_paths(room: Room, position: tuple[float, float], search: PathSearch) -> Paths:
@@ -140,6 +157,8 @@ def _assemble(room: Room, place: FloatArray, solved: _Solved, search: PathSearch
         gains,
         surfaces.astype(np.int32),
         edges,
+        bounces,
+        np.zeros((len(ray), 2)),
         points,
     )
     kept = (lengths <= search.max_length + SLACK) & ~(diffracted & ~_stays_in_wedge(room.edges, paths)) & (gains > 0)

@@ -22,7 +22,7 @@ _DYING = 8.0  # time constants after which a pulse is over
 def predicted_trace(scan: PredictedScan, index: int, duration: float, rate: float = RATE) -> Trace:
     """The envelope heard at heading `index` of a scan, from the start of transmission for `duration` s."""
     board, air = scan.board, scan.room.air
-    amplitudes = 10 ** (scan.levels[index] / 20)
+    amplitudes = 10 ** (scan.levels_at(index) / 20)
     heard = amplitudes > _FAINTEST
     # the board's own burst drives the receiver to its limit until the transducer has rung down
     arrivals = np.append(scan.paths.lengths[heard] / air.speed_of_sound, 0.0)

@@ -93,7 +93,7 @@ class RoomEchoes:
 
     def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
-        levels = scan.levels[0] + random.normal(0, self._disturbance.level_db, count)
+        levels = scan.levels_at(0) + random.normal(0, self._disturbance.level_db, count)
         times = scan.paths.lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
         heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []

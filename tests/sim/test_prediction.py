@@ -11,6 +11,8 @@ from sim.board import board_names, load_board
 from sim.models import Model, predict_with
 from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
 from sim.room import load_room
+from sim.transducer import beam_gain
+from sim.weighing import beam, beam_table
 
 ROOM = load_room("rooms/simple.toml")
 PAPER = load_board("paper")
@@ -31,7 +33,7 @@ def predict(place: str, *degrees: float, unit: Unit = Unit.PASS) -> PredictedSca
 def test_figure_9(heading: float, distance: float, via: tuple[str, ...]) -> None:
     scan = predict("figure9", heading)
     assert scan.ranges[0] == pytest.approx(distance, abs=1e-9)
-    assert scan.paths.via(int(scan.first[0]), ROOM) == via
+    assert scan.paths.via(int(scan.winners[0]), ROOM) == via
 
 
 def test_near_wall_of_figure_9_lies_within_blanking() -> None:
@@ -42,7 +44,7 @@ def test_near_wall_of_figure_9_lies_within_blanking() -> None:
 def test_figure_8_reads_past_the_unit_only_where_the_unit_lets_sound_pass() -> None:
     passing, blocking = predict("figure7", 0), predict("figure7", 0, unit=Unit.BLOCK)
     assert passing.ranges[0] == pytest.approx(1.022)
-    assert passing.paths.via(int(passing.first[0]), ROOM) == ("right", "left", "right")
+    assert passing.paths.via(int(passing.winners[0]), ROOM) == ("right", "left", "right")
     assert not any(echo.range == pytest.approx(1.022) for echo in blocking.echoes(0))
 
 
@@ -51,12 +53,12 @@ def test_right_angle_corner_is_a_wall_with_one_hole_at_each_side(place: str) -> 
     room = load_room("rooms/right_corner.toml")
     scan = predict_scan(room, room.places[place], PAPER, np.radians(np.arange(-30, 120, 3.0)))
     corner = next(k for k in range(len(scan.paths)) if len(scan.paths.via(k, room)) == 2)
-    heard = [(first >= 0, first == corner) for first in scan.first]
+    heard = [(first >= 0, first == corner) for first in scan.winners]
     runs = [key for key, _ in groupby(heard)]
     at = runs.index((True, True))
     assert runs[at - 2 : at + 3] == [(True, False), (False, False), (True, True), (False, False), (True, False)]
     reach = math.dist(room.places[place].position, (0.8, 0.8))
-    assert np.nanmax(np.abs(scan.ranges[scan.first == corner] - reach)) < 1e-9
+    assert np.nanmax(np.abs(scan.ranges[scan.winners == corner] - reach)) < 1e-9
 
 
 def test_no_echo_before_blanking_after_the_range_or_under_the_threshold() -> None:
@@ -65,8 +67,8 @@ def test_no_echo_before_blanking_after_the_range_or_under_the_threshold() -> Non
     ranges = scan.ranges[~np.isnan(scan.ranges)]
     assert ranges.min() >= board.blanked_range(ROOM.air)
     assert ranges.max() <= 1.5
-    levels = scan.levels[np.arange(360), scan.first][scan.first >= 0]
-    assert levels.min() >= board.threshold_db
+    levels = [scan.levels_at(k)[winner] for k, winner in enumerate(scan.winners) if winner >= 0]
+    assert min(levels) >= board.threshold_db
     assert np.isnan(scan.ranges).any()
 
 
@@ -91,7 +93,7 @@ def test_dry_air_is_louder_but_not_on_paper() -> None:
     for name, louder in (("polaroid-6500", True), ("paper", False)):
         board = load_board(name)
         usual, drier = (predict_scan(r, r.places["figure9"], board, np.array([math.pi / 2])) for r in (ROOM, dry))
-        assert (drier.levels[0, 3] > usual.levels[0, 3] + 0.5) == louder
+        assert (drier.levels_at(0)[3] > usual.levels_at(0)[3] + 0.5) == louder
 
 
 def test_shipped_boards_load() -> None:
@@ -108,3 +110,17 @@ def test_models_the_paper_argues_against() -> None:
     single = predict_with(Model.KUC_SIEGEL, ROOM, place, PAPER, headings)
     assert single.paths.bounces.max() == 1
     assert math.isnan(single.ranges[0])  # no corner without a second reflection
+
+
+@pytest.mark.parametrize("ka", [5.8, 17.33])
+def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> None:
+    angles = np.linspace(-math.pi, math.pi, 2001)
+    interpolated = [beam(math.cos(angle), ka, beam_table(ka)) for angle in angles]
+    assert interpolated == pytest.approx(beam_gain(angles, ka), abs=1e-8)
+
+
+def test_winner_is_the_first_of_the_echoes_whatever_the_unit() -> None:
+    for unit in Unit:
+        scan = predict("figure7", *range(0, 360, 3), unit=unit)
+        firsts = [echoes[0].path if (echoes := scan.echoes(k)) else -1 for k in range(len(scan.headings))]
+        assert scan.winners.tolist() == firsts
