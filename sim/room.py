@@ -1,7 +1,7 @@
 """The room as the ray follower sees it: walls, posts, reflectances and edges as arrays.
 
 Takes a room file; hands on a frozen `Room` and its places. Surfaces are numbered walls first, then posts, both in the
-order of the file.
+order of the file, then floor and ceiling, where there are any: only vertical sections meet those.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.air import Air
 from sim.edges import Edges, find_edges
-from sim.room_file import MEETING, MOST_DISTANT, RoomFile
+from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, WallSection
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -25,6 +25,7 @@ class Place:
     name: str
     position: tuple[float, float]  # m
     heading: float = 0.0  # rad: where step 0 of the turntable points in the room
+    height: float | None = None  # m, of the transducer; None: the plan is all there is
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,31 @@ class Room:
     name: str
     walls: FloatArray  # (n, 4): x, y of start and end, m
     posts: FloatArray  # (m, 3): x, y of the centre, radius, m
-    reflectances: FloatArray  # (n + m,), amplitude ratio
-    names: tuple[str, ...]  # of the n + m surfaces
-    materials: tuple[str, ...]  # of the n + m surfaces
+    reflectances: FloatArray  # (s,), amplitude ratio of what each of the s surfaces mirrors
+    scattered: FloatArray  # (s,), amplitude ratio of what it scatters diffusely
+    heights: FloatArray  # (s, 2), m: lower and upper end; infinite where the file gives none
+    names: tuple[str, ...]  # of the s surfaces
+    materials: tuple[str, ...]  # of the s surfaces
     edges: Edges
     air: Air
     places: dict[str, Place]
     text: str  # the file, so that a log can carry it
+
+    @property
+    def levels(self) -> range:
+        """Numbers of the surfaces that are floor and ceiling."""
+        return range(len(self.walls) + len(self.posts), len(self.names))
+
+    def edge_between(self, first: int, second: int) -> int:
+        """Number of an edge that only sections see: where two surfaces meet, or the rim of one (given twice)."""
+        return len(self.edges) + first * len(self.names) + second
+
+    def edge_name(self, edge: int) -> str:
+        """The edge's name as `via` writes it: row of `edges`, or what `edge_between` gave."""
+        if edge < len(self.edges):
+            return self.edges.names[edge]
+        first, second = divmod(edge - len(self.edges), len(self.names))
+        return f"{self.names[first]}/{self.names[second] if second != first else ''}"
 
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
@@ -84,21 +103,37 @@ def parse_room(text: str, where: str) -> Room:
     file = parse_toml(text, where, RoomFile)
     walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
     names = tuple(name for wall in file.walls for name in wall.segment_names)
-    materials = [wall.material for wall in file.walls for _ in wall.segments] + [post.material for post in file.posts]
+    surfaces = _surfaces(file)
+    materials = [file.materials[surface.material] for surface in surfaces]
     return Room(
         name=file.name,
         walls=walls,
         posts=np.array([(*post.center, post.radius) for post in file.posts], dtype=np.float64).reshape(-1, 3),
-        reflectances=np.array([file.materials[material].reflectance for material in materials]),
-        names=names + tuple(post.name for post in file.posts),
-        materials=tuple(materials),
+        # scatter is a share of the reflected power
+        reflectances=np.array([material.reflectance * math.sqrt(1 - material.scatter) for material in materials]),
+        scattered=np.array([material.reflectance * math.sqrt(material.scatter) for material in materials]),
+        heights=np.array([_span(surface) for surface in surfaces], dtype=np.float64),
+        names=(*names, *(post.name for post in file.posts), *file.levels),
+        materials=tuple(surface.material for surface in surfaces),
         edges=find_edges(walls, names),
         air=Air(**file.air.model_dump()),
         places={
-            name: Place(name, place.position, math.radians(place.heading_deg)) for name, place in file.places.items()
+            name: Place(name, place.position, math.radians(place.heading_deg), place.height)
+            for name, place in file.places.items()
         },
         text=text,
     )
+
+
+def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
+    """What each surface belongs to, in the order in which surfaces are numbered."""
+    return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
+
+
+def _span(surface: WallSection | PostSection | LevelSection) -> tuple[float, float]:
+    if isinstance(surface, LevelSection):
+        return surface.height, surface.height
+    return surface.height or (-math.inf, math.inf)
 
 
 def _join_ends(walls: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 Coordinate = Annotated[float, Field(ge=-MOST_DISTANT, le=MOST_DISTANT)]
 Point = tuple[Coordinate, Coordinate]
+Span = tuple[Coordinate, Coordinate]  # lower and upper end, m
 Name = Annotated[str, Field(pattern=r"^[^>/\n\r]+$")]  # via joins names with > and /
 
 
@@ -44,7 +45,7 @@ class WallSection(TomlModel):
     material: str
     closed: bool = False
     edges: tuple[Name, ...] | None = None
-    height: tuple[float, float] | None = None
+    height: Span | None = None
 
     @property
     def segments(self) -> list[tuple[Point, Point]]:
@@ -66,8 +67,7 @@ class WallSection(TomlModel):
             raise ValueError(f"wall {self.name!r} is closed but has two points only; it would lie on itself")
         if self.edges is not None and len(self.edges) != len(self.segments):
             raise ValueError(f"wall {self.name!r}: expected a name in edges for each of {len(self.segments)} segments")
-        if self.height is not None and self.height[0] >= self.height[1]:
-            raise ValueError(f"height of wall {self.name!r} must be [lower, upper], got {list(self.height)}")
+        _check_span(self.height, f"wall {self.name!r}")
         return self
 
 
@@ -78,7 +78,23 @@ class PostSection(TomlModel):
     center: Point
     radius: Positive
     material: str
-    height: tuple[float, float] | None = None
+    height: Span | None = None
+
+    @model_validator(mode="after")
+    def _sane(self) -> Self:
+        _check_span(self.height, f"post {self.name!r}")
+        return self
+
+    def spans(self, height: float | None) -> bool:
+        """Whether it stands at that height, m; None: the plan is all there is."""
+        return height is None or self.height is None or self.height[0] <= height <= self.height[1]
+
+
+class LevelSection(TomlModel):
+    """`[floor]` or `[ceiling]`."""
+
+    height: Coordinate
+    material: str
 
 
 class PlaceSection(TomlModel):
@@ -86,6 +102,7 @@ class PlaceSection(TomlModel):
 
     position: Point
     heading_deg: float = 0.0
+    height: Coordinate | None = None  # of the transducer; given, floor, ceiling and heights are heard
 
 
 class RoomFile(TomlModel):
@@ -96,6 +113,8 @@ class RoomFile(TomlModel):
     materials: dict[str, Material] = Field(default_factory=dict)
     walls: tuple[WallSection, ...] = ()
     posts: tuple[PostSection, ...] = ()
+    floor: LevelSection | None = None
+    ceiling: LevelSection | None = None
     places: dict[str, PlaceSection] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -105,23 +124,48 @@ class RoomFile(TomlModel):
         self._materials_are_defined()
         self._names_are_unique()
         self._places_are_free()
+        self._levels_leave_room()
         return self
 
+    @property
+    def levels(self) -> dict[str, LevelSection]:
+        """Floor and ceiling, those that there are."""
+        return {name: level for name, level in (("floor", self.floor), ("ceiling", self.ceiling)) if level is not None}
+
     def _materials_are_defined(self) -> None:
-        things: tuple[WallSection | PostSection, ...] = (*self.walls, *self.posts)
-        for thing in things:
-            if thing.material not in self.materials:
+        things = [(thing.name, thing.material) for thing in (*self.walls, *self.posts)]
+        things += [(name, level.material) for name, level in self.levels.items()]
+        for name, material in things:
+            if material not in self.materials:
                 known = ", ".join(self.materials) or "none"
-                raise ValueError(f"material {thing.material!r} of {thing.name!r} is not defined; defined: {known}")
+                raise ValueError(f"material {material!r} of {name!r} is not defined; defined: {known}")
 
     def _names_are_unique(self) -> None:
         names = [name for wall in self.walls for name in wall.segment_names] + [post.name for post in self.posts]
+        names += self.levels
         twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
         if twice is not None:
-            raise ValueError(f"two segments or posts are named {twice!r}; a path could not say which it touched")
+            raise ValueError(f"two surfaces are named {twice!r}; a path could not say which it touched")
 
     def _places_are_free(self) -> None:
         for name, place in self.places.items():
             for post in self.posts:
-                if math.dist(place.position, post.center) <= post.radius:
+                if math.dist(place.position, post.center) <= post.radius and post.spans(place.height):
                     raise ValueError(f"place {name!r} lies inside post {post.name!r}")
+
+    def _levels_leave_room(self) -> None:
+        bottom = -math.inf if self.floor is None else self.floor.height
+        top = math.inf if self.ceiling is None else self.ceiling.height
+        if bottom >= top:
+            raise ValueError(f"the floor must lie below the ceiling, got heights {bottom:g} and {top:g}")
+        for name, place in self.places.items():
+            if place.height is not None and not bottom < place.height < top:
+                raise ValueError(
+                    f"height of place {name!r} must lie between floor and ceiling, {bottom:g} to {top:g}, "
+                    f"got {place.height:g}"
+                )
+
+
+def _check_span(height: Span | None, whose: str) -> None:
+    if height is not None and height[0] >= height[1]:
+        raise ValueError(f"height of {whose} must be [lower, upper], got {list(height)}")

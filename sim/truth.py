@@ -15,11 +15,9 @@ from sim.paths import Paths, PathSearch, find_paths
 from sim.prediction import PredictedScan, weigh_paths
 from sim.rays import first_hit
 from sim.room import Place, Room
-from sim.traces import RATE, predicted_trace
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import FloatArray, Trace
 
-REARM = 0.44e-3  # s: the 6500 hears its next echo no sooner after one (data sheet, BLNK)
 MAX_ECHOES = 5  # a ping
 
 
@@ -98,12 +96,12 @@ class RoomEchoes:
         heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
         for time in np.sort(heard):
-            if not echoes or time - echoes[-1] >= REARM:
+            if not echoes or time - echoes[-1] >= self._board.rearm:
                 echoes.append(float(time))
         return tuple(echoes[:MAX_ECHOES])
 
     def _trace(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Trace:
-        clean = predicted_trace(scan, 0, ping.listen, RATE)
+        clean = scan.signal_at(0, ping.listen).envelope()
         noise = np.abs(random.normal(0, self._disturbance.trace_noise, len(clean.samples)))
         return replace(clean, samples=np.minimum(np.hypot(clean.samples, noise), 1.0))
 
@@ -124,10 +122,13 @@ def with_furniture(room: Room, position: tuple[float, float], random: np.random.
 
 
 def _with_post(room: Room, post: FloatArray) -> Room:
+    last = room.levels.start  # floor and ceiling stay behind the posts
     return replace(
         room,
         posts=np.vstack((room.posts, post)),
-        reflectances=np.append(room.reflectances, 0.9),
-        names=(*room.names, "furniture"),
-        materials=(*room.materials, "unknown"),
+        reflectances=np.insert(room.reflectances, last, 0.9),
+        scattered=np.insert(room.scattered, last, 0.0),
+        heights=np.insert(room.heights, last, (-math.inf, math.inf), axis=0),
+        names=(*room.names[:last], "furniture", *room.names[last:]),
+        materials=(*room.materials[:last], "unknown", *room.materials[last:]),
     )
