@@ -5,8 +5,9 @@ order of the file, then floor and ceiling, where there are any: only vertical se
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,6 +126,29 @@ def parse_room(text: str, where: str) -> Room:
     )
 
 
+def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float) -> Room:
+    """The room with smooth walls (k, 4) of any height behind its own, all of one name; they bend no sound."""
+    added = replace(room, walls=np.vstack((room.walls, walls)))
+    return _with_surfaces(added, len(room.walls), len(walls), name, reflectance)
+
+
+def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
+    """The room with one smooth post (x, y, radius) of any height behind its own."""
+    return _with_surfaces(replace(room, posts=np.vstack((room.posts, [post]))), room.levels.start, 1, name, reflectance)
+
+
+def _with_surfaces(room: Room, at: int, count: int, name: str, reflectance: float) -> Room:
+    rows = [at] * count
+    return replace(
+        room,
+        reflectances=np.insert(room.reflectances, rows, reflectance),
+        scattered=np.insert(room.scattered, rows, 0.0),
+        heights=np.insert(room.heights, rows, (-math.inf, math.inf), axis=0),
+        names=(*room.names[:at], *[name] * count, *room.names[at:]),
+        materials=(*room.materials[:at], *[name] * count, *room.materials[at:]),
+    )
+
+
 def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
     """What each surface belongs to, in the order in which surfaces are numbered."""
     return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
@@ -134,6 +158,31 @@ def _span(surface: WallSection | PostSection | LevelSection) -> tuple[float, flo
     if isinstance(surface, LevelSection):
         return surface.height, surface.height
     return surface.height or (-math.inf, math.inf)
+
+
+def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float) -> Room:
+    """The room with walls (k, 4) behind its own, all of one name, as high as sound goes; their ends bend no sound."""
+    return replace(
+        room, walls=np.vstack((room.walls, walls)), **_more_rows(room, len(room.walls), len(walls), name, reflectance)
+    )
+
+
+def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
+    """The room with a post (x, y, radius) behind its own, as high as sound goes."""
+    return replace(
+        room, posts=np.vstack((room.posts, [post])), **_more_rows(room, room.levels.start, 1, name, reflectance)
+    )
+
+
+def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: float) -> dict[str, Any]:
+    more = (name,) * count
+    return {
+        "reflectances": np.insert(room.reflectances, behind, [reflectance] * count),
+        "scattered": np.insert(room.scattered, behind, [0.0] * count),
+        "heights": np.insert(room.heights, behind, [(-math.inf, math.inf)] * count, axis=0),
+        "names": (*room.names[:behind], *more, *room.names[behind:]),
+        "materials": (*room.materials[:behind], *more, *room.materials[behind:]),
+    }
 
 
 def _join_ends(walls: FloatArray) -> FloatArray:

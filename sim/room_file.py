@@ -133,9 +133,10 @@ class RoomFile(TomlModel):
         return {name: level for name, level in (("floor", self.floor), ("ceiling", self.ceiling)) if level is not None}
 
     def _materials_are_defined(self) -> None:
-        things = [(thing.name, thing.material) for thing in (*self.walls, *self.posts)]
-        things += [(name, level.material) for name, level in self.levels.items()]
-        for name, material in things:
+        used = [(wall.name, wall.material) for wall in self.walls]
+        used += [(post.name, post.material) for post in self.posts]
+        used += [(name, level.material) for name, level in self.levels.items()]
+        for name, material in used:
             if material not in self.materials:
                 known = ", ".join(self.materials) or "none"
                 raise ValueError(f"material {material!r} of {name!r} is not defined; defined: {known}")

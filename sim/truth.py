@@ -14,9 +14,9 @@ from sim.board import Board
 from sim.paths import Paths, PathSearch, find_paths
 from sim.prediction import PredictedScan, weigh_paths
 from sim.rays import first_hit
-from sim.room import Place, Room
+from sim.room import Place, Room, with_post
 from sonarhw.echo_source import Heard, Ping
-from sonarhw.readings import FloatArray, Trace
+from sonarhw.readings import Trace
 
 MAX_ECHOES = 5  # a ping
 
@@ -117,18 +117,5 @@ def with_furniture(room: Room, position: tuple[float, float], random: np.random.
         distance, surface = first_hit(x, y, dx, dy, -1, room.walls, room.posts)
         if surface >= 0 and distance > 0.1:
             at = distance * random.uniform(0.6, 0.8)
-            return _with_post(room, np.array([[x + at * dx, y + at * dy, 0.03 * distance]]))
+            return with_post(room, (x + at * dx, y + at * dy, 0.03 * distance), "furniture", 0.9)
     return room
-
-
-def _with_post(room: Room, post: FloatArray) -> Room:
-    last = room.levels.start  # floor and ceiling stay behind the posts
-    return replace(
-        room,
-        posts=np.vstack((room.posts, post)),
-        reflectances=np.insert(room.reflectances, last, 0.9),
-        scattered=np.insert(room.scattered, last, 0.0),
-        heights=np.insert(room.heights, last, (-math.inf, math.inf), axis=0),
-        names=(*room.names[:last], "furniture", *room.names[last:]),
-        materials=(*room.materials[:last], "unknown", *room.materials[last:]),
-    )
