@@ -126,29 +126,6 @@ def parse_room(text: str, where: str) -> Room:
     )
 
 
-def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float) -> Room:
-    """The room with smooth walls (k, 4) of any height behind its own, all of one name; they bend no sound."""
-    added = replace(room, walls=np.vstack((room.walls, walls)))
-    return _with_surfaces(added, len(room.walls), len(walls), name, reflectance)
-
-
-def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
-    """The room with one smooth post (x, y, radius) of any height behind its own."""
-    return _with_surfaces(replace(room, posts=np.vstack((room.posts, [post]))), room.levels.start, 1, name, reflectance)
-
-
-def _with_surfaces(room: Room, at: int, count: int, name: str, reflectance: float) -> Room:
-    rows = [at] * count
-    return replace(
-        room,
-        reflectances=np.insert(room.reflectances, rows, reflectance),
-        scattered=np.insert(room.scattered, rows, 0.0),
-        heights=np.insert(room.heights, rows, (-math.inf, math.inf), axis=0),
-        names=(*room.names[:at], *[name] * count, *room.names[at:]),
-        materials=(*room.materials[:at], *[name] * count, *room.materials[at:]),
-    )
-
-
 def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
     """What each surface belongs to, in the order in which surfaces are numbered."""
     return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
