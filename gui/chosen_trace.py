@@ -12,7 +12,6 @@ from gui.scene import Scene
 from gui.shown import Shown
 from sim.air import Air
 from sim.prediction import Echo, PredictedScan
-from sim.traces import predicted_trace
 from sonarhw.readings import FloatArray, Reading, Trace
 
 _BELOW_THRESHOLD_DB = 12.0  # the axis ends there; the noise of a converter of 8 bits lies above
@@ -52,7 +51,7 @@ class ChosenTrace:
 
 
 def chosen_trace(shown: Shown) -> ChosenTrace | None:
-    """The trace of the chosen reading; summing the predicted one takes some milliseconds."""
+    """The trace of the chosen reading; summing the predicted one takes a millisecond or so."""
     reading, row, prediction, scene = shown.chosen_reading, shown.chosen_row, shown.prediction, shown.scene
     if reading is None:
         return None
@@ -63,7 +62,7 @@ def chosen_trace(shown: Shown) -> ChosenTrace | None:
     echoes: tuple[NamedEcho, ...] = ()
     if row is not None and prediction is not None:
         speed = prediction.room.air.speed_of_sound
-        predicted = _curve(predicted_trace(prediction, row.index, 2 * reach / speed), speed, floor)
+        predicted = _curve(prediction.signal_at(row.index, 2 * reach / speed).envelope(), speed, floor)
         echoes = _echoes(prediction, row.index)
     return ChosenTrace(
         heading=scene.standing.heading + reading.angle,

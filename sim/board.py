@@ -5,19 +5,54 @@ Takes the name of a profile that ships with the product, or a file; hands on a f
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
 from sim.air import Air, absorption
+from sim.mount import Mount
+from sim.ring import Ring
 from sim.toml_file import TomlModel, parse_toml, read_text
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 
 Positive = Annotated[float, Field(gt=0)]
+
+# Unverified, and so only what a profile that says nothing gets: each way the transducer swells and rings by this time
+# constant; rung down by 0.75 ms, where BINH may end blanking (6500 data sheet), with the burst at 12 dB.
+RISE_CYCLES = 1.5
+OWN_BURST_DB = 12.0  # dB over full scale
+# REC needs 3 to 16 cycles (recalled), and a barely seen echo comes some 45 mm after a strong one: about 8
+INTEGRATION_CYCLES = 8.0
+GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; the data sheets say none
+REARM = 0.44e-3  # s, BLNK high at least so long (6500 data sheet)
+
+
+class Receiver(StrEnum):
+    """How a board makes a range of what it receives."""
+
+    FIRST_ECHO = "first-echo"  # the paper's: the first arrival over the threshold, after an ideal gain
+    BOARD = "board"  # the ranging board's own: stepped gain, integration, its own clock (sim.receiver)
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A stretch of the burst at one frequency."""
+
+    frequency: float  # Hz
+    cycles: int
+
+
+class ToneFile(TomlModel):
+    """A stretch of a chirp in a profile."""
+
+    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
+    cycles: Annotated[int, Field(ge=1)]
 
 
 class BoardFile(TomlModel):
@@ -32,6 +67,43 @@ class BoardFile(TomlModel):
     threshold_db: Annotated[float, Field(le=0)]
     rounding: Annotated[float, Field(ge=0)] = 0.0  # m; 0: none
     absorption: bool = True
+    receiver: Literal["first-echo", "board"] = "first-echo"
+    chirp: tuple[ToneFile, ...] = ()
+    rise_cycles: Annotated[float, Field(ge=0.5)] = RISE_CYCLES  # signals are kept 60 kHz to each side of the carrier
+    own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
+    integration_cycles: Annotated[float, Field(ge=0)] = INTEGRATION_CYCLES
+    gain_steps: tuple[Positive, ...] = ()  # s
+    gain_step_db: Annotated[float, Field(ge=0, le=20)] = GAIN_STEP_DB
+    blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s
+    rearm: Positive = REARM  # s
+    clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
+    mount: Mount = Mount()
+    ring: Ring | None = None
+
+    @field_validator("gain_steps")
+    @classmethod
+    def _in_order(cls, steps: tuple[float, ...]) -> tuple[float, ...]:
+        if any(later <= earlier for earlier, later in pairwise(steps)):
+            raise ValueError("expected times that grow from one gain step to the next")
+        return steps
+
+    @model_validator(mode="after")
+    def _one_carrier(self) -> "BoardFile":
+        if self.ring is not None and self.mount != Mount():
+            raise ValueError("[mount] and [ring]: a board has one of them, a head on a turntable or a ring of sensors")
+        return self
+
+    @model_validator(mode="after")
+    def _adds_up(self) -> "BoardFile":
+        cycles = sum(tone.cycles for tone in self.chirp)
+        if self.chirp and cycles != self.transmit_cycles:
+            raise ValueError(f"chirp: expected transmit_cycles = {self.transmit_cycles} cycles in all, got {cycles}")
+        if self.blanking_inhibit is not None and self.blanking_inhibit > self.blanking:
+            raise ValueError(
+                f"blanking_inhibit: expected {self.blanking:g} s (blanking) or less, got {self.blanking_inhibit:g}; "
+                "BINH only shortens"
+            )
+        return self
 
 
 @dataclass(frozen=True)
@@ -47,6 +119,33 @@ class Board:
     threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
     absorption: bool = True  # whether air other than the ideal gain expects makes a difference
+    receiver: Receiver = Receiver.FIRST_ECHO  # the one it is used with where nobody asks for another
+    chirp: tuple[Tone, ...] = ()  # the burst stretch by stretch; empty: all of it at `frequency`
+    rise_cycles: float = RISE_CYCLES  # time constant of swelling and ringing each way, in cycles
+    own_burst_db: float = OWN_BURST_DB  # how loud its own burst is in its receiver, over full scale
+    integration_cycles: float = INTEGRATION_CYCLES  # time constant of the detector, in cycles; 0: none
+    gain_steps: tuple[float, ...] = ()  # when the gain rises by a step; empty: the ideal gain
+    gain_step_db: float = GAIN_STEP_DB
+    blanking_inhibit: float | None = None  # when BINH ends blanking early; None: it stays low
+    rearm: float = REARM  # from one echo to the next that can be heard
+    clock_error: float = 0.0  # 0.01: its clock runs 1 % fast, its times end early and it counts too many
+    mount: Mount = Mount()
+    ring: Ring | None = None  # the sensors it has instead of one on a turntable
+
+    @property
+    def carrier(self) -> Mount | Ring:
+        """What carries its transducers."""
+        return self.ring or self.mount
+
+    @property
+    def listens_from(self) -> float:
+        """When blanking ends by the board's clock, s: by itself, or by BINH."""
+        return self.blanking if self.blanking_inhibit is None else self.blanking_inhibit
+
+    @property
+    def burst(self) -> tuple[Tone, ...]:
+        """What it sends, stretch by stretch."""
+        return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
 
     def wavenumber(self, air: Air) -> float:
         """2π over the wavelength, rad/m."""
@@ -58,7 +157,7 @@ class Board:
 
     def blanked_range(self, air: Air) -> float:
         """Range below which nothing is heard, m."""
-        return self.blanking * air.speed_of_sound / 2
+        return self.listens_from * air.speed_of_sound / 2
 
     def excess_absorption(self, air: Air) -> float:
         """What this air takes beyond what the ideal gain gives back, dB/m.
@@ -84,7 +183,11 @@ def load_board(wanted: str) -> Board:
 
 def parse_board(text: str, where: str) -> Board:
     """The board in the text of a profile. Raises InputError naming `where` and the key."""
-    return Board(**parse_toml(text, where, BoardFile).model_dump())
+    file = parse_toml(text, where, BoardFile)
+    values = file.model_dump()
+    chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
+    made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring}
+    return Board(**values | made)
 
 
 def board_names() -> list[str]:

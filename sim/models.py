@@ -8,24 +8,30 @@ from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.board import Board
+from sim.board import Board, Receiver
+from sim.by_heading import standpoints
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
+from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan, received_by, with_first_echoes
 from sim.rays import first_hit
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray
 
 CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
 _CONE_RAYS = 121
+# How far readings of one surface at range z lie about: σ = 0.01 m + 0.015 z, as maps made with Polaroid units took it,
+# errors of the map included. The paper (§1, citing Lange, Korba, Wong 1989) adds only that the far tail is slightly
+# longer; that it is exponential, and half as long as σ, is ours.
+SPREAD = 0.01  # m
+SPREAD_BY_RANGE = 0.015
+FAR_TAIL = 0.5
 
 
 class Model(StrEnum):
     """How to predict."""
 
     RAY_FOLLOWING = "ray-following"
-    NEAREST = "nearest"  # the first wall along the axis
+    NEAREST = "nearest"  # the first wall along the axis; with a seed, its distance is off at random
     CONE = "cone"  # the nearest wall within ±15°
     KUC_SIEGEL = "kuc-siegel"  # single reflections and edges only
 
@@ -40,46 +46,64 @@ def predict_with(
 ) -> PredictedScan:
     """What `model` says that `board` would report from `place` at `headings` (n,) rad in the room."""
     options = options or PredictionOptions()
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
     match model:
         case Model.RAY_FOLLOWING:
             return predict_scan(room, place, board, headings, options)
         case Model.KUC_SIEGEL:
-            return predict_scan(room, place, board, headings, replace(options, max_bounces=1))
+            return predict_scan(room, place, board, headings, replace(options, max_bounces=1, single=True))
         case Model.NEAREST:
-            return _nearest_wall(room, place, board, headings, np.zeros(1))
+            scan = _nearest_wall(room, place, _hearing(board, options), headings, np.zeros(1))
+            return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
         case Model.CONE:
             cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
-            return _nearest_wall(room, place, board, headings, cone)
+            return received_by(_nearest_wall(room, place, _hearing(board, options), headings, cone), options)
+
+
+def _hearing(board: Board, options: PredictionOptions) -> Board:
+    """The board as the two models of nearest walls believe it: with the paper's receiver nothing is too near for it."""
+    if options.receiver is Receiver.BOARD:
+        return board
+    return replace(board, blanking=0.0, blanking_inhibit=None)
+
+
+def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
+    """The scan with every range off at random; each a function of the seed and its heading, whatever others there are."""
+    assert scan.only_at is not None
+    distances = scan.paths.lengths / 2
+    drawn = np.array([_range_error(seed, float(heading)) for heading in scan.headings[scan.only_at]])
+    errors = drawn * (SPREAD + SPREAD_BY_RANGE * distances)
+    return with_first_echoes(replace(scan, lateness=2 * np.maximum(errors, -distances)))
+
+
+def _range_error(seed: int, heading: float) -> float:
+    """An error of mean 0 in units of σ: normal of spread 1, and exponential of scale FAR_TAIL towards far."""
+    microdegrees = round(math.degrees(heading) * 1e6) % 360_000_000
+    random = np.random.default_rng((seed, 4, microdegrees))
+    return float(random.normal() + FAR_TAIL * (random.exponential() - 1))
 
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
-    x, y = place.position
-    found = [_nearest_in(room, x, y, heading + cone) for heading in headings]
-    hits = [(k, *hit) for k, hit in enumerate(found) if hit is not None]
-    rows = np.array([k for k, *_ in hits], dtype=np.intp)
-    distances = np.array([distance for _, _, distance, _ in hits], dtype=np.float64)
-    order = np.argsort(distances, kind="stable")
-    hits, rows, distances = [hits[k] for k in order], rows[order], distances[order]
-    directions = np.array([direction for _, direction, _, _ in hits], dtype=np.float64)
-    believed = np.asarray(headings)[rows]  # these models take whatever they meet for straight ahead
-    surfaces = np.array([[surface] for *_, surface in hits], dtype=np.int32).reshape(-1, 1)
+    starts = standpoints(board, place, headings)
+    found = [_nearest_in(room, *start, heading + cone) for start, heading in zip(starts, headings, strict=True)]
+    hits = sorted((hit[1], k, *hit[::2]) for k, hit in enumerate(found) if hit is not None)
+    distances = np.array([distance for distance, *_ in hits], dtype=np.float64)
+    rows = np.array([k for _, k, _, _ in hits], dtype=np.intp)
+    directions = np.array([direction for *_, direction, _ in hits], dtype=np.float64)
     paths = Paths(
         lengths=2 * distances,
-        departures=believed,
-        arrivals=believed,
+        departures=headings[rows],  # these models take whatever they meet for straight ahead
+        arrivals=headings[rows],
         gains=np.ones(len(hits)),
-        surfaces=surfaces,
+        surfaces=np.array([surface for *_, surface in hits], dtype=np.int32).reshape(-1, 1),
         edges=np.full(len(hits), -1, dtype=np.int32),
         bends=np.ones(len(hits), dtype=np.int32),
         elevations=np.zeros((len(hits), 2)),
-        points=_there_and_back(np.array([x, y]), directions, distances),
+        points=_there_and_back(starts[rows], directions, distances),
     )
-    winners = np.full(len(headings), -1, dtype=np.intp)
-    winners[rows] = np.arange(len(hits))
-    winners[rows[distances > board.max_range]] = -1
-    reached = np.append(distances, np.nan)[winners]
-    return PredictedScan(room, place, board, np.asarray(headings), paths, Unit.PASS, winners, reached, rows)
+    silent = np.full(len(headings), -1, dtype=np.intp), np.full(len(headings), np.nan)
+    return with_first_echoes(PredictedScan(room, place, board, headings, paths, Unit.PASS, *silent, rows))
 
 
 def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple[float, float, int] | None:
@@ -96,8 +120,8 @@ def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple
     return float(direction), float(distance), int(surface)
 
 
-def _there_and_back(start: NDArray[np.float64], directions: FloatArray, distances: FloatArray) -> FloatArray:
-    touches = start + distances[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
+def _there_and_back(starts: FloatArray, directions: FloatArray, distances: FloatArray) -> FloatArray:
+    touches = starts + distances[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
     points = np.full((len(directions), 4, 2), np.nan)
-    points[:, 0], points[:, 1], points[:, 2] = start, touches, start
+    points[:, 0], points[:, 1], points[:, 2] = starts, touches, starts
     return points

@@ -5,16 +5,18 @@ found once for a whole scan; here they are only weighed by the transducer and he
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.board import Board
+from sim.board import Board, Receiver
 from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch, find_paths
+from sim.receiver import counted_time, hear
 from sim.room import Place, Room
+from sim.traces import Arrivals, Noise, Signal, received
 from sim.weighing import (
     BoolArray,
     all_meeting_face,
@@ -58,6 +60,9 @@ class PredictedScan:
     winners: NDArray[np.intp]  # (n,): row of the path that is reported; -1: no echo
     distances: FloatArray  # (n,), m: what the receiver found, before rounding; NaN: no echo
     only_at: NDArray[np.intp] | None = None  # (p,): the one heading at which a path exists; None: all do at every one
+    receiver: Receiver = Receiver.FIRST_ECHO
+    noise: float = 0.0  # in every signal, root mean square; 1 is full scale
+    seed: int = 0  # of the noise
 
     @property
     def ranges(self) -> FloatArray:
@@ -81,6 +86,40 @@ class PredictedScan:
             amplitudes[self.only_at != index] = 0.0
         with np.errstate(divide="ignore"):
             return np.asarray(20 * np.log10(amplitudes))
+
+    def signal_at(self, index: int, duration: float) -> Signal:
+        """The receive signal at heading `index` for `duration` s from the start of transmission."""
+        speed = self.room.air.speed_of_sound
+        arrivals, noise = self._arrivals_at(index), self._noise_at(index)
+        return received(arrivals, self.board, speed, duration, self.receiver, noise)
+
+    def echo_times_at(self, index: int) -> FloatArray:
+        """Every echo that would be reported at heading `index`, earliest first, (k,) s by the board's clock.
+
+        The first gave the range. The paper's receiver reports one, the board's own as many as it can re-arm for.
+        """
+        speed = self.room.air.speed_of_sound
+        if self.receiver is Receiver.BOARD:
+            heard = hear(self._arrivals_at(index), self.board, speed, self._noise_at(index))
+            return counted_time(heard.times, self.board)
+        return np.array([2 * distance / speed for distance in self.distances[index : index + 1] if distance >= 0])
+
+    def _arrivals_at(self, index: int) -> Arrivals:
+        paths, heading = self.paths, float(self.headings[index])
+        amplitudes = _strengths(self.room, self.board, paths)
+        if self.only_at is not None:
+            amplitudes[self.only_at != index] = 0.0
+        elif self.unit is Unit.BLOCK:
+            corners = paths.points - np.array(self.place.position)
+            amplitudes[all_meeting_face(corners, heading, self.board.aperture_radius)] = 0.0
+        leaving = paths.leaving[:, 0] * np.cos(heading) + paths.leaving[:, 1] * np.sin(heading)
+        arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
+        return Arrivals(paths.lengths / self.room.air.speed_of_sound, amplitudes, leaving, arriving)
+
+    def _noise_at(self, index: int) -> Noise:
+        # a function of the heading, not of which headings are asked about
+        microdegrees = round(math.degrees(self.headings[index]) * 1e6) % 360_000_000
+        return Noise(self.noise, np.random.default_rng((self.seed, microdegrees)))
 
     def echoes(self, index: int) -> tuple[Echo, ...]:
         """Everything the board could hear at heading `index`, earliest first."""
@@ -108,6 +147,10 @@ class PredictionOptions:
     max_bounces: int = MAX_BOUNCES
     diffraction: bool = True
     rays: int = RAYS
+    receiver: Receiver = Receiver.FIRST_ECHO
+    noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; the board's own hears it, the paper's not
+    seed: int | None = None  # of whatever is random; None: 0 for `noise`, and a model that errs at random does not
+    single: bool = False  # only what one surface or one edge sends straight back
 
 
 def predict_scan(
@@ -119,7 +162,22 @@ def predict_scan(
         2 * board.max_range, board.wavelength(room.air), options.max_bounces, options.diffraction, options.rays
     )
     paths = find_paths(room, place.position, search)
-    return weigh_paths(room, place, board, headings, paths, options.unit)
+    return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
+
+
+def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
+    """A scan of the paper's receiver as the one of `options` reports it, with their noise."""
+    scan = replace(scan, receiver=options.receiver, noise=options.noise, seed=options.seed or 0)
+    if options.receiver is Receiver.FIRST_ECHO:
+        return scan
+    winners = np.full(len(scan.headings), -1, dtype=np.intp)
+    distances = np.full(len(scan.headings), np.nan)
+    for k in range(len(scan.headings)):
+        heard = hear(scan._arrivals_at(k), scan.board, scan.room.air.speed_of_sound, scan._noise_at(k))
+        if len(heard.times):
+            winners[k] = heard.winner
+            distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2
+    return replace(scan, winners=winners, distances=distances)
 
 
 def weigh_paths(

@@ -46,11 +46,9 @@ def loudest_by_separation(ka: float) -> FloatArray:
 
 
 @njit(cache=True)
-def beam(cosine: float, ka: float, table: FloatArray) -> float:
-    """Amplitude one way at the angle of that cosine from the axis: |2 J₁(x)/x| cos α, 0 from 90° on."""
-    if cosine <= 0.0:
-        return 0.0
-    x = ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)) * _NODES_PER_UNIT
+def disc(x: float, table: FloatArray) -> float:
+    """2 J₁(x)/x with its sign, for x from 0 to as far as the table goes."""
+    x *= _NODES_PER_UNIT
     node = int(x)
     t = x - node
     low, high = table[node], table[node + 1]
@@ -61,7 +59,15 @@ def beam(cosine: float, ka: float, table: FloatArray) -> float:
         + t * t * (3.0 - 2.0 * t) * high[0]
         + t * t * (t - 1.0) * step * high[1]
     )
-    amplitude: float = abs(value) * cosine
+    return value
+
+
+@njit(cache=True)
+def beam(cosine: float, ka: float, table: FloatArray) -> float:
+    """Amplitude one way at the angle of that cosine from the axis: |2 J₁(x)/x| cos α, 0 from 90° on."""
+    if cosine <= 0.0:
+        return 0.0
+    amplitude: float = abs(disc(ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)), table)) * cosine
     return amplitude
 
 

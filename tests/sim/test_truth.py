@@ -8,7 +8,6 @@ import pytest
 from sim.board import load_board
 from sim.prediction import predict_scan
 from sim.room import load_room
-from sim.traces import predicted_trace
 from sim.truth import EXACT, MAX_ECHOES, RoomEchoes
 from sonarhw.echo_source import Heard, Ping
 
@@ -61,7 +60,7 @@ def test_one_piece_of_furniture_more_stands_in_the_room() -> None:
 
 def test_trace_rises_at_every_loud_echo_and_nowhere_before_the_first() -> None:
     scan = predict_scan(ROOM, PLACE, BOARD, np.radians([90.0]))
-    trace = predicted_trace(scan, 0, LISTEN)
+    trace = scan.signal_at(0, LISTEN).envelope()
     threshold = 10 ** (BOARD.threshold_db / 20)
     first = 2 * 0.657 / ROOM.air.speed_of_sound
     quiet = (trace.times > 0.002) & (trace.times < first)
