@@ -12,7 +12,7 @@ import numpy as np
 from sim.board import Board, Receiver
 from sim.by_heading import standpoints
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan, received_by, with_first_echoes
+from sim.prediction import PredictedScan, PredictionOptions, predict_scan, received_by, silent_scan, with_first_echoes
 from sim.rays import first_hit
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray
@@ -68,7 +68,7 @@ def _hearing(board: Board, options: PredictionOptions) -> Board:
 
 
 def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
-    """The scan with every range off at random; each a function of the seed and its heading, whatever others there are."""
+    """The scan with every range off at random, a function of the seed and its heading."""
     assert scan.only_at is not None
     distances = scan.paths.lengths / 2
     drawn = np.array([_range_error(seed, float(heading)) for heading in scan.headings[scan.only_at]])
@@ -86,7 +86,7 @@ def _range_error(seed: int, heading: float) -> float:
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
     starts = standpoints(board, place, headings)
-    found = [_nearest_in(room, *start, heading + cone) for start, heading in zip(starts, headings, strict=True)]
+    found = [_nearest_in(room, x, y, heading + cone) for (x, y), heading in zip(starts, headings, strict=True)]
     hits = sorted((hit[1], k, *hit[::2]) for k, hit in enumerate(found) if hit is not None)
     distances = np.array([distance for distance, *_ in hits], dtype=np.float64)
     rows = np.array([k for _, k, _, _ in hits], dtype=np.intp)
@@ -102,8 +102,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
         elevations=np.zeros((len(hits), 2)),
         points=_there_and_back(starts[rows], directions, distances),
     )
-    silent = np.full(len(headings), -1, dtype=np.intp), np.full(len(headings), np.nan)
-    return with_first_echoes(PredictedScan(room, place, board, headings, paths, Unit.PASS, *silent, rows))
+    return with_first_echoes(silent_scan(room, place, board, headings, paths, rows))
 
 
 def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple[float, float, int] | None:

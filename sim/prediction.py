@@ -2,6 +2,7 @@
 
 Takes the paths of a place, a board and headings; hands on a `PredictedScan`, which still knows every echo. Paths are
 found once for a whole scan; here they are only weighed by the transducer and held against blanking, threshold, range.
+Where more than the beam turns with the head, every heading has paths of its own (`sim.by_heading`).
 """
 
 import math
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.board import Board, Receiver
+from sim.by_heading import HeadingPaths, Leg, find_by_heading, standpoints
+from sim.mount import CARRIER_REFLECTANCE
 from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch, find_paths
 from sim.receiver import counted_time, hear
 from sim.room import Place, Room
@@ -36,6 +39,10 @@ class Unit(StrEnum):
 
     PASS = "pass"  # nothing: it is small, the front closes round it
     BLOCK = "block"  # sound that meets its face ends there
+    REFLECT = "reflect"  # its face, from both sides, is one more wall: appendix A as printed
+
+
+FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REFLECTANCE}
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,8 @@ class PredictedScan:
     winners: NDArray[np.intp]  # (n,): row of the path that is reported; -1: no echo
     distances: FloatArray  # (n,), m: what the receiver found, before rounding; NaN: no echo
     only_at: NDArray[np.intp] | None = None  # (p,): the one heading at which a path exists; None: all do at every one
+    sent_at: FloatArray | None = None  # (p,), rad: where each one's sender points; None: where the listener does
+    lateness: FloatArray | None = None  # (p,), m: by how much each seems longer than it is; None: by nothing
     receiver: Receiver = Receiver.FIRST_ECHO
     noise: float = 0.0  # in every signal, root mean square; 1 is full scale
     seed: int = 0  # of the noise
@@ -70,20 +79,33 @@ class PredictedScan:
         return self.board.reported(self.distances)
 
     @cached_property
+    def apparent_lengths(self) -> FloatArray:
+        """How long each path is by the time that the board counts, (p,) m: its length, but for `lateness`."""
+        return self.paths.lengths if self.lateness is None else self.paths.lengths + self.lateness
+
+    @cached_property
+    def standpoints(self) -> FloatArray:
+        """Where the listening transducer stands at each heading, (n, 2) m."""
+        return standpoints(self.board, self.place, self.headings)
+
+    @cached_property
     def blanked(self) -> BoolArray:
         """Which paths arrive while the board cannot hear, (p,) bool."""
-        return is_blanked(self.paths, self.board, self.room)
+        return is_blanked(self.apparent_lengths, self.board, self.room)
 
     def levels_at(self, index: int) -> FloatArray:
         """Level of every path at heading `index`, (p,) dB relative to a perfect wall straight ahead.
 
         -inf where nothing arrives.
         """
-        amplitudes = path_amplitudes(
-            self.room, self.place, self.board, float(self.headings[index]), self.paths, self.unit
-        )
-        if self.only_at is not None:
-            amplitudes[self.only_at != index] = 0.0
+        heading = float(self.headings[index])
+        if self.only_at is None:
+            amplitudes = path_amplitudes(self.room, self.place, self.board, heading, self.paths, self.unit)
+        else:
+            here = np.flatnonzero(self.only_at == index)
+            sent_at = None if self.sent_at is None else self.sent_at[here]
+            amplitudes = np.zeros(len(self.paths))
+            amplitudes[here] = leg_amplitudes(self.room, self.board, heading, self.paths.select(here), sent_at)
         with np.errstate(divide="ignore"):
             return np.asarray(20 * np.log10(amplitudes))
 
@@ -112,9 +134,10 @@ class PredictedScan:
         elif self.unit is Unit.BLOCK:
             corners = paths.points - np.array(self.place.position)
             amplitudes[all_meeting_face(corners, heading, self.board.aperture_radius)] = 0.0
-        leaving = paths.leaving[:, 0] * np.cos(heading) + paths.leaving[:, 1] * np.sin(heading)
+        sent_at = heading if self.sent_at is None else self.sent_at
+        leaving = paths.leaving[:, 0] * np.cos(sent_at) + paths.leaving[:, 1] * np.sin(sent_at)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
-        return Arrivals(paths.lengths / self.room.air.speed_of_sound, amplitudes, leaving, arriving)
+        return Arrivals(self.apparent_lengths / self.room.air.speed_of_sound, amplitudes, leaving, arriving)
 
     def _noise_at(self, index: int) -> Noise:
         # a function of the heading, not of which headings are asked about
@@ -131,9 +154,9 @@ class PredictedScan:
 
     def _loud(self, index: int, among: BoolArray) -> tuple[Echo, ...]:
         levels = self.levels_at(index)
-        within = self.paths.lengths <= 2 * self.board.max_range + SLACK
+        within = self.apparent_lengths <= 2 * self.board.max_range + SLACK
         loud = np.flatnonzero((levels >= self.board.threshold_db) & np.isfinite(levels) & within & among)
-        ranges = self.board.reported(self.paths.lengths[loud] / 2)
+        ranges = self.board.reported(self.apparent_lengths[loud] / 2)
         return tuple(
             Echo(int(path), float(distance), float(levels[path])) for path, distance in zip(loud, ranges, strict=True)
         )
@@ -156,12 +179,14 @@ class PredictionOptions:
 def predict_scan(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions | None = None
 ) -> PredictedScan:
-    """What `board` would report from `place` at `headings` (n,) rad in the room."""
+    """What `board` would report from `place` at `headings` (n,) rad in the room.
+
+    Raises InputError where the board is a ring and no sensor of it points along one of the headings.
+    """
     options = options or PredictionOptions()
-    search = PathSearch(
-        2 * board.max_range, board.wavelength(room.air), options.max_bounces, options.diffraction, options.rays
-    )
-    paths = find_paths(room, place.position, search)
+    if len(headings) and not paths_serve_all_headings(board, options.unit):
+        return received_by(_predict_by_heading(room, place, board, headings, options), options)
+    paths = _wanted(find_paths(room, place.position, _search(room, board, options)), options)
     return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
 
 
@@ -180,13 +205,73 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     return replace(scan, winners=winners, distances=distances)
 
 
+def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
+    """Whether sound goes the same ways at every heading, so that one search is enough for a scan."""
+    return board.carrier.turns_about_face and unit is not Unit.REFLECT
+
+
+def _search(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
+    return PathSearch(
+        2 * board.max_range, board.wavelength(room.air), options.max_bounces, options.diffraction, options.rays
+    )
+
+
+def _wanted(paths: Paths, options: PredictionOptions) -> Paths:
+    return paths.select(np.flatnonzero(paths.bounces + (paths.edges >= 0) <= 1)) if options.single else paths
+
+
+def _predict_by_heading(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
+) -> PredictedScan:
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    search = _search(room, board, options)
+    faintest = 10 ** ((board.threshold_db - NOTICED_BELOW_THRESHOLD) / 20)
+
+    def find(crowded: Room, leg: Leg) -> Paths:
+        search_leg = replace(search, max_length=leg.max_length)
+        elsewhere = {} if leg.sender.sender == leg.listener.receiver else {"receiver": leg.listener.receiver}
+        paths = _wanted(find_paths(crowded, leg.sender.sender, search_leg, **elsewhere), options)
+        sent_at = np.full(len(paths), leg.sender.heading)
+        amplitudes = leg_amplitudes(room, board, leg.listener.heading, paths, sent_at)
+        return paths.select(np.flatnonzero(amplitudes >= faintest))
+
+    found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
+    return _scan_of(found, place, board, headings, options.unit)
+
+
+def _scan_of(found: HeadingPaths, place: Place, board: Board, headings: FloatArray, unit: Unit) -> PredictedScan:
+    scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, unit)
+    return with_first_echoes(replace(scan, sent_at=found.sent_at, lateness=found.lateness))
+
+
+def silent_scan(
+    room: Room,
+    place: Place,
+    board: Board,
+    headings: FloatArray,
+    paths: Paths,
+    only_at: NDArray[np.intp],
+    unit: Unit = Unit.PASS,
+) -> PredictedScan:
+    """A scan of paths that exist at one heading each, before anyone has listened."""
+    winners, distances = np.full(len(headings), -1, dtype=np.intp), np.full(len(headings), np.nan)
+    return PredictedScan(room, place, board, headings, paths, unit, winners, distances, only_at)
+
+
+def with_first_echoes(scan: PredictedScan) -> PredictedScan:
+    """The scan with the first of its echoes as the one that is reported at each heading."""
+    firsts = [scan.echoes(k)[:1] for k in range(len(scan.headings))]
+    winners = np.array([first[0].path if first else -1 for first in firsts], dtype=np.intp)
+    return replace(scan, winners=winners, distances=np.append(scan.apparent_lengths, np.nan)[winners] / 2)
+
+
 def weigh_paths(
     room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
 ) -> PredictedScan:
     """The scan that known paths give at `headings` (n,) rad; those too faint to notice at any heading are left out."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     paths = paths.select(_noticed(room, board, paths))
-    heard = np.flatnonzero(~is_blanked(paths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
+    heard = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
     ka = board.wavenumber(room.air) * board.aperture_radius
     first = first_heard(
         headings,
@@ -220,9 +305,30 @@ def path_amplitudes(
     return np.asarray(amplitudes)
 
 
-def is_blanked(paths: Paths, board: Board, room: Room) -> BoolArray:
-    """Which paths arrive while the board cannot hear, (p,) bool."""
-    return np.asarray(paths.lengths / 2 < board.blanked_range(room.air))
+def leg_amplitudes(
+    room: Room, board: Board, heading: float, paths: Paths, sent_at: FloatArray | None = None
+) -> FloatArray:
+    """Amplitude of every path as `path_amplitudes` has it, (p,) float, heard at a heading (rad) by one transducer.
+
+    `sent_at` (p,) rad is where the one that sent each points; None: where the listener does.
+    """
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    # as if the sender had pointed along `heading`
+    leaving = paths.leaving if sent_at is None else turned(paths.leaving, heading - sent_at)
+    return np.asarray(
+        amplitudes_at(heading, leaving, paths.arriving, _strengths(room, board, paths), ka, beam_table(ka))
+    )
+
+
+def turned(vectors: FloatArray, angles: FloatArray) -> FloatArray:
+    """Vectors (p, 2) turned counter-clockwise by `angles` (p,) rad, same shape."""
+    (x, y), cosines, sines = vectors.T, np.cos(angles), np.sin(angles)
+    return np.column_stack((x * cosines - y * sines, x * sines + y * cosines))
+
+
+def is_blanked(lengths: FloatArray, board: Board, room: Room) -> BoolArray:
+    """Which paths of those lengths (m) arrive while the board cannot hear, same shape."""
+    return np.asarray(lengths / 2 < board.blanked_range(room.air))
 
 
 def _strengths(room: Room, board: Board, paths: Paths) -> FloatArray:

@@ -8,8 +8,8 @@ straight to the receiver.
 
 Where appendix A leaves something open: it stops at a path of twice the maximum range and answers None; the
 receiver is a segment across the heading whose half length is the ray's tube, half a spacing to each side; a
-diffracted leg needs a free line of sight; sound that meets the transducer undetected passes (`Unit.PASS`) or ends
-(`Unit.BLOCK`).
+diffracted leg needs a free line of sight; sound that meets the transducer undetected passes (`Unit.PASS`), ends
+(`Unit.BLOCK`), or is reflected by its face, which is as wide as the aperture (`Unit.REFLECT`, as printed).
 """
 
 import heapq
@@ -21,6 +21,7 @@ import numpy as np
 
 from sim.board import Board
 from sim.edges import inside_wedge
+from sim.mount import CARRIER_REFLECTANCE, Mount, with_faces
 from sim.prediction import Unit
 from sim.room import Place, Room
 from sim.transducer import beam_gain
@@ -75,6 +76,7 @@ class _Setting:
     heading: float
     unit: Unit
     spacing: float
+    face: int = _NOTHING  # the surface that the transducer's own face is, where it reflects
 
     def beam(self, direction: float) -> float:
         """Amplitude by angle from the axis, one way."""
@@ -96,6 +98,9 @@ def range_at(
     physics.md names (a path near the threshold, a segment's end, blanking or the maximum range).
     """
     setting = _Setting(room, place, board, heading, unit, spacing)
+    if unit is Unit.REFLECT:
+        faced = with_faces(room, [Mount().stand(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
+        setting = replace(setting, room=faced, face=len(room.walls))
     heap: list[tuple[float, int, Arrival]] = []
     count = 0
 
@@ -121,6 +126,8 @@ def range_at(
                 return travelled / 2
             if unit is Unit.PASS:
                 push(_next_arrivals(setting, arrival.ray, past_receiver=True))
+            if unit is Unit.REFLECT:
+                push(_next_arrivals(setting, _reflected(setting, _at_face(setting, arrival.ray))))
             continue
 
         # at a wall: reflect, and near its end diffract besides
@@ -133,7 +140,7 @@ def _fan(setting: _Setting) -> Iterator[Ray]:
     for k in range(round(math.pi / setting.spacing)):
         # off the round angles, on which rays of a tidy room would run straight into its vertices
         direction = setting.heading - math.pi / 2 + (k + 0.382) * setting.spacing
-        ray = Ray(*setting.place.position, direction, amplitude=setting.beam(direction))
+        ray = Ray(*setting.place.position, direction, amplitude=setting.beam(direction), last=setting.face)
         if setting.over_threshold(ray):
             yield ray
 
@@ -144,13 +151,22 @@ def _is_heard(setting: _Setting, ray: Ray) -> bool:
     return setting.over_threshold(ray, setting.beam(ray.direction + math.pi))
 
 
+def _at_face(setting: _Setting, ray: Ray) -> Arrival:
+    """A ray in the receiver's tube, moved on or back to where it meets the plane of the face."""
+    x, y = setting.place.position
+    ahead = (x - ray.x) * math.cos(setting.heading) + (y - ray.y) * math.sin(setting.heading)
+    return Arrival(ray.at(ahead / math.cos(ray.direction - setting.heading)), setting.face)
+
+
 def _next_arrivals(setting: _Setting, ray: Ray, *, past_receiver: bool = False) -> Iterator[Arrival]:
     """The next thing a ray meets: a surface, or the receiver before it."""
     if not setting.over_threshold(ray):
         return
     distance, surface = _first_intersection(setting.room, ray)
-    receiver = None if past_receiver or ray.travelled == 0 else _meets_receiver(setting, ray)
-    if receiver is not None and receiver < distance:
+    at_receiver = past_receiver or ray.travelled == 0 or (ray.last == setting.face != _NOTHING)
+    receiver = None if at_receiver else _meets_receiver(setting, ray)
+    # the receiver lies on its face, which a slanting ray may meet a little sooner
+    if receiver is not None and (receiver < distance or surface == setting.face):
         yield Arrival(ray.at(receiver), _RECEIVER)
     elif surface != _NOTHING:
         yield Arrival(ray.at(distance), surface)
