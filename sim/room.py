@@ -62,6 +62,15 @@ class Room:
         first, second = divmod(edge - len(self.edges), len(self.names))
         return f"{self.names[first]}/{self.names[second] if second != first else ''}"
 
+    def surfaces_at_edge(self, edge: int) -> tuple[int, ...]:
+        """Numbers of the one or two surfaces that an edge's name tells."""
+        return tuple(self.names.index(name) for name in self.edge_name(edge).split("/") if name)
+
+    def posts_at(self, position: tuple[float, float]) -> list[int]:
+        """Numbers of the posts, as surfaces, inside or on whose circle a point (m) lies."""
+        inside = np.hypot(*(self.posts[:, :2] - position).T) <= self.posts[:, 2]
+        return (len(self.walls) + np.flatnonzero(inside)).tolist()
+
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
 
@@ -84,10 +93,8 @@ class Room:
             ) from error
         if not (abs(x) <= MOST_DISTANT and abs(y) <= MOST_DISTANT):
             raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MOST_DISTANT:g}")
-        inside = np.flatnonzero(np.hypot(self.posts[:, 0] - x, self.posts[:, 1] - y) <= self.posts[:, 2])
-        if len(inside):
-            name = self.names[len(self.walls) + int(inside[0])]
-            raise InputError(f"place {wanted!r} lies inside post {name!r}; sound cannot leave it")
+        for post in self.posts_at((x, y)):
+            raise InputError(f"place {wanted!r} lies inside post {self.names[post]!r}; sound cannot leave it")
         return Place(wanted, (x, y))
 
     def _known_places(self) -> str:
