@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.grid import Surfaces, lay_grid, listed_at
 from sim.room_file import MEETING
 from sonarhw.readings import FloatArray
 
@@ -30,11 +31,6 @@ class Edges:
     def __len__(self) -> int:
         return len(self.names)
 
-    def opens_towards(self, point: FloatArray) -> NDArray[np.bool_]:
-        """Whether each wedge's air lies towards `point`, (n,) bool."""
-        away = point - self.points
-        return np.asarray(inside_wedge(np.arctan2(away[:, 1], away[:, 0]), self.starts, self.openings))
-
 
 def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) -> NDArray[np.bool_]:
     """Whether directions (rad) lie inside wedges, (n,) bool; along a face sound grazes past and is not bent."""
@@ -49,11 +45,11 @@ class _Face(NamedTuple):
 
 def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
     """The diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
-    vertices = np.unique(walls.reshape(-1, 2), axis=0)
+    surfaces = lay_grid(walls, np.empty((0, 3)))
     rows = [
         (vertex, first.direction, opening, _edge_name(first, second, names))
-        for vertex in vertices
-        for first, second, opening in _wedges(_faces_at(vertex, walls))
+        for vertex in np.unique(walls.reshape(-1, 2), axis=0).tolist()
+        for first, second, opening in _wedges(_faces_at(vertex, surfaces))
         if _diffracts(opening)
     ]
     return Edges(
@@ -64,17 +60,16 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
     )
 
 
-def _faces_at(vertex: FloatArray, walls: FloatArray) -> list[_Face]:
+def _faces_at(vertex: list[float], surfaces: Surfaces) -> list[_Face]:
     faces = []
-    for k, (x0, y0, x1, y1) in enumerate(walls):
-        along = np.array([x1 - x0, y1 - y0])
-        length = float(np.hypot(*along))
-        to_vertex = vertex - (x0, y0)
-        at = float(to_vertex @ along) / length
-        aside = float(along[0] * to_vertex[1] - along[1] * to_vertex[0]) / length
+    for k in listed_at(surfaces, *vertex).tolist():
+        x0, y0, x1, y1 = surfaces.walls[k].tolist()
+        ex, ey, vx, vy = x1 - x0, y1 - y0, vertex[0] - x0, vertex[1] - y0
+        length = math.hypot(ex, ey)
+        at, aside = (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length
         if abs(aside) > MEETING or not -MEETING <= at <= length + MEETING:
             continue
-        forward = math.atan2(along[1], along[0])
+        forward = math.atan2(ey, ex)
         if at < length - MEETING:
             faces.append(_Face(forward % math.tau, k))
         if at > MEETING:

@@ -110,7 +110,7 @@ def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple
     hits = [
         (distance, direction, surface)
         for direction in directions
-        for distance, surface in [first_hit(x, y, math.cos(direction), math.sin(direction), -1, room.walls, room.posts)]
+        for distance, surface in [first_hit(x, y, math.cos(direction), math.sin(direction), -1, room.surfaces)]
         if surface >= 0
     ]
     if not hits:

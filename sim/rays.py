@@ -1,6 +1,6 @@
-"""The ray kernel: a fan of rays followed round the room, noting where each comes near the sensor or an edge.
+"""The ray kernel: a fan of rays followed round the room, noting where each comes near the receiver or an edge.
 
-Takes walls, posts and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
+Takes surfaces and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
 first b reflections, passes near target t". `sim.sequences` solves every candidate exactly, so nearness may be generous.
 Compiled by numba; plain arrays only.
 """
@@ -9,52 +9,59 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from sim.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 from sonarhw.readings import FloatArray
-
-IntArray = NDArray[np.int32]
 
 # How near, in ray spacings, a ray must pass to be a candidate. A path midway between two rays is half a spacing from
 # both; what lies beyond that finds paths seen through gaps narrower than the spacing.
 ALLOWANCE = 1.5
 _STANDING = 1e-11  # m
+_FULL = 0.5  # share of a hash table's slots in use at which it grows
 
 
-@njit(cache=True)
-def first_hit(
-    x: float, y: float, dx: float, dy: float, leaving: int, walls: FloatArray, posts: FloatArray
-) -> tuple[float, int]:
+@njit(cache=True, error_model="numpy")
+def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: Surfaces) -> tuple[float, int]:
     """Distance (m) to the first surface along a ray and its number; (inf, -1) where there is none.
 
     `leaving` is the surface the ray starts from, -1 for none: it is convex or flat, so the ray cannot meet it again.
     """
     nearest, surface = np.inf, -1
-    for k in range(walls.shape[0]):
-        wall = walls[k]
-        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-        across = dx * ey - dy * ex
-        if k == leaving or across == 0.0:
-            continue
-        rx, ry = wall[0] - x, wall[1] - y
-        along = (rx * dy - ry * dx) / across
-        if along < -1e-12 or along > 1.0 + 1e-12:
-            continue
-        distance = (rx * ey - ry * ex) / across
-        # where the ray stands it has just been: a second wall flush with the one it leaves is not met again
-        if _STANDING < distance < nearest:
-            nearest, surface = distance, k
-    for k in range(posts.shape[0]):
-        post = posts[k]
-        if walls.shape[0] + k == leaving:
-            continue
-        distance = post_distance(x, y, dx, dy, post)
-        if 0.0 < distance < nearest:
-            nearest, surface = distance, walls.shape[0] + k
+    walls, posts, cells, (starts, numbers) = surfaces
+    walk = enter(cells, x, y, dx, dy)
+    while walk.inside:
+        cell = walk.row * cells.columns + walk.column
+        for i in range(starts[cell], starts[cell + 1]):
+            k = numbers[i]
+            if k != leaving:
+                distance = distance_to(x, y, dx, dy, k, walls, posts)
+                if distance < nearest:
+                    nearest, surface = distance, k
+        if nearest <= min(walk.next_column, walk.next_row):
+            break
+        walk = advance(cells, walk)
     return nearest, surface
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
+    """Distance (m) along a ray to a surface; inf where it misses."""
+    if surface >= walls.shape[0]:
+        near_side = post_distance(x, y, dx, dy, posts[surface - walls.shape[0]])
+        return near_side if near_side > 0.0 else np.inf
+    ex, ey = walls[surface, 2] - walls[surface, 0], walls[surface, 3] - walls[surface, 1]
+    rx, ry = walls[surface, 0] - x, walls[surface, 1] - y
+    across = dx * ey - dy * ex
+    side = 1.0 if across > 0.0 else -1.0
+    along, ahead, across = side * (rx * dy - ry * dx), side * (rx * ey - ry * ex), side * across
+    # where the ray stands it has just been: a second wall flush with the one it leaves is not met again
+    if (along < -1e-12 * across) | (along > (1.0 + 1e-12) * across) | (ahead <= _STANDING * across):
+        return np.inf
+    distance: float = ahead / across
+    return distance
+
+
+@njit(cache=True, error_model="numpy")
 def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) -> float:
     """Distance (m) along a ray to the near side of a post (x, y, radius); inf where it misses."""
     cx, cy = post[0] - x, post[1] - y
@@ -67,7 +74,7 @@ def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) ->
     return near_side
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reflect(
     x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray
 ) -> tuple[float, float, float]:
@@ -87,44 +94,57 @@ def reflect(
     return dx - 2.0 * inward * nx, dy - 2.0 * inward * ny, 2.0 / (post[2] * max(-inward, 1e-9))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def follow_fan(
-    place: FloatArray,
+    source: FloatArray,
     directions: FloatArray,
-    walls: FloatArray,
-    posts: FloatArray,
+    surfaces: Surfaces,
     targets: FloatArray,
-    max_length: float,
+    longest: FloatArray,
     max_bounces: int,
 ) -> tuple[IntArray, IntArray]:
-    """Follow every ray until its path is longer than `max_length`.
+    """Follow every ray until its path is longer than any way to a target may be.
 
-    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the sensor, the others edges. Hands on the surfaces
-    touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the target, row of the target.
+    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges; `longest` (t,) m.
+    Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
+    target, row of the target; each sequence of surfaces to a target once.
     """
+    max_length = longest.max()
     spacing = directions[1] - directions[0]
     touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
-    candidates = np.empty((4096, 3), np.int32)
-    found = 0
+    candidates, found = np.empty((1024, 3), np.int32), 0
+    slots = np.full(4096, -1, np.int32)
+    edges = list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length)
+    nearby = np.empty(targets.shape[0], np.int32)
+    to_receiver = math.hypot(targets[0, 0] - source[0], targets[0, 1] - source[1])
     for ray in range(directions.shape[0]):
-        x, y = place[0], place[1]
+        x, y = source[0], source[1]
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
         length, width, opening, surface = 0.0, 0.0, 1.0, -1
         for bounces in range(max_bounces + 1):
             # find the next surface
-            distance, following = first_hit(x, y, dx, dy, surface, walls, posts)
+            distance, following = first_hit(x, y, dx, dy, surface, surfaces)
             reach = min(distance, max_length - length)
 
-            # note every target that this leg passes; the first leg only leaves the sensor
-            for target in range(targets.shape[0] if bounces else 0):
+            # note every target that this leg passes; the first leg only leaves a sensor that hears itself
+            passed = _edges_along(x, y, dx, dy, reach, opening > 1.0, surfaces.cells, edges, nearby)
+            if bounces > 0 or to_receiver > 0.0:
+                nearby[passed] = 0
+                passed += 1
+            for target in nearby[:passed]:
                 tx, ty = targets[target, 0] - x, targets[target, 1] - y
                 ahead = tx * dx + ty * dy
                 near = ALLOWANCE * spacing * (width + opening * max(ahead, 0.0))
-                if -near <= ahead <= reach + near and abs(tx * dy - ty * dx) <= near:
-                    if found == candidates.shape[0]:
-                        candidates = np.concatenate((candidates, np.empty_like(candidates)))
-                    candidates[found] = ray, bounces, target
-                    found += 1
+                if not (-near <= ahead <= reach + near and abs(tx * dy - ty * dx) <= near):
+                    continue
+                if length + ahead > longest[target] + near:
+                    continue
+                if found == candidates.shape[0]:
+                    candidates = np.concatenate((candidates, np.empty_like(candidates)))
+                candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
+                found += _is_new(candidates[: found + 1], touched, slots)
+                if found > _FULL * slots.shape[0]:
+                    slots = _grown(slots, candidates[:found], touched)
 
             # stop where the path is long enough or leaves the room
             length += distance
@@ -134,11 +154,89 @@ def follow_fan(
             # reflect, and let the tube between this ray and the next grow
             x, y = x + distance * dx, y + distance * dy
             width += opening * distance
-            dx, dy, curvature = reflect(x, y, dx, dy, following, walls, posts)
+            dx, dy, curvature = reflect(x, y, dx, dy, following, surfaces.walls, surfaces.posts)
             opening += curvature * width
             surface = following
             touched[ray, bounces] = following
     return touched, candidates[:found]
+
+
+@njit(cache=True, error_model="numpy")
+def _edges_along(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    reach: float,
+    spread: bool,
+    cells: Cells,
+    edges: Listing,
+    nearby: IntArray,
+) -> int:
+    """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; hands on how many.
+
+    An edge is listed in every cell from which a plain ray could be near it; a tube that a post has spread (`spread`) is
+    wider than that and is asked about all of them.
+    """
+    count = 0
+    if spread:
+        for k in range(nearby.shape[0] - 1):
+            nearby[k] = k + 1
+        return int(nearby.shape[0] - 1)
+    if edges.numbers.shape[0] == 0:
+        return 0
+    walk = enter(cells, x, y, dx, dy)
+    while walk.inside:
+        for k in listed(cells, edges, walk):
+            known = False
+            for other in nearby[:count]:
+                known = known or other == k + 1
+            if not known:
+                nearby[count] = k + 1
+                count += 1
+        if min(walk.next_column, walk.next_row) > reach:
+            break
+        walk = advance(cells, walk)
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _is_new(candidates: IntArray, touched: IntArray, slots: IntArray) -> bool:
+    """Whether no candidate before the last has its sequence and target; if so it is entered in the hash table."""
+    last = candidates.shape[0] - 1
+    slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
+    while slots[slot] >= 0:
+        if _alike(candidates[slots[slot]], candidates[last], touched):
+            return False
+        slot = (slot + 1) & (slots.shape[0] - 1)
+    slots[slot] = last
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _grown(slots: IntArray, candidates: IntArray, touched: IntArray) -> IntArray:
+    larger = np.full(4 * slots.shape[0], -1, np.int32)
+    for count in range(1, candidates.shape[0] + 1):
+        _is_new(candidates[:count], touched, larger)
+    return larger
+
+
+@njit(cache=True, error_model="numpy")
+def _hash(candidate: IntArray, touched: IntArray) -> int:
+    ray, bounces, target = candidate
+    mixed: int = target + 1
+    for surface in touched[ray, :bounces]:
+        # the multiplier of FNV-1a
+        mixed = ((mixed ^ (surface + 1)) * 16777619) & 0xFFFFFFFF
+        mixed ^= mixed >> 15
+    return mixed
+
+
+@njit(cache=True, error_model="numpy")
+def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
+    if one[1] != other[1] or one[2] != other[2]:
+        return False
+    return bool(np.all(touched[one[0], : one[1]] == touched[other[0], : one[1]]))
 
 
 def fan(rays: int) -> FloatArray:

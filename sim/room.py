@@ -6,13 +6,16 @@ order of the file, then floor and ceiling, where there are any: only vertical se
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sim.air import Air
 from sim.edges import Edges, find_edges
+from sim.grid import Surfaces, lay_grid
 from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, WallSection
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
@@ -45,6 +48,11 @@ class Room:
     air: Air
     places: dict[str, Place]
     text: str  # the file, so that a log can carry it
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """Walls and posts as the kernels want them."""
+        return lay_grid(self.walls, self.posts)
 
     @property
     def levels(self) -> range:
@@ -172,10 +180,8 @@ def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: floa
 def _join_ends(walls: FloatArray) -> FloatArray:
     """The walls with ends that meet moved to one point, so that no sound slips through a gap of rounding."""
     ends = walls.reshape(-1, 2).copy()
-    by_x = np.argsort(ends[:, 0], kind="stable")
-    behind = np.searchsorted(ends[by_x, 0], ends[by_x, 0] + MEETING, side="right")
-    for k, first in enumerate(by_x):
-        for second in by_x[k + 1 : behind[k]]:
-            if math.dist(ends[first], ends[second]) <= MEETING:
-                ends[max(first, second)] = ends[min(first, second)]
+    meeting = cKDTree(ends).query_pairs(MEETING, output_type="ndarray")
+    # in order, so that what moves to a point moves to where that has moved itself
+    for first, second in meeting[np.lexsort(meeting.T[::-1])]:
+        ends[second] = ends[first]
     return ends.reshape(-1, 4)

@@ -5,6 +5,7 @@ format is a promise to users; `sim.room` makes arrays of it.
 """
 
 import math
+from collections import Counter
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -144,8 +145,8 @@ class RoomFile(TomlModel):
     def _names_are_unique(self) -> None:
         names = [name for wall in self.walls for name in wall.segment_names] + [post.name for post in self.posts]
         names += self.levels
-        twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-        if twice is not None:
+        twice, times = Counter(names).most_common(1)[0]
+        if times > 1:
             raise ValueError(f"two surfaces are named {twice!r}; a path could not say which it touched")
 
     def _places_are_free(self) -> None:

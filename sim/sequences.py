@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sim.rays import IntArray, post_distance, reflect
+from sim.grid import IntArray, Surfaces, advance, enter, listed
+from sim.rays import post_distance, reflect
 from sonarhw.readings import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -22,22 +23,26 @@ _LEG_ENDS = 1e-8  # m: what touches a leg this near to its end is the surface it
 _ON_TARGET = 1e-12  # m
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve_candidates(
-    place: FloatArray,
+    source: FloatArray,
     directions: FloatArray,
     touched: IntArray,
     candidates: IntArray,
     targets: FloatArray,
-    walls: FloatArray,
-    posts: FloatArray,
+    longest: FloatArray,
+    surfaces: Surfaces,
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`.
 
-    Hands on whether each is a path (c,) bool, its points (c, max_bounces + 2, 2) from the place to the target (m, NaN
-    behind), its length (c,) m and the divergence (c,): width of its ray tube over its length, 1 without posts.
+    Hands on whether each is a way no longer than its target's `longest` (t,) m, (c,) bool; its points (c, b + 2, 2)
+    from the source to the target, m, NaN behind, with b the most reflections of any; its length (c,) m; and
+    the divergence (c,): width of its ray tube over its length, 1 without posts.
     """
-    count, most = candidates.shape[0], touched.shape[1]
+    walls, posts = surfaces.walls, surfaces.posts
+    count, most = candidates.shape[0], 0
+    for c in range(count):
+        most = max(most, candidates[c, 1])
     real = np.zeros(count, np.bool_)
     points = np.full((count, most + 2, 2), np.nan)
     lengths = np.zeros(count)
@@ -46,19 +51,19 @@ def solve_candidates(
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
         path = points[c, : bounces + 2]
-        path[0] = place
+        path[0] = source
         path[bounces + 1] = targets[target]
         if bounces and sequence.max() >= walls.shape[0]:
             solved, divergences[c] = _refine(path, directions[ray], sequence, walls, posts)
         else:
             solved = _unfold(path, sequence, walls)
-        real[c] = solved and path_is_free(path, walls, posts)
         for k in range(bounces + 1):
             lengths[c] += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        real[c] = solved and lengths[c] <= longest[target] and path_is_free(path, surfaces)
     return real, points, lengths, divergences
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
     bounces = sequence.shape[0]
@@ -84,14 +89,14 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _mirror(point: FloatArray, wall: FloatArray) -> FloatArray:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((point[0] - wall[0]) * ey - (point[1] - wall[1]) * ex) / (ex * ex + ey * ey)
     return np.array((point[0] - 2.0 * aside * ey, point[1] + 2.0 * aside * ex))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _refine(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float]:
@@ -107,7 +112,7 @@ def _refine(
     return False, 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shoot(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float, float, float]:
@@ -139,7 +144,7 @@ def _shoot(
     return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
     # the wall's whole line: a ray still being turned may run past the end
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -147,7 +152,7 @@ def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -
     return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     for k in range(sequence.shape[0]):
         if sequence[k] >= walls.shape[0]:
@@ -161,39 +166,54 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
     return True
 
 
-@njit(cache=True)
-def path_is_free(path: FloatArray, walls: FloatArray, posts: FloatArray) -> bool:
+@njit(cache=True, error_model="numpy")
+def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     """Whether no surface stands in any leg of a path (k, 2); surfaces touched at its corners do not."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
-        if not leg_is_free(path[k], path[k + 1], walls, posts):
+        if not leg_is_free(path[k], path[k + 1], surfaces):
             return False
     return True
 
 
-@njit(cache=True)
-def leg_is_free(start: FloatArray, end: FloatArray, walls: FloatArray, posts: FloatArray) -> bool:
+@njit(cache=True, error_model="numpy")
+def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     """Whether sound gets straight from `start` to `end`, (2,) each; what stands at either end is no hindrance."""
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    length = math.hypot(dx, dy)
+    length = math.hypot(end[0] - start[0], end[1] - start[1])
     if length <= 2 * _LEG_ENDS:
         return True
-    slack = _LEG_ENDS / length
-    for k in range(walls.shape[0]):
-        wall = walls[k]
-        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-        across = dx * ey - dy * ex
-        if across == 0.0:
-            continue
-        rx, ry = wall[0] - start[0], wall[1] - start[1]
-        ahead = (rx * ey - ry * ex) / across
-        along = (rx * dy - ry * dx) / across
-        if slack < ahead < 1.0 - slack and -1e-12 <= along <= 1.0 + 1e-12:
-            return False
-    for k in range(posts.shape[0]):
-        post = posts[k]
-        ahead = ((post[0] - start[0]) * dx + (post[1] - start[1]) * dy) / (length * length)
-        ahead = min(max(ahead, 0.0), 1.0)
-        gap = math.hypot(start[0] + ahead * dx - post[0], start[1] + ahead * dy - post[1])
-        if gap < post[2] - 1e-7:
-            return False
+    dx, dy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    walk = enter(surfaces.cells, start[0], start[1], dx, dy)
+    while walk.inside:
+        for k in listed(surfaces.cells, surfaces.listing, walk):
+            if k < surfaces.walls.shape[0]:
+                hindered = _crosses_wall(start, dx, dy, length, surfaces.walls[k])
+            else:
+                hindered = _crosses_post(start, dx, dy, length, surfaces.posts[k - surfaces.walls.shape[0]])
+            if hindered:
+                return False
+        if min(walk.next_column, walk.next_row) > length:
+            break
+        walk = advance(surfaces.cells, walk)
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: FloatArray) -> bool:
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    across = dx * ey - dy * ex
+    if across == 0.0:
+        return False
+    rx, ry = wall[0] - start[0], wall[1] - start[1]
+    ahead = (rx * ey - ry * ex) / across
+    along = (rx * dy - ry * dx) / across
+    crosses: bool = _LEG_ENDS < ahead < length - _LEG_ENDS and -1e-12 <= along <= 1.0 + 1e-12
+    return crosses
+
+
+@njit(cache=True, error_model="numpy")
+def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: FloatArray) -> bool:
+    ahead = (post[0] - start[0]) * dx + (post[1] - start[1]) * dy
+    ahead = min(max(ahead, 0.0), length)
+    gap = math.hypot(start[0] + ahead * dx - post[0], start[1] + ahead * dy - post[1])
+    inside: bool = gap < post[2] - 1e-7
+    return inside

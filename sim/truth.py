@@ -114,7 +114,7 @@ def with_furniture(room: Room, position: tuple[float, float], random: np.random.
     x, y = position
     for direction in random.uniform(0, math.tau, 32):
         dx, dy = math.cos(direction), math.sin(direction)
-        distance, surface = first_hit(x, y, dx, dy, -1, room.walls, room.posts)
+        distance, surface = first_hit(x, y, dx, dy, -1, room.surfaces)
         if surface >= 0 and distance > 0.1:
             at = distance * random.uniform(0.6, 0.8)
             return with_post(room, (x + at * dx, y + at * dy, 0.03 * distance), "furniture", 0.9)

@@ -1,0 +1,136 @@
+"""Ways: how sound gets from a place to the receiver or to an edge, each solved exactly.
+
+Takes a room, a place and targets; hands on `Ways`, and puts them in order with each path once.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sim.grid import IntArray
+from sim.rays import fan, follow_fan
+from sim.room import Room
+from sim.sequences import solve_candidates
+from sonarhw.readings import FloatArray
+
+NEARLY = 1e-9  # m: lengths that come out a rounding error apart are equal
+_SAME = 1e-7  # m and rad: paths that agree so far in length and departure are one
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Ways from a place to the receiver or an edge, or, bent, by an edge to the receiver; one row each."""
+
+    lengths: FloatArray  # (n,), m
+    gains: FloatArray  # (n,)
+    surfaces: IntArray  # (n, b)
+    edges: IntArray  # (n,): the edge it leads to or by; -1: none
+    bends: IntArray  # (n,)
+    points: FloatArray  # (n, b + 3, 2)
+
+    @staticmethod
+    def none() -> "Ways":
+        """No way at all."""
+        no = np.empty(0)
+        whole = no.astype(np.int32)
+        return Ways(no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
+
+    def select(self, rows: NDArray[np.intp]) -> "Ways":
+        """Only those rows, in that order."""
+        return Ways(*(getattr(self, column.name)[rows] for column in fields(Ways)))
+
+    def joined(self, other: "Ways") -> "Ways":
+        """These, then the others."""
+        most = max(self.surfaces.shape[1], other.surfaces.shape[1])
+        one, two = self._padded(most), other._padded(most)
+        return Ways(*(np.concatenate((getattr(one, c.name), getattr(two, c.name))) for c in fields(Ways)))
+
+    def _padded(self, most: int) -> "Ways":
+        more = most - self.surfaces.shape[1]
+        if more == 0:
+            return self
+        surfaces = np.pad(self.surfaces, ((0, 0), (0, more)), constant_values=-1)
+        points = np.pad(self.points, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
+        return Ways(self.lengths, self.gains, surfaces, self.edges, self.bends, points)
+
+
+def find_ways(
+    room: Room,
+    place: FloatArray,
+    targets: FloatArray,
+    edges: NDArray[np.intp],
+    longest: FloatArray,
+    rays: int,
+    max_bounces: int,
+) -> Ways:
+    """Every way from `place` (2,) to targets (t, 2) that is no longer than their `longest` (t,) m.
+
+    Row 0 of the targets is the receiver, the others are the room's `edges` (t - 1,).
+    """
+    directions = fan(rays)
+    touched, candidates = follow_fan(place, directions, room.surfaces, targets, longest, max_bounces)
+    real, points, lengths, divergences = solve_candidates(
+        place, directions, touched, candidates, targets, longest, room.surfaces
+    )
+    ray, bounces, target = candidates[real].T
+    most = points.shape[1] - 2
+    surfaces = np.where(np.arange(most) < bounces[:, None], touched[ray, :most], -1).astype(np.int32)
+    # the appended 1 is what row -1, "no surface", picks
+    gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences[real])
+    points = np.concatenate((points[real], np.full((len(ray), 1, 2), np.nan)), axis=1)
+    leads_to = np.append(-1, edges).astype(np.int32)[target]
+    ways = Ways(lengths[real], gains, surfaces, leads_to, bounces.astype(np.int32), points)
+    return ways.select(np.flatnonzero(gains > 0))
+
+
+def shortest_first(ways: Ways) -> Ways:
+    """Sorted by length, and each path once: through a vertex several sequences describe one path."""
+    order = np.argsort(ways.lengths, kind="stable")
+    once = _ordered_once(ways.lengths, ways.edges, ways.surfaces, ways.points, order)
+    return ways.select(once)
+
+
+@njit(cache=True)
+def _ordered_once(
+    lengths: FloatArray, edges: IntArray, surfaces: IntArray, points: FloatArray, order: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """`order` by length, with equals in order of the room file and without those that are one with an earlier one."""
+    # equals, to a nanometre, are few: put each where it belongs among them
+    for k in range(1, order.shape[0]):
+        j = k
+        while j > 0 and _belongs_before(order[j], order[j - 1], lengths, edges, surfaces):
+            order[j], order[j - 1] = order[j - 1], order[j]
+            j -= 1
+    kept = np.ones(order.shape[0], np.bool_)
+    for k in range(order.shape[0]):
+        j = k - 1
+        while kept[k] and j >= 0 and lengths[order[k]] - lengths[order[j]] <= _SAME:
+            kept[k] = not (kept[j] and _are_one(order[k], order[j], edges, points))
+            j -= 1
+    return order[kept]
+
+
+@njit(cache=True)
+def _belongs_before(one: int, other: int, lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> bool:
+    if abs(lengths[one] - lengths[other]) > NEARLY:
+        return False
+    difference = edges[one] - edges[other]
+    for k in range(surfaces.shape[1]):
+        if difference == 0:
+            difference = surfaces[one, k] - surfaces[other, k]
+    return bool(difference < 0)
+
+
+@njit(cache=True)
+def _are_one(one: int, other: int, edges: IntArray, points: FloatArray) -> bool:
+    """Whether two paths of one length leave in one direction, by the same edge if any."""
+    if edges[one] != edges[other]:
+        return False
+    ax, ay = points[one, 1, 0] - points[one, 0, 0], points[one, 1, 1] - points[one, 0, 1]
+    bx, by = points[other, 1, 0] - points[other, 0, 0], points[other, 1, 1] - points[other, 0, 1]
+    both = math.hypot(ax, ay) * math.hypot(bx, by)
+    alike: bool = abs(ax * by - ay * bx) <= _SAME * both and ax * bx + ay * by >= 0.0
+    return alike
