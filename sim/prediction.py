@@ -17,7 +17,7 @@ from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading, standpoints
 from sim.mount import CARRIER_REFLECTANCE
 from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch, find_paths
-from sim.receiver import counted_time, hear
+from sim.receiver import Heard, counted_time, hear
 from sim.room import Place, Room
 from sim.traces import Arrivals, Noise, Signal, received
 from sim.weighing import (
@@ -111,33 +111,40 @@ class PredictedScan:
 
     def signal_at(self, index: int, duration: float) -> Signal:
         """The receive signal at heading `index` for `duration` s from the start of transmission."""
-        speed = self.room.air.speed_of_sound
-        arrivals, noise = self._arrivals_at(index), self._noise_at(index)
-        return received(arrivals, self.board, speed, duration, self.receiver, noise)
+        speed, noise = self.room.air.speed_of_sound, self._noise_at(index)
+        return received(self._arrivals_at(index), self.board, speed, duration, self.receiver, noise)
 
     def echo_times_at(self, index: int) -> FloatArray:
         """Every echo that would be reported at heading `index`, earliest first, (k,) s by the board's clock.
 
         The first gave the range. The paper's receiver reports one, the board's own as many as it can re-arm for.
         """
-        speed = self.room.air.speed_of_sound
         if self.receiver is Receiver.BOARD:
-            heard = hear(self._arrivals_at(index), self.board, speed, self._noise_at(index))
-            return counted_time(heard.times, self.board)
-        return np.array([2 * distance / speed for distance in self.distances[index : index + 1] if distance >= 0])
+            return counted_time(self.heard_at(index).times, self.board)
+        distance = self.distances[index : index + 1]
+        return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
+
+    def heard_at(self, index: int) -> Heard:
+        """What the board's own receiver makes of the ping at heading `index`; its winner is a row of `paths`."""
+        heard = hear(self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index))
+        # row -1, "no path", picks what is appended
+        return replace(heard, winner=int(np.append(self._present_at(index), -1)[heard.winner]))
+
+    def _present_at(self, index: int) -> NDArray[np.intp]:
+        return np.arange(len(self.paths)) if self.only_at is None else np.flatnonzero(self.only_at == index)
 
     def _arrivals_at(self, index: int) -> Arrivals:
-        paths, heading = self.paths, float(self.headings[index])
+        here, heading = self._present_at(index), float(self.headings[index])
+        paths = self.paths if self.only_at is None else self.paths.select(here)
         amplitudes = _strengths(self.room, self.board, paths)
-        if self.only_at is not None:
-            amplitudes[self.only_at != index] = 0.0
-        elif self.unit is Unit.BLOCK:
+        if self.only_at is None and self.unit is Unit.BLOCK:
             corners = paths.points - np.array(self.place.position)
             amplitudes[all_meeting_face(corners, heading, self.board.aperture_radius)] = 0.0
-        sent_at = heading if self.sent_at is None else self.sent_at
+        sent_at = heading if self.sent_at is None else self.sent_at[here]
         leaving = paths.leaving[:, 0] * np.cos(sent_at) + paths.leaving[:, 1] * np.sin(sent_at)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
-        return Arrivals(self.apparent_lengths / self.room.air.speed_of_sound, amplitudes, leaving, arriving)
+        times = self.apparent_lengths[here] / self.room.air.speed_of_sound
+        return Arrivals(times, amplitudes, leaving, arriving)
 
     def _noise_at(self, index: int) -> Noise:
         # a function of the heading, not of which headings are asked about
@@ -198,7 +205,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     winners = np.full(len(scan.headings), -1, dtype=np.intp)
     distances = np.full(len(scan.headings), np.nan)
     for k in range(len(scan.headings)):
-        heard = hear(scan._arrivals_at(k), scan.board, scan.room.air.speed_of_sound, scan._noise_at(k))
+        heard = scan.heard_at(k)
         if len(heard.times):
             winners[k] = heard.winner
             distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2
