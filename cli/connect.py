@@ -76,7 +76,7 @@ def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tu
 
     echoes = RoomEchoes(room, here, profile, seed)
     identity = BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name)
-    return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready), echoes
+    return Board(echoes, seed, profile.listens_from, identity, ready=lambda: echoes.ready), echoes
 
 
 @dataclass(frozen=True)

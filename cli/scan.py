@@ -190,7 +190,7 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
     reach = board.max_range if wish.max_range is None else wish.max_range
     if wish.traces and not scanner.info.trace_rate:
         typer.echo(f"sonarhw: warning: {scanner.url}: sends no traces; only echo times are recorded", err=True)
-    scanner.configure(2 * reach / speed, board.blanking, wish.traces, speed)
+    scanner.configure(2 * reach / speed, board.listens_from, wish.traces, speed)
     scanner.home()
 
 

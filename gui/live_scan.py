@@ -127,7 +127,7 @@ class LiveScan:
     def _scan(self, scanner: Scanner) -> Phase:
         board = self._scene.board
         speed = speed_of_sound(self._temperature(scanner))
-        scanner.configure(2 * board.max_range / speed, board.blanking, self._wish.traces, speed)
+        scanner.configure(2 * board.max_range / speed, board.listens_from, self._wish.traces, speed)
         if self._stop_wanted.is_set() or scanner.home() is Outcome.STOPPED:
             return Phase.STOPPED
         self._advance(Phase.SCANNING)
