@@ -24,11 +24,16 @@ from cli.options import (
     scan_order,
 )
 from cli.output import text_output, whole_file
+from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
+    from sim.board import Board
     from sim.prediction import PredictedScan
+    from sim.room import Place
+    from sonarhw.readings import FloatArray, ScanOrder
 
 HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"
+WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
 _PING_PERIOD = 0.1  # s; a simulated scan is logged as if taken at the usual pace
 _FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
 
@@ -44,6 +49,7 @@ class UnitChoice(StrEnum):
 
     PASS = "pass"
     BLOCK = "block"
+    REFLECT = "reflect"
 
 
 class ModelChoice(StrEnum):
@@ -58,19 +64,26 @@ class ModelChoice(StrEnum):
 def simulate(
     room_file: RoomFile,
     place: PlaceName = None,
-    start: FromDegrees = 0.0,
-    stop: ToDegrees = 360.0,
-    step: StepDegrees = 5.0,
+    start: FromDegrees = WHOLE_CIRCLE[0],
+    stop: ToDegrees = WHOLE_CIRCLE[1],
+    step: StepDegrees = WHOLE_CIRCLE[2],
     board: BoardName = DEFAULT_BOARD,
     receiver: Annotated[Receiver, typer.Option(help="Receiver.")] = Receiver.FIRST_ECHO,
-    unit: Annotated[UnitChoice, typer.Option(help="What the transducer's body does to passing sound.")] = (
+    unit: Annotated[UnitChoice, typer.Option(help="What the transducer's face does to sound that passes it.")] = (
         UnitChoice.PASS
     ),
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of what is random; without one, nearest makes no errors.")
+    ] = None,
     out: Annotated[str, typer.Option(help="FILE.csv, .npz, .png, .mcap, or - for CSV on standard output.")] = "-",
     force: Force = False,
 ) -> None:
-    """Predict a scan: what the board would report at each heading of the room, and by which path."""
+    """Predict a scan: what the board would report at each heading of the room, and by which path.
+
+    A board whose profile has a [mount] turns its face about an axis at the place. One with a [ring] has a row for each
+    sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
+    """
     from sim.board import load_board
     from sim.models import Model, predict_with
     from sim.prediction import PredictionOptions, Unit
@@ -80,8 +93,8 @@ def simulate(
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
-    options = PredictionOptions(unit=Unit(unit.value))
-    scan = predict_with(Model(model.value), room, here, chosen, order.angles(), options)
+    options = PredictionOptions(unit=Unit(unit.value), seed=seed)
+    scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
     match kind:
         case ".npz":
             _write_npz(scan, Path(out))
@@ -92,6 +105,18 @@ def simulate(
         case _:
             with text_output(out) as file:
                 write_csv(file, HEADER, _rows(scan))
+
+
+def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray":
+    """The headings of an order, or those of a ring's sensors. Raises InputError where the order would turn a ring."""
+    if board.ring is None:
+        return order.angles()
+    if order != scan_order(*WHOLE_CIRCLE):
+        raise InputError(
+            f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which stands still: "
+            "leave out --from, --to and --step"
+        )
+    return board.ring.headings(place)
 
 
 def _rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:

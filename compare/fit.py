@@ -43,9 +43,12 @@ def fit_scan(
     """The heading and offset, where they are `free`, at which most readings lie within 5 cm of the prediction.
 
     What is not free stays at the place's heading and no offset. Ties go to the smaller mean error, then to the smaller
-    offset. Raises InputError where `free` names something else, or no reading has an echo.
+    offset. Raises InputError where `free` names something else, no reading has an echo, or a heading is sought for a
+    ring, which has no turntable.
     """
     _check(readings, free)
+    if board.ring is not None:
+        raise InputError(f"--fit: board {board.name!r} is a ring of sensors, and has no turntable to fit")
     all_round = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
     headings = all_round if "heading" in free else np.zeros(1)
     offsets = OFFSETS if "offset" in free else np.zeros(1)

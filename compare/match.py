@@ -6,7 +6,7 @@ Takes readings, a room, a place and a board; hands on a `Comparison`, whose summ
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from sim.board import Board
 from sim.models import Model, predict_with
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, weigh_paths
+from sim.prediction import PredictedScan, PredictionOptions, paths_serve_all_headings, weigh_paths
 from sim.room import Place, Room
 from sonarhw.readings import Reading
 
@@ -111,12 +111,14 @@ def compare_readings(
     """Readings beside the prediction at their headings.
 
     `heading` (rad in the room) is where turntable step 0 points, the place's own unless given; `offset` (m) is added to
-    every measured range; `paths` already known for this place and board save finding them again.
+    every measured range; `paths` already known for this place and board save finding them again, where one search
+    serves all headings. Raises InputError where the board is a ring and a reading lies along none of its sensors.
     """
     heading = place.heading if heading is None else heading
     headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)
-    if paths is not None:
-        unit = (options or PredictionOptions()).unit
+    unit = (options or PredictionOptions()).unit
+    place = replace(place, heading=heading)
+    if paths is not None and paths_serve_all_headings(board, unit):
         prediction = weigh_paths(room, place, board, headings, paths, unit)
     else:
         prediction = predict_with(model, room, place, board, headings, options)

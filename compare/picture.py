@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from sim.by_heading import standpoints
 from sim.prediction import PredictedScan
 from sim.room import Room
 from sonarhw.readings import FloatArray
@@ -28,11 +29,12 @@ def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (),
     axes = figure.add_subplot()
     draw_room(axes, scan.room)
     x, y = scan.place.position
-    predicted = points_at(scan.place.position, scan.headings, scan.ranges)
+    predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
     if measured:
         headings, ranges = np.array(measured).T
-        axes.plot(*points_at(scan.place.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
+        stands = standpoints(scan.board, scan.place, headings)
+        axes.plot(*points_at(stands, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
     axes.plot(x, y, "^", color="black", ms=9, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=title or f"{scan.room.name}, place {scan.place.name}")
     axes.set_aspect("equal")
@@ -49,6 +51,6 @@ def draw_room(axes: Axes, room: Room) -> None:
         axes.add_patch(Circle((x, y), radius, color=WALL))
 
 
-def points_at(position: tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
-    """Where readings lie in the plan, (n, 2) float, m; NaN where the range is."""
-    return np.column_stack((position[0] + ranges * np.cos(headings), position[1] + ranges * np.sin(headings)))
+def points_at(stands: FloatArray | tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
+    """Where readings taken from `stands`, (n, 2) m or one for all, lie in the plan, (n, 2) m; NaN as the range is."""
+    return np.asarray(np.asarray(stands) + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings))))

@@ -13,8 +13,8 @@ from compare.match import Comparison, Matched, compare_readings
 from gui.scene import Scene
 from gui.worker import Failure, Worker
 from sim.board import Board
-from sim.paths import MAX_BOUNCES, Paths, PathSearch, find_paths
-from sim.prediction import PredictedScan, weigh_paths
+from sim.paths import MAX_BOUNCES, Paths
+from sim.prediction import PredictedScan, PredictionOptions, predict_scan
 from sim.room import Place, Room
 from sonarhw.readings import Reading
 
@@ -45,11 +45,11 @@ class PathsRequest:
 
     def answer(self) -> PathsFound:
         """Find them; what takes seconds in a room of many echoes."""
-        room, place, board = self.room, self.place, self.board
-        search = PathSearch(2 * board.max_range, board.wavelength(room.air), self.max_bounces)
-        paths = find_paths(room, place.position, search)
         headings = np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS, endpoint=False)
-        outline = weigh_paths(room, place, board, headings, paths)
+        if self.board.ring is not None:
+            headings = self.board.ring.headings(self.place)
+        options = PredictionOptions(max_bounces=self.max_bounces)
+        outline = predict_scan(self.room, self.place, self.board, headings, options)
         return PathsFound(self.generation, outline.paths, outline, self.max_bounces < MAX_BOUNCES)
 
 

@@ -6,6 +6,7 @@ Takes rooms, predictions and directions; hands on (n, 2) points in metres, NaN w
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compare.picture import points_at
 from sim.board import Board
@@ -26,15 +27,18 @@ def wall_lines(room: Room) -> FloatArray:
 
 def outline_ranges(outline: PredictedScan) -> FloatArray:
     """The outline's ranges, NaN also between runs: (n, 2) heading rad and range m."""
-    headings, ranges = outline.headings, outline.ranges
-    apart = np.flatnonzero(np.abs(np.diff(ranges)) > _JUMP) + 1
-    return np.column_stack((np.insert(headings, apart, np.nan), np.insert(ranges, apart, np.nan)))
+    both = np.column_stack((outline.headings, outline.ranges))
+    return np.insert(both, _breaks(outline), np.nan, axis=0)
 
 
 def outline_points(outline: PredictedScan) -> FloatArray:
     """The outline in the plan, broken at silent headings and where another path takes over."""
-    headings, ranges = outline_ranges(outline).T
-    return points_at(outline.place.position, headings, ranges)
+    points = points_at(outline.standpoints, outline.headings, outline.ranges)
+    return np.insert(points, _breaks(outline), np.nan, axis=0)
+
+
+def _breaks(outline: PredictedScan) -> NDArray[np.intp]:
+    return np.flatnonzero(np.abs(np.diff(outline.ranges)) > _JUMP) + 1
 
 
 def half_power_angle(board: Board, room: Room) -> float:

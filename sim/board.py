@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sim.air import Air, absorption
-from sim.mount import Mount
+from sim.mount import ON_AXIS, Mount
 from sim.ring import Ring
 from sim.toml_file import TomlModel, parse_toml, read_text
 from sonarhw.errors import InputError
@@ -77,7 +77,7 @@ class BoardFile(TomlModel):
     blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s
     rearm: Positive = REARM  # s
     clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
-    mount: Mount = Mount()
+    mount: Mount = ON_AXIS
     ring: Ring | None = None
 
     @field_validator("gain_steps")
@@ -89,7 +89,7 @@ class BoardFile(TomlModel):
 
     @model_validator(mode="after")
     def _one_carrier(self) -> "BoardFile":
-        if self.ring is not None and self.mount != Mount():
+        if self.ring is not None and self.mount != ON_AXIS:
             raise ValueError("[mount] and [ring]: a board has one of them, a head on a turntable or a ring of sensors")
         return self
 
@@ -129,7 +129,7 @@ class Board:
     blanking_inhibit: float | None = None  # when BINH ends blanking early; None: it stays low
     rearm: float = REARM  # from one echo to the next that can be heard
     clock_error: float = 0.0  # 0.01: its clock runs 1 % fast, its times end early and it counts too many
-    mount: Mount = Mount()
+    mount: Mount = ON_AXIS
     ring: Ring | None = None  # the sensors it has instead of one on a turntable
 
     @property

@@ -58,7 +58,7 @@ class Mount(TomlModel):
     @property
     def turns_about_face(self) -> bool:
         """Whether sound goes the same ways at every heading."""
-        return self == Mount()
+        return self == ON_AXIS
 
     def stand(self, place: Place, heading: float) -> Stand:
         """The head when it points along `heading` (rad in the room)."""
@@ -72,6 +72,9 @@ class Mount(TomlModel):
     def senders(self, place: Place, heading: float) -> tuple[Stand, ...]:
         """Everything whose ping may be heard at `heading`: the head's own."""
         return (self.stand(place, heading),)
+
+
+ON_AXIS = Mount()
 
 
 def _from_axis(place: Place, heading: float, ahead: float, aside: float) -> tuple[float, float]:

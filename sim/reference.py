@@ -21,7 +21,7 @@ import numpy as np
 
 from sim.board import Board
 from sim.edges import inside_wedge
-from sim.mount import CARRIER_REFLECTANCE, Mount, with_faces
+from sim.mount import CARRIER_REFLECTANCE, ON_AXIS, with_faces
 from sim.prediction import Unit
 from sim.room import Place, Room
 from sim.transducer import beam_gain
@@ -99,7 +99,7 @@ def range_at(
     """
     setting = _Setting(room, place, board, heading, unit, spacing)
     if unit is Unit.REFLECT:
-        faced = with_faces(room, [Mount().stand(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
+        faced = with_faces(room, [ON_AXIS.stand(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
         setting = replace(setting, room=faced, face=len(room.walls))
     heap: list[tuple[float, int, Arrival]] = []
     count = 0

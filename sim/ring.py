@@ -17,7 +17,7 @@ from sim.toml_file import TomlModel
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 
-_POINTS_ALONG = 1e-6  # rad: how near to a sensor's direction a heading must lie to be its
+_POINTS_ALONG = 1e-6  # of the angle between sensors: how near to one's direction a heading must lie to be its
 
 
 class Ring(TomlModel):
@@ -53,22 +53,23 @@ class Ring(TomlModel):
 
     def headings(self, place: Place) -> FloatArray:
         """Where each sensor points, (sensors,) float, rad in the room."""
-        return np.asarray(place.heading + np.arange(self.sensors) * (math.tau / self.sensors))
+        return np.asarray((place.heading + np.arange(self.sensors) * (math.tau / self.sensors)) % math.tau)
 
-    def sensor_at(self, place: Place, heading: float) -> int:
-        """The sensor that points along `heading` (rad in the room). Raises InputError where none does."""
-        spacing = math.tau / self.sensors
-        nearest = round((heading - place.heading) / spacing)
-        if abs(heading - place.heading - nearest * spacing) > _POINTS_ALONG:
-            raise InputError(
-                f"no sensor of the ring points to {math.degrees(heading):g}°; its {self.sensors} sensors stand "
-                f"{math.degrees(spacing):g}° apart, the first at {math.degrees(place.heading):g}°"
-            )
-        return nearest % self.sensors
+    def sensor_at(self, place: Place, heading: float) -> int | None:
+        """The sensor that points along `heading` (rad in the room); None: none does."""
+        turn = (heading - place.heading) * self.sensors / math.tau
+        nearest = round(turn)
+        return nearest % self.sensors if abs(turn - nearest) <= _POINTS_ALONG else None
 
     def stand(self, place: Place, heading: float) -> Stand:
         """The sensor that points along `heading` (rad in the room). Raises InputError where none does."""
-        return self._stand(place, self.sensor_at(place, heading))
+        sensor = self.sensor_at(place, heading)
+        if sensor is None:
+            raise InputError(
+                f"no sensor of the ring points to {math.degrees(heading):g}°: its {self.sensors} stand "
+                f"{360 / self.sensors:g}° apart from {math.degrees(place.heading):g}° on"
+            )
+        return self._stand(place, sensor)
 
     def senders(self, place: Place, heading: float) -> tuple[Stand, ...]:
         """Every sensor: whichever `heading` one listens at, it may hear them all."""

@@ -7,18 +7,20 @@ seed, angle, sweep and ping, never of the order of calls.
 import math
 import threading
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from sim.board import Board
 from sim.paths import Paths, PathSearch, find_paths
-from sim.prediction import PredictedScan, weigh_paths
+from sim.prediction import PredictedScan, Unit, paths_serve_all_headings, predict_scan, weigh_paths
 from sim.rays import first_hit
 from sim.room import Place, Room, with_post
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
 
 MAX_ECHOES = 5  # a ping
+_HEADINGS_KEPT = 720  # whose paths are not sought again, where each has its own
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class RoomEchoes:
         self._disturbance = disturbance or Disturbance()
         self._board = board
         self._asked = room, place
-        self._paths: tuple[Room, Place, Paths] | None = None
+        self._known: tuple[Room, Place, Paths | None] | None = None
+        self._turned = lru_cache(maxsize=_HEADINGS_KEPT)(self._predict)
         self._ready = threading.Event()
         random = np.random.default_rng((seed, 1))
         warmer, error = random.normal(0, (self._disturbance.temperature, self._disturbance.thermometer))
@@ -65,20 +68,38 @@ class RoomEchoes:
 
     def hear(self, ping: Ping) -> Heard:
         """What the board hears of one ping; the same for the same ping, whatever was asked before."""
-        room, place, paths = self._truth()
+        _, place, _ = self._truth()
+        heading = place.heading + ping.angle
+        if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
+            return Heard(())
         microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
         random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))
-        scan = weigh_paths(room, place, self._board, np.array([place.heading + ping.angle]), paths)
+        scan = self._scan(heading)
         times = self._echo_times(scan, ping, random)
         return Heard(times, self._trace(scan, ping, random) if ping.trace else None)
 
-    def _truth(self) -> tuple[Room, Place, Paths]:
-        if self._paths is None:
+    def _truth(self) -> tuple[Room, Place, Paths | None]:
+        """Room and place as they are, and the paths, where they are those of every heading."""
+        if self._known is None:
             room, place = self._disturbed()
-            search = PathSearch(2 * self._board.max_range, self._board.wavelength(room.air))
-            self._paths = room, place, find_paths(room, place.position, search)
+            if paths_serve_all_headings(self._board, Unit.PASS):
+                search = PathSearch(2 * self._board.max_range, self._board.wavelength(room.air))
+                self._known = room, place, find_paths(room, place.position, search)
+            else:
+                self._known = room, place, None
+                self._turned(place.heading)
             self._ready.set()
-        return self._paths
+        return self._known
+
+    def _scan(self, heading: float) -> PredictedScan:
+        room, place, paths = self._truth()
+        if paths is None:
+            return self._turned(heading)
+        return weigh_paths(room, place, self._board, np.array([heading]), paths)
+
+    def _predict(self, heading: float) -> PredictedScan:
+        room, place, _ = self._truth()
+        return predict_scan(room, place, self._board, np.array([heading]))
 
     def _disturbed(self) -> tuple[Room, Place]:
         room, place = self._asked
@@ -92,7 +113,7 @@ class RoomEchoes:
     def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
         levels = scan.levels_at(0) + random.normal(0, self._disturbance.level_db, count)
-        times = scan.paths.lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
+        times = scan.apparent_lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
         heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
         for time in np.sort(heard):
