@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from cli.app import app, run
+from sim.board import parse_board
 
 README = Path("README.md").read_text()
 
@@ -28,3 +29,9 @@ def test_every_command_is_told_and_has_help() -> None:
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     assert [name for name in commands if f"`sonarhw {name}`" not in README] == []
     assert [name for name, command in commands.items() if not command.help] == []
+
+
+def test_the_board_profile_it_shows_is_one() -> None:
+    profile = next(block for block in re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL) if "my board" in block)
+    board = parse_board(profile, "README.md")
+    assert (board.name, len(board.gain_steps), len(board.chirp)) == ("my board", 3, 2)
