@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +19,19 @@ BoardName = Annotated[str, typer.Option("--board", help="Board profile: name or 
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this, degrees.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
+
+
+class EdgeStrengthName(StrEnum):
+    """How strongly edges bend sound."""
+
+    PAPER = "paper"
+    KELLER = "keller"
+
+
+EdgeStrengthChoice = Annotated[
+    EdgeStrengthName,
+    typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
 DEFAULT_BOARD = "polaroid-6500"
 STDOUT = "-"

@@ -5,7 +5,16 @@ from typing import Annotated
 import typer
 
 from cli.numbers import bearing, write_csv
-from cli.options import DEFAULT_BOARD, STDOUT, Force, PlaceName, RoomFile, checked_out
+from cli.options import (
+    DEFAULT_BOARD,
+    STDOUT,
+    EdgeStrengthChoice,
+    EdgeStrengthName,
+    Force,
+    PlaceName,
+    RoomFile,
+    checked_out,
+)
 from cli.output import text_output
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
@@ -19,13 +28,15 @@ def paths(
         float | None, typer.Option(min=0, help="Paths of length up to twice this, metres; default: the board's range.")
     ] = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
+    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    faintest: Annotated[
+        float, typer.Option(max=0, help="Leave out what an edge leaves fainter than this, dB; there is no end of it.")
+    ] = -60.0,
     out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
     force: Force = False,
 ) -> None:
-    """List every path of sound from a place back to it, shortest first.
-
-    Sound bent by an edge goes straight to the sensor: what is reflected behind an edge is left out.
-    """
+    """List every path of sound from a place back to it, shortest first."""
+    from sim.bends import EdgeStrength
     from sim.board import load_board
     from sim.paths import PathSearch, find_paths
     from sim.room import load_room
@@ -34,7 +45,14 @@ def paths(
     room = load_room(room_file)
     here, board = room.place(place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
-    search = PathSearch(2 * reach, board.wavelength(room.air), max_bounces, not no_diffraction)
+    search = PathSearch(
+        2 * reach,
+        board.wavelength(room.air),
+        max_bounces,
+        not no_diffraction,
+        edge_strength=EdgeStrength(edge_strength.value),
+        faintest_bend=10 ** (faintest / 20),
+    )
     with text_output(out) as file:
         found = find_paths(room, here.position, search)
         rows = (

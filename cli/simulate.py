@@ -14,6 +14,8 @@ from cli.options import (
     LOG,
     STDOUT,
     BoardName,
+    EdgeStrengthChoice,
+    EdgeStrengthName,
     Force,
     FromDegrees,
     PlaceName,
@@ -72,6 +74,7 @@ def simulate(
     unit: Annotated[UnitChoice, typer.Option(help="What the transducer's face does to sound that passes it.")] = (
         UnitChoice.PASS
     ),
+    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of what is random; without one, nearest makes no errors.")
@@ -84,6 +87,7 @@ def simulate(
     A board whose profile has a [mount] turns its face about an axis at the place. One with a [ring] has a row for each
     sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
     """
+    from sim.bends import EdgeStrength
     from sim.board import load_board
     from sim.models import Model, predict_with
     from sim.prediction import PredictionOptions, Unit
@@ -93,7 +97,7 @@ def simulate(
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
-    options = PredictionOptions(unit=Unit(unit.value), seed=seed)
+    options = PredictionOptions(unit=Unit(unit.value), edge_strength=EdgeStrength(edge_strength.value), seed=seed)
     scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
     match kind:
         case ".npz":

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.bends import EdgeStrength
 from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading, standpoints
 from sim.mount import CARRIER_REFLECTANCE
@@ -32,6 +33,8 @@ from sonarhw.readings import FloatArray
 
 # Fainter than this under the threshold, a path is not noticed: of those a room has, nine in ten never are. dB
 NOTICED_BELOW_THRESHOLD = 20.0
+# Of paths bent by an edge there is no end; only those are sought that could be heard if they were a little louder. dB
+BENT_BELOW_THRESHOLD = 3.0
 
 
 class Unit(StrEnum):
@@ -177,6 +180,7 @@ class PredictionOptions:
     max_bounces: int = MAX_BOUNCES
     diffraction: bool = True
     rays: int = RAYS
+    edge_strength: EdgeStrength = EdgeStrength.PAPER
     receiver: Receiver = Receiver.FIRST_ECHO
     noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; the board's own hears it, the paper's not
     seed: int | None = None  # of whatever is random; None: 0 for `noise`, and a model that errs at random does not
@@ -193,7 +197,7 @@ def predict_scan(
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
         return received_by(_predict_by_heading(room, place, board, headings, options), options)
-    paths = _wanted(find_paths(room, place.position, _search(room, board, options)), options)
+    paths = _wanted(find_paths(room, place.position, search_for(room, board, options)), options)
     return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
 
 
@@ -217,9 +221,16 @@ def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
     return board.carrier.turns_about_face and unit is not Unit.REFLECT
 
 
-def _search(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
+def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
+    """Which paths `board` could hear."""
     return PathSearch(
-        2 * board.max_range, board.wavelength(room.air), options.max_bounces, options.diffraction, options.rays
+        2 * board.max_range,
+        board.wavelength(room.air),
+        options.max_bounces,
+        options.diffraction,
+        options.rays,
+        options.edge_strength,
+        10 ** ((board.threshold_db - BENT_BELOW_THRESHOLD) / 20),
     )
 
 
@@ -231,7 +242,7 @@ def _predict_by_heading(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
     headings = np.ascontiguousarray(headings, dtype=np.float64)
-    search = _search(room, board, options)
+    search = search_for(room, board, options)
     faintest = 10 ** ((board.threshold_db - NOTICED_BELOW_THRESHOLD) / 20)
 
     def find(crowded: Room, leg: Leg) -> Paths:

@@ -12,8 +12,16 @@ from functools import lru_cache
 import numpy as np
 
 from sim.board import Board
-from sim.paths import Paths, PathSearch, find_paths
-from sim.prediction import PredictedScan, Unit, paths_serve_all_headings, predict_scan, weigh_paths
+from sim.paths import Paths, find_paths
+from sim.prediction import (
+    PredictedScan,
+    PredictionOptions,
+    Unit,
+    paths_serve_all_headings,
+    predict_scan,
+    search_for,
+    weigh_paths,
+)
 from sim.rays import first_hit
 from sim.room import Place, Room, with_post
 from sonarhw.echo_source import Heard, Ping
@@ -83,7 +91,7 @@ class RoomEchoes:
         if self._known is None:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
-                search = PathSearch(2 * self._board.max_range, self._board.wavelength(room.air))
+                search = search_for(room, self._board, PredictionOptions())
                 self._known = room, place, find_paths(room, place.position, search)
             else:
                 self._known = room, place, None
