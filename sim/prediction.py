@@ -246,9 +246,10 @@ def _predict_by_heading(
     faintest = 10 ** ((board.threshold_db - NOTICED_BELOW_THRESHOLD) / 20)
 
     def find(crowded: Room, leg: Leg) -> Paths:
-        search_leg = replace(search, max_length=leg.max_length)
-        elsewhere = {} if leg.sender.sender == leg.listener.receiver else {"receiver": leg.listener.receiver}
-        paths = _wanted(find_paths(crowded, leg.sender.sender, search_leg, **elsewhere), options)
+        start, end = leg.sender.sender, leg.listener.receiver
+        # one point for both lets a search use every way twice
+        paths = find_paths(crowded, start, replace(search, max_length=leg.max_length), None if start == end else end)
+        paths = _wanted(paths, options)
         sent_at = np.full(len(paths), leg.sender.heading)
         amplitudes = leg_amplitudes(room, board, leg.listener.heading, paths, sent_at)
         return paths.select(np.flatnonzero(amplitudes >= faintest))
