@@ -42,7 +42,8 @@ def describe_path(prediction: PredictedScan, path: int) -> str:
 
 def _account(row: Matched, prediction: PredictedScan) -> str:
     first = prediction.winners[row.index]
-    predicted = None if first < 0 else f"{row.predicted:.3f} m by {describe_path(prediction, int(first))}"
+    ways = describe_path(prediction, int(first)) if first >= 0 else "no path: noise, or the board's own burst"
+    predicted = None if row.predicted is None else f"{row.predicted:.3f} m by {ways}"
     match row.kind:
         case Kind.BOTH_SILENT:
             return "none is predicted either"

@@ -14,7 +14,7 @@ import numpy as np
 from sim.board import Board
 from sim.models import Model, predict_with
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, paths_serve_all_headings, weigh_paths
+from sim.prediction import PredictedScan, PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
 from sim.room import Place, Room
 from sonarhw.readings import Reading
 
@@ -116,10 +116,10 @@ def compare_readings(
     """
     heading = place.heading if heading is None else heading
     headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)
-    unit = (options or PredictionOptions()).unit
+    options = options or PredictionOptions()
     place = replace(place, heading=heading)
-    if paths is not None and paths_serve_all_headings(board, unit):
-        prediction = weigh_paths(room, place, board, headings, paths, unit)
+    if paths is not None and paths_serve_all_headings(board, options.unit):
+        prediction = received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
     else:
         prediction = predict_with(model, room, place, board, headings, options)
     ranges = prediction.ranges
@@ -139,7 +139,7 @@ def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted:
         measured=measured,
         predicted=expected,
         kind=classify(measured, expected),
-        path=None if measured is None else _accounting_path(prediction, index, measured),
+        path=None if measured is None else _accounting_path(prediction, index, measured, expected),
     )
 
 
@@ -154,11 +154,12 @@ def classify(measured: float | None, predicted: float | None) -> Kind:
     return Kind.SHORT if measured < predicted else Kind.LONG
 
 
-def _accounting_path(prediction: PredictedScan, index: int, measured: float) -> int | None:
-    """The first echo where it agrees, else the nearest in range of all audible there; None beyond 5 cm of any."""
+def _accounting_path(prediction: PredictedScan, index: int, measured: float, predicted: float | None) -> int | None:
+    """The path that is reported where it agrees, else the nearest in range of all audible there; None beyond 5 cm."""
+    winner = int(prediction.winners[index])
+    if winner >= 0 and predicted is not None and abs(predicted - measured) <= TOLERANCE:
+        return winner
     echoes = prediction.echoes(index)
-    if echoes and abs(echoes[0].range - measured) <= TOLERANCE:
-        return echoes[0].path
     nearest = min(echoes, key=lambda echo: abs(echo.range - measured), default=None)
     return nearest.path if nearest is not None and abs(nearest.range - measured) <= TOLERANCE else None
 
