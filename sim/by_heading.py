@@ -58,7 +58,7 @@ def find_by_heading(
         listener, senders = carrier.stand(place, float(heading)), carrier.senders(place, float(heading))
         crowded = room
         if face_reflectance is not None:
-            crowded = with_faces(room, senders, board.aperture_radius, face_reflectance)
+            crowded = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
         shown = shown if k else crowded
         legs = _legs(listener, senders, 2 * board.max_range, speed)
         found += [(_without_idle(find(crowded, leg), crowded), k, leg) for leg in legs]

@@ -60,10 +60,11 @@ class Walk(NamedTuple):
 
 
 def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
-    """Walls (n, 4) and posts (m, 3), at least one of them, under a grid of about a cell for each."""
-    low = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] - posts[:, 2:])).min(axis=0)
-    high = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] + posts[:, 2:])).max(axis=0)
-    wanted = min(len(walls) + len(posts), _MOST_CELLS)
+    """Walls (n, 4) and posts (m, 3) under a grid of about a cell for each."""
+    corners = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] - posts[:, 2:], posts[:, :2] + posts[:, 2:]))
+    # a section of a room may have nothing in it
+    low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(2), np.zeros(2))
+    wanted = max(1, min(len(walls) + len(posts), _MOST_CELLS))
     width, height = np.maximum(high - low, 1e-3)
     # a long narrow room gets a single row of cells rather than a long row of slivers
     side = max(math.sqrt(width * height / wanted), max(width, height) / wanted)

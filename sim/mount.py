@@ -13,7 +13,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sim.room import Place, Room, with_post, with_walls
+from sim.room import ENDLESS, Place, Room, with_post, with_walls
 from sim.room_file import MEETING
 from sim.toml_file import TomlModel
 from sonarhw.readings import FloatArray
@@ -91,12 +91,16 @@ def with_body(room: Room, place: Place, radius: float) -> Room:
     return with_post(room, (*place.position, radius - MEETING), BODY, CARRIER_REFLECTANCE)
 
 
-def with_faces(room: Room, stands: Sequence[Stand], half_width: float, reflectance: float) -> Room:
+def with_faces(
+    room: Room, stands: Sequence[Stand], half_width: float, reflectance: float, height: float | None = None
+) -> Room:
     """The room with the faces of transducers as walls behind its own, each `half_width` (m) to both sides.
 
-    They bend no sound: their ends lie in the plane of the transducer, to which it is deaf.
+    As far up and down from `height` (m), where that is known. They bend no sound: their ends lie in the plane of the
+    transducer, to which it is deaf.
     """
-    return with_walls(room, face_segments(stands, half_width), FACE, reflectance)
+    span = ENDLESS if height is None else (height - half_width, height + half_width)
+    return with_walls(room, face_segments(stands, half_width), FACE, reflectance, span)
 
 
 def face_segments(stands: Sequence[Stand], half_width: float) -> FloatArray:

@@ -17,9 +17,10 @@ from sim.bends import EdgeStrength
 from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading, standpoints
 from sim.mount import CARRIER_REFLECTANCE
-from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch, find_paths
+from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
 from sim.receiver import Heard, counted_time, hear
 from sim.room import Place, Room
+from sim.sections import paths_from
 from sim.traces import Arrivals, Noise, Signal, received
 from sim.weighing import (
     BoolArray,
@@ -185,6 +186,7 @@ class PredictionOptions:
     noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; the board's own hears it, the paper's not
     seed: int | None = None  # of whatever is random; None: 0 for `noise`, and a model that errs at random does not
     single: bool = False  # only what one surface or one edge sends straight back
+    sections: int = 1  # horizontal ones, one above the other across the face, where a place has a height
 
 
 def predict_scan(
@@ -197,7 +199,7 @@ def predict_scan(
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
         return received_by(_predict_by_heading(room, place, board, headings, options), options)
-    paths = _wanted(find_paths(room, place.position, search_for(room, board, options)), options)
+    paths = _paths(room, place, board, search_for(room, board, options), options)
     return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
 
 
@@ -234,7 +236,15 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
     )
 
 
-def _wanted(paths: Paths, options: PredictionOptions) -> Paths:
+def _paths(
+    room: Room,
+    place: Place,
+    board: Board,
+    search: PathSearch,
+    options: PredictionOptions,
+    receiver: tuple[float, float] | None = None,
+) -> Paths:
+    paths = paths_from(room, place, search, receiver, board.aperture_radius, options.sections)
     return paths.select(np.flatnonzero(paths.bounces + (paths.edges >= 0) <= 1)) if options.single else paths
 
 
@@ -246,10 +256,10 @@ def _predict_by_heading(
     faintest = 10 ** ((board.threshold_db - NOTICED_BELOW_THRESHOLD) / 20)
 
     def find(crowded: Room, leg: Leg) -> Paths:
-        start, end = leg.sender.sender, leg.listener.receiver
+        start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
+        search_leg = replace(search, max_length=leg.max_length)
         # one point for both lets a search use every way twice
-        paths = find_paths(crowded, start, replace(search, max_length=leg.max_length), None if start == end else end)
-        paths = _wanted(paths, options)
+        paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)
         sent_at = np.full(len(paths), leg.sender.heading)
         amplitudes = leg_amplitudes(room, board, leg.listener.heading, paths, sent_at)
         return paths.select(np.flatnonzero(amplitudes >= faintest))

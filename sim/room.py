@@ -16,10 +16,12 @@ from scipy.spatial import cKDTree
 from sim.air import Air
 from sim.edges import Edges, find_edges
 from sim.grid import Surfaces, lay_grid
-from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, WallSection
+from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+
+ENDLESS: Span = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -146,32 +148,30 @@ def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
     return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
 
 
-def _span(surface: WallSection | PostSection | LevelSection) -> tuple[float, float]:
+def _span(surface: WallSection | PostSection | LevelSection) -> Span:
     if isinstance(surface, LevelSection):
         return surface.height, surface.height
-    return surface.height or (-math.inf, math.inf)
+    return surface.height or ENDLESS
 
 
-def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float) -> Room:
-    """The room with walls (k, 4) behind its own, all of one name, as high as sound goes; their ends bend no sound."""
-    return replace(
-        room, walls=np.vstack((room.walls, walls)), **_more_rows(room, len(room.walls), len(walls), name, reflectance)
-    )
+def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float, span: Span = ENDLESS) -> Room:
+    """The room with walls (k, 4) behind its own, all of one name and height; their ends bend no sound."""
+    rows = _more_rows(room, len(room.walls), len(walls), name, reflectance, span)
+    return replace(room, walls=np.vstack((room.walls, walls)), **rows)
 
 
 def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
     """The room with a post (x, y, radius) behind its own, as high as sound goes."""
-    return replace(
-        room, posts=np.vstack((room.posts, [post])), **_more_rows(room, room.levels.start, 1, name, reflectance)
-    )
+    rows = _more_rows(room, room.levels.start, 1, name, reflectance, ENDLESS)
+    return replace(room, posts=np.vstack((room.posts, [post])), **rows)
 
 
-def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: float) -> dict[str, Any]:
+def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: float, span: Span) -> dict[str, Any]:
     more = (name,) * count
     return {
         "reflectances": np.insert(room.reflectances, behind, [reflectance] * count),
         "scattered": np.insert(room.scattered, behind, [0.0] * count),
-        "heights": np.insert(room.heights, behind, [(-math.inf, math.inf)] * count, axis=0),
+        "heights": np.insert(room.heights, behind, [span] * count, axis=0),
         "names": (*room.names[:behind], *more, *room.names[behind:]),
         "materials": (*room.materials[:behind], *more, *room.materials[behind:]),
     }
