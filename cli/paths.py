@@ -38,8 +38,9 @@ def paths(
     """List every path of sound from a place back to it, shortest first."""
     from sim.bends import EdgeStrength
     from sim.board import load_board
-    from sim.paths import PathSearch, find_paths
+    from sim.paths import PathSearch
     from sim.room import load_room
+    from sim.sections import paths_from
 
     checked_out(out, (".csv", STDOUT), force, room_file)
     room = load_room(room_file)
@@ -54,7 +55,7 @@ def paths(
         faintest_bend=10 ** (faintest / 20),
     )
     with text_output(out) as file:
-        found = find_paths(room, here.position, search)
+        found = paths_from(room, here, search)
         rows = (
             (
                 float(found.lengths[k]),

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from sim.board import Board
-from sim.paths import Paths, find_paths
+from sim.paths import Paths
 from sim.prediction import (
     PredictedScan,
     PredictionOptions,
@@ -24,6 +24,7 @@ from sim.prediction import (
 )
 from sim.rays import first_hit
 from sim.room import Place, Room, with_post
+from sim.sections import paths_from
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
 
@@ -92,7 +93,7 @@ class RoomEchoes:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
                 search = search_for(room, self._board, PredictionOptions())
-                self._known = room, place, find_paths(room, place.position, search)
+                self._known = room, place, paths_from(room, place, search)
             else:
                 self._known = room, place, None
                 self._turned(place.heading)

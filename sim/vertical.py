@@ -120,7 +120,8 @@ def _post_planes(view: _View) -> Iterator[_Plane]:
 
 def _answering_planes(view: _View, flat: Paths) -> Iterator[_Plane]:
     """Planes to the edges and inner corners that send sound straight back in the plan."""
-    for k in range(len(flat)):
+    back = np.hypot(*(flat.leaving - flat.arriving).T) <= _LEVEL
+    for k in np.flatnonzero(back).tolist():
         inner = flat.outline(k)[1:-1]
         straight = np.abs(inner - inner[:1]).max(initial=0.0) <= MEETING
         touched = tuple(int(surface) for surface in flat.surfaces[k] if surface >= 0)
