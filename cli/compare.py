@@ -9,9 +9,17 @@ import typer
 
 from cli.log_input import LogFile, open_log
 from cli.numbers import counted
-from cli.options import DEFAULT_BOARD, Force, PlaceName, checked_out
+from cli.options import (
+    DEFAULT_BOARD,
+    Force,
+    PlaceName,
+    ReceiverChoice,
+    ReceiverName,
+    checked_out,
+    chosen_receiver,
+)
 from cli.output import whole_file
-from cli.simulate import ModelChoice, Receiver
+from cli.simulate import ModelChoice
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ def compare(
     board: Annotated[
         str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
     ] = None,
-    receiver: Annotated[Receiver, typer.Option(help="Receiver.")] = Receiver.FIRST_ECHO,
+    receiver: ReceiverChoice = None,
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
     fit: Annotated[str, typer.Option(help="Search for heading, offset or both.", metavar="heading,offset")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
@@ -39,7 +47,7 @@ def compare(
     """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
     if plot is not None:
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
-    comparison = compare_log(log_file, room_file, place, board, ModelChoice(model), fit)
+    comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
     if plot is not None:
         with whole_file(plot, "--plot") as file:
             draw_comparison(comparison, file)
@@ -56,12 +64,14 @@ def compare_log(
     board: str | None = None,
     model: ModelChoice = ModelChoice.RAY_FOLLOWING,
     fit: str = "",
+    receiver: ReceiverName | None = None,
 ) -> "Comparison":
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from compare.fit import fit_scan
     from compare.match import compare_readings
     from sim.board import load_board
     from sim.models import Model
+    from sim.prediction import PredictionOptions
     from sim.room import load_room
 
     room = None if room_file is None else load_room(room_file)
@@ -71,12 +81,16 @@ def compare_log(
     chosen = load_board(board or log.metadata.board or DEFAULT_BOARD)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
+    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    believed = Model(model.value)
     heading, offset = here.heading, 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
-        found = fit_scan(log.readings, room, here, chosen, free, model=Model(model.value))
+        found = fit_scan(log.readings, room, here, chosen, free, model=believed, options=options)
         heading, offset = found.heading, found.offset
-    return compare_readings(log.readings, room, here, chosen, heading=heading, offset=offset, model=Model(model.value))
+    return compare_readings(
+        log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options
+    )
 
 
 def _recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":

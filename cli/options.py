@@ -4,12 +4,15 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
+
+if TYPE_CHECKING:
+    from sim.board import Board, Receiver
 
 RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
 PlaceName = Annotated[
@@ -31,6 +34,23 @@ class EdgeStrengthName(StrEnum):
 EdgeStrengthChoice = Annotated[
     EdgeStrengthName,
     typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
+]
+
+
+class ReceiverName(StrEnum):
+    """How a range is made of what is received."""
+
+    FIRST_ECHO = "first-echo"
+    BOARD = "board"
+
+
+ReceiverChoice = Annotated[
+    ReceiverName | None,
+    typer.Option(
+        "--receiver",
+        help="first-echo: the paper's; board: the ranging board's own. Default: the board profile's, else first-echo.",
+        show_default=False,
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
 DEFAULT_BOARD = "polaroid-6500"
@@ -57,6 +77,13 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
             f"--step {step:g}: makes {headings:.6g} headings of a sweep, more than {MOST_HEADINGS}; take wider steps"
         )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def chosen_receiver(name: ReceiverName | None, board: "Board") -> "Receiver":
+    """The receiver that --receiver names, else the board's own choice."""
+    from sim.board import Receiver
+
+    return board.receiver if name is None else Receiver(name.value)
 
 
 def checked_out(

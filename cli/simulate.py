@@ -1,14 +1,12 @@
 """`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
 
-import math
-from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.numbers import write_csv
+from cli.numbers import counted, write_csv
 from cli.options import (
     DEFAULT_BOARD,
     LOG,
@@ -19,31 +17,36 @@ from cli.options import (
     Force,
     FromDegrees,
     PlaceName,
+    ReceiverChoice,
+    ReceiverName,
     RoomFile,
     StepDegrees,
     ToDegrees,
     checked_out,
+    chosen_receiver,
     scan_order,
 )
-from cli.output import text_output, whole_file
+from cli.output import text_output
+from cli.predicted_files import (
+    HEADER,
+    TraceKind,
+    TraceWish,
+    rows,
+    trace_wish,
+    write_log,
+    write_npz,
+    write_picture,
+)
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.board import Board
-    from sim.prediction import PredictedScan
+    from sim.prediction import PredictedScan, PredictionOptions
     from sim.room import Place
     from sonarhw.readings import FloatArray, ScanOrder
 
-HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"
 WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
-_PING_PERIOD = 0.1  # s; a simulated scan is logged as if taken at the usual pace
 _FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
-
-
-class Receiver(StrEnum):
-    """Which receiver the prediction is made for."""
-
-    FIRST_ECHO = "first-echo"
 
 
 class UnitChoice(StrEnum):
@@ -70,12 +73,25 @@ def simulate(
     stop: ToDegrees = WHOLE_CIRCLE[1],
     step: StepDegrees = WHOLE_CIRCLE[2],
     board: BoardName = DEFAULT_BOARD,
-    receiver: Annotated[Receiver, typer.Option(help="Receiver.")] = Receiver.FIRST_ECHO,
+    receiver: ReceiverChoice = None,
     unit: Annotated[UnitChoice, typer.Option(help="What the transducer's face does to sound that passes it.")] = (
         UnitChoice.PASS
     ),
     edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    traces: Annotated[
+        TraceKind | None,
+        typer.Option(
+            help="Keep what the receiver has: rf with its carrier (.npz); sampled, the same by an 8-bit converter at "
+            "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(help="Of traces, Hz, up to 1000000. Default: rf 1000000, envelope 50000.")
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(help="Of the receiver, rms, 0 to 1: full scale. For --traces and --receiver board.")
+    ] = 0.0,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of what is random; without one, nearest makes no errors.")
     ] = None,
@@ -87,28 +103,75 @@ def simulate(
     A board whose profile has a [mount] turns its face about an axis at the place. One with a [ring] has a row for each
     sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
     """
-    from sim.bends import EdgeStrength
     from sim.board import load_board
     from sim.models import Model, predict_with
-    from sim.prediction import PredictionOptions, Unit
     from sim.room import load_room
 
     kind = checked_out(out, _FORMATS, force, room_file, board)
+    wish = trace_wish(traces, rate, kind)
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
-    options = PredictionOptions(unit=Unit(unit.value), edge_strength=EdgeStrength(edge_strength.value), seed=seed)
+    options = _options(chosen, receiver, unit, edge_strength, noise, seed)
+    _check_noise(options, wish)
     scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
+    if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):
+        _warn_of_near_field(scan)
     match kind:
         case ".npz":
-            _write_npz(scan, Path(out))
+            write_npz(scan, wish, Path(out))
         case ".png":
-            _write_picture(scan, Path(out))
+            write_picture(scan, Path(out))
         case ".mcap":
-            _write_log(scan, room_file.name, Path(out), force)
+            write_log(scan, wish, room_file.name, Path(out), force)
         case _:
             with text_output(out) as file:
-                write_csv(file, HEADER, _rows(scan))
+                write_csv(file, HEADER, rows(scan))
+
+
+def _options(
+    board: "Board",
+    receiver: ReceiverName | None,
+    unit: UnitChoice,
+    edge_strength: EdgeStrengthName,
+    noise: float,
+    seed: int | None,
+) -> "PredictionOptions":
+    from sim.bends import EdgeStrength
+    from sim.prediction import PredictionOptions, Unit
+
+    return PredictionOptions(
+        unit=Unit(unit.value),
+        edge_strength=EdgeStrength(edge_strength.value),
+        receiver=chosen_receiver(receiver, board),
+        noise=noise,
+        seed=seed,
+    )
+
+
+def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
+    from sim.board import Receiver
+
+    if not 0 <= options.noise <= 1:
+        raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
+    if options.noise and wish is None and options.receiver is Receiver.FIRST_ECHO:
+        raise InputError(f"--noise {options.noise:g}: nobody would hear it; add --traces or --receiver board")
+
+
+def _warn_of_near_field(scan: "PredictedScan") -> None:
+    """One line where readings lie so near that the transducer's law does not hold."""
+    import numpy as np
+
+    from sim.transducer import far_field
+
+    begins = far_field(scan.board.aperture_radius, scan.board.wavelength(scan.room.air))
+    near = int((scan.distances[~np.isnan(scan.distances)] < begins).sum())
+    if near:
+        typer.echo(
+            f"sonarhw: warning: {counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
+            "transducer begins: what the beam takes of them is rough",
+            err=True,
+        )
 
 
 def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray":
@@ -121,63 +184,3 @@ def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray
             "leave out --from, --to and --step"
         )
     return board.ring.headings(place)
-
-
-def _rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
-    bounces, ranges = scan.paths.bounces, scan.ranges
-    for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
-        if winner < 0:
-            yield math.degrees(heading), None, None, None, None, None
-            continue
-        length, level = float(scan.paths.lengths[winner]), float(scan.levels_at(k)[winner])
-        via = ">".join(scan.paths.via(int(winner), scan.room))
-        yield math.degrees(heading), float(ranges[k]), length, level, int(bounces[winner]), via
-
-
-def _write_npz(scan: "PredictedScan", out: Path) -> None:
-    import numpy as np
-
-    *numbers, via = zip(*_rows(scan), strict=True)
-    columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
-    with whole_file(out) as file:
-        np.savez(file, allow_pickle=False, **dict(zip(HEADER.split(","), columns, strict=True)))
-
-
-def _write_picture(scan: "PredictedScan", out: Path) -> None:
-    from compare.picture import draw_plan
-
-    figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
-    with whole_file(out) as file:
-        figure.savefig(file, format="png")
-
-
-def _write_log(scan: "PredictedScan", room_file: str, out: Path, force: bool) -> None:
-    import time
-
-    from sonarhw.encode import write_scan
-    from sonarhw.log import LogMetadata
-    from sonarhw.readings import Reading
-
-    air = scan.room.air
-    readings = [
-        Reading(
-            number=number,
-            sweep=0,
-            ping=0,
-            angle=float(heading) - scan.place.heading,
-            time=number * _PING_PERIOD,
-            echo_times=() if math.isnan(distance) else (2 * float(distance) / air.speed_of_sound,),
-            speed_of_sound=air.speed_of_sound,
-            temperature_c=air.temperature_c,
-        )
-        for number, (heading, distance) in enumerate(zip(scan.headings, scan.ranges, strict=True))
-    ]
-    metadata = LogMetadata(
-        made_by="simulate",
-        started=time.time(),
-        room_file=room_file,
-        room_text=scan.room.text,
-        place=scan.place.name,
-        board=scan.board.name,
-    )
-    write_scan(out, metadata, readings, overwrite=force)

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import math
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 from cli.app import run
 from cli.numbers import bearing
 from sonarhw.log import read_log
+from sonarhw.readings import FloatArray
 
 ROOM = "rooms/simple.toml"
 FIGURE_9 = [ROOM, "--place", "figure9"]
@@ -70,6 +72,104 @@ def test_every_format_says_the_same(tmp_path: Path) -> None:
     assert (tmp_path / "scan.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_board_receiver_reads_a_little_long_by_the_same_paths(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
+    assert run([*few, "--receiver", "first-echo"]) == 0
+    first = rows(capsys.readouterr().out)
+    assert run([*few, "--receiver", "board"]) == 0
+    own = rows(capsys.readouterr().out)
+    assert [row["via"] for row in own] == [row["via"] for row in first]
+    late = [float(a["range_m"]) - float(b["range_m"]) for a, b in zip(own, first, strict=True)]
+    assert all(0 < by < 0.01 for by in late)
+
+
+def changed_board(path: Path, line: str) -> str:
+    """A profile file: the 6500 with one line more."""
+    path.write_text(line + "\n" + Path("sim/boards/polaroid-6500.toml").read_text())
+    return str(path)
+
+
+def test_profile_names_the_receiver_it_is_used_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = changed_board(tmp_path / "own.toml", 'receiver = "board"')
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
+    answers = []
+    for more in (["--board", own], ["--receiver", "board"], ["--board", own, "--receiver", "first-echo"], []):
+        assert run([*few, *more]) == 0
+        answers.append(capsys.readouterr().out)
+    assert answers[0] == answers[1] != answers[2] == answers[3]
+
+
+def test_traces_hold_the_echo_that_the_board_reports(tmp_path: Path) -> None:
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board"]
+    for kind in ("rf", "sampled", "envelope"):
+        assert run([*few, "--traces", kind, "--out", str(tmp_path / f"{kind}.npz")]) == 0
+    for kind, rate, full in (("rf", 1e6, 1.0), ("sampled", 16e6 / 208, 128), ("envelope", 50e3, 1.0)):
+        kept = np.load(tmp_path / f"{kind}.npz")
+        assert kept["trace_rate_hz"] == rate
+        trace = np.abs(kept["trace"][0].astype(float)) / full
+        assert len(trace) == math.ceil(2 * 10.7 / 343.9867 * rate)
+        times = np.arange(len(trace)) / rate
+        heard = 2 * kept["range_m"][0] / 343.9867
+        # quiet from the end of blanking until the echo that is reported
+        assert trace[(times > 2.38e-3) & (times < 2 * 0.657 / 343.9867)].max() < 0.01
+        assert trace[(times > heard) & (times < heard + 1e-4)].max() > 0.1
+
+
+def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
+    def trace(*options: str) -> FloatArray:
+        few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--traces", "rf", *options]
+        assert run([*few, "--out", str(tmp_path / "trace.npz"), "--force"]) == 0
+        return np.asarray(np.load(tmp_path / "trace.npz")["trace"], dtype=np.float64)
+
+    noisy = trace("--noise", "0.01", "--seed", "3")
+    assert (noisy == trace("--noise", "0.01", "--seed", "3")).all()
+    assert (noisy != trace("--noise", "0.01", "--seed", "4")).any()
+    assert np.std(noisy - trace()) == pytest.approx(0.01, rel=0.2)
+
+
+def test_log_carries_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> None:
+    out = tmp_path / "scan.mcap"
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board", "--traces", "envelope"]
+    assert run([*few, "--out", str(out)]) == 0
+    reading = read_log(out).readings[0]
+    assert reading.trace is not None
+    assert reading.trace.rate == pytest.approx(50e3)
+    assert reading.range == pytest.approx(0.66, abs=0.01)
+    assert len(reading.echo_times) > 5
+    assert np.diff(reading.echo_times).min() >= 0.44e-3
+
+
+def test_compare_takes_the_receiver_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "scan.mcap")
+    assert run(["simulate", *FIGURE_9, "--receiver", "board", "--out", out]) == 0
+    errors = {}
+    for receiver in ("board", "first-echo"):
+        assert run(["compare", out, "--receiver", receiver, "--json"]) == 0
+        summary = json.loads(capsys.readouterr().out)
+        errors[receiver] = summary["median_abs_error_m"]
+        assert receiver == "first-echo" or (summary["matched"], summary["explained"]) == (72, 1.0)
+    assert errors["board"] < 1e-6
+    assert errors["first-echo"] > 0.002
+
+
+def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = tmp_path / "far.toml"
+    far.write_text(Path("sim/boards/polaroid-6500.toml").read_text().replace("10.7 ", "20.0 "))
+    out = tmp_path / "scan.mcap"
+    few = ["simulate", *FIGURE_9, "--board", str(far), "--from", "90", "--to", "91"]
+    assert run([*few, "--traces", "envelope", "--rate", "1e6", "--out", str(out)]) == 2
+    assert "a log carries 65535 samples of a trace" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_readings_in_the_near_field_come_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    near = changed_board(tmp_path / "near.toml", "blanking_inhibit = 0.0004")
+    assert run(["simulate", *FIGURE_9, "--board", near, "--from", "270", "--to", "271"]) == 0
+    captured = capsys.readouterr()
+    assert float(rows(captured.out)[0]["range_m"]) == pytest.approx(0.085)
+    assert captured.err.startswith("sonarhw: warning: 1 reading nearer than 0.106 m")
+
+
 def test_simulated_log_keeps_turntable_angles(tmp_path: Path) -> None:
     out = tmp_path / "door.mcap"
     door = ["rooms/laboratory.toml", "--place", "door", "--from", "45", "--to", "135", "--step", "45"]
@@ -100,6 +200,15 @@ def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.C
         ["simulate", ROOM, "--place", "1e300,1"],
         ["simulate", *FIGURE_9, "--board", "unheard-of"],
         ["simulate", *FIGURE_9, "--out", "scan.docx"],
+        ["simulate", *FIGURE_9, "--receiver", "best"],
+        ["simulate", *FIGURE_9, "--traces", "rf"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.mcap"],
+        ["simulate", *FIGURE_9, "--traces", "envelope", "--out", "scan.csv"],
+        ["simulate", *FIGURE_9, "--rate", "50000"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "2e6"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "nan"],
+        ["simulate", *FIGURE_9, "--noise", "0.01"],
+        ["simulate", *FIGURE_9, "--receiver", "board", "--noise", "nan"],
         ["paths", ROOM, "--place", "atlantis"],
         ["compare", "nowhere.mcap", "--room", ROOM],
     ],
