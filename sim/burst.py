@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import ifft
+from numpy.fft import ifft
 
 from sim.board import Board
 from sim.transducer import ComplexArray

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.fft import ifft
 from numpy.typing import NDArray
-from scipy.fft import ifft
-from scipy.signal import lfilter
 
 from sim.board import Board, Receiver
 from sim.burst import RATE, Burst, burst_of
@@ -132,7 +131,7 @@ def pulses(
         wavenumber,
         beam_table(highest),
     )
-    return np.asarray(ifft(spectra, axis=1, norm="forward", overwrite_x=True)), whole - burst.lead
+    return np.asarray(ifft(spectra, axis=1, norm="forward")), whole - burst.lead
 
 
 def _audible(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray[np.bool_]:
@@ -174,8 +173,7 @@ def _noise(count: int, board: Board, noise: Noise) -> ComplexArray:
     """White noise that has passed the transducer's resonance once, (count,) complex."""
     white = noise.random.standard_normal((2, count))
     kept = math.exp(-board.frequency / max(board.rise_cycles, 0.1) / RATE)
-    rough = lfilter([math.sqrt(1 - kept**2)], [1, -kept], white[0] + 1j * white[1])
-    return np.asarray(noise.level * rough)
+    return np.asarray(_smoothed(noise.level * math.sqrt(1 - kept**2) * (white[0] + 1j * white[1]), kept))
 
 
 def _count(duration: float, rate: float) -> int:
@@ -218,6 +216,15 @@ def _fill(
             smear *= smear if out == back else disc(back * frequency, table)
             spectra[row, (k - reach) % length] = burst[k] * phasor * smear
             phasor *= turning
+
+
+@njit(cache=True)
+def _smoothed(rough: ComplexArray, kept: float) -> ComplexArray:
+    """Every sample and what is `kept` of all before it, (n,)."""
+    smooth = rough.copy()
+    for k in range(1, smooth.shape[0]):
+        smooth[k] += kept * smooth[k - 1]
+    return smooth
 
 
 @njit(cache=True)

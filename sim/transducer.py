@@ -7,8 +7,8 @@ more; a reading pays it on departure and on arrival.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.fft import fft, fftfreq, ifft
 from numpy.typing import NDArray
-from scipy.fft import fft, fftfreq, ifft, next_fast_len
 from scipy.special import j1
 
 from sonarhw.readings import FloatArray
@@ -56,8 +56,8 @@ def smeared(
     """
     rim = int(np.ceil(ways * radius / speed_of_sound * rate)) + 1
     count = len(pulse) + 2 * rim
-    length = next_fast_len(count)
-    wavenumbers = 2 * np.pi * fftfreq(length, 1 / rate) / speed_of_sound
+    length = 1 << (count - 1).bit_length()
+    wavenumbers = np.asarray(2 * np.pi * fftfreq(length, 1 / rate) / speed_of_sound, dtype=np.float64)
     spectrum = fft(np.concatenate((np.zeros(rim), pulse)), length)
     passed = _transfer(wavenumbers * radius, np.asarray(angles, dtype=np.float64)[:, None]) ** ways
     return np.asarray(ifft(spectrum * passed, axis=1)[:, :count]), -rim / rate
