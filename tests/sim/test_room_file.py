@@ -26,6 +26,17 @@ material = "m"
 position = [0.2, 0.3]
 heading_deg = 90.0
 """
+TALL = (
+    GOOD.replace("radius = 0.5", "radius = 0.5\nheight = [0.0, 0.4]")
+    + """height = 0.3
+[floor]
+height = 0.0
+material = "m"
+[ceiling]
+height = 2.5
+material = "m"
+"""
+)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +72,53 @@ def test_wrong_room_is_refused_with_key_and_reason(old: str, new: str, said: str
     assert str(refusal.value).startswith("bad.toml: ")
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("height = [0.0, 0.4]", "height = [0.4, 0.0]", "height of post 'p' must be [lower, upper], got [0.4, 0.0]"),
+        ("height = [0.0, 0.4]", "height = 0.4", "posts[0].height: expected a list of numbers"),
+        (
+            "height = 0.3",
+            "height = -0.3",
+            "height of place 'here' must lie between floor and ceiling, 0 to 2.5, got -0.3",
+        ),
+        ("height = 0.3", 'height = "low"', "places.here.height: expected a valid number, got 'low'"),
+        ("height = 0.3", "height = nan", "places.here.height: expected a finite number"),
+        ("height = 2.5", "height = 0.0", "the floor must lie below the ceiling, got heights 0 and 0"),
+        ('height = 2.5\nmaterial = "m"', "height = 2.5", "ceiling.material: missing"),
+        (
+            'height = 2.5\nmaterial = "m"',
+            'height = 2.5\nmaterial = "tin"',
+            "material 'tin' of 'ceiling' is not defined",
+        ),
+        ("[floor]\nheight = 0.0", "[floor]\nlevel = 0.0", "floor.height: missing"),
+        ('name = "p"', 'name = "floor"', "two surfaces are named 'floor'"),
+        ("position = [0.2, 0.3]", "position = [5.1, 5.1]", "place 'here' lies inside post 'p'"),
+    ],
+)
+def test_wrong_heights_are_refused_with_key_and_reason(old: str, new: str, said: str) -> None:
+    assert old in TALL
+    with pytest.raises(InputError) as refusal:
+        parse_room(TALL.replace(old, new, 1), "bad.toml")
+    assert str(refusal.value).startswith("bad.toml: ")
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_heights_are_read_and_what_has_none_is_endless() -> None:
+    room = parse_room(TALL, "tall.toml")
+    assert room.names == ("w[0]", "w[1]", "p", "floor", "ceiling")
+    assert room.heights.tolist() == [[-math.inf, math.inf]] * 2 + [[0.0, 0.4], [0.0, 0.0], [2.5, 2.5]]
+    assert room.place("here").height == 0.3
+    assert room.place("0.5,0.25").height is None
+    assert parse_room(GOOD, "good.toml").place("here").height is None
+
+
+def test_place_above_a_low_post_is_free() -> None:
+    above = TALL.replace("position = [0.2, 0.3]", "position = [5.1, 5.1]").replace("height = 0.3", "height = 0.6")
+    assert parse_room(above, "tall.toml").place("here").position == (5.1, 5.1)
 
 
 def test_room_without_walls_is_refused() -> None:

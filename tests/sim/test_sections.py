@@ -7,11 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.board import load_board
+from sim.air import Air
+from sim.board import Board, load_board
 from sim.paths import Paths, PathSearch, find_paths
-from sim.prediction import PredictionOptions, predict_scan
+from sim.prediction import PredictionOptions, Unit, predict_scan
 from sim.room import Place, Room, load_room, parse_room
-from sim.sections import paths_from
+from sim.sections import cut, paths_from, standing_at
+from sim.transducer import beam_gain
+from sim.truth import EXACT, RoomEchoes, with_furniture
+from sonarhw.echo_source import Ping
+from sonarhw.readings import FloatArray
 
 WAVELENGTH = 0.00696
 SEARCH = PathSearch(8.0, WAVELENGTH, diffraction=False)
@@ -91,10 +96,13 @@ def images_of_box(reach: float) -> list[tuple[float, ...]]:
             continue
         # seen from its image, every odd mirroring along an axis turns that component round
         back = [-c if n % 2 == 0 else c for c, n in zip(image, (i, j, k), strict=True)]
-        upward = (abs(k) + (1 if k > 0 else 0)) // 2 if k else 0
-        gain = 0.9 ** (abs(i) + abs(j)) * 0.7**upward * 0.8 ** (abs(k) - upward)
-        found.append((length, gain, *(c / length for c in image), *(c / length for c in back)))
+        found.append((length, _gain(i, j, k), *(c / length for c in image), *(c / length for c in back)))
     return sorted(found)
+
+
+def _gain(i: int, j: int, k: int) -> float:
+    upward = (abs(k) + (1 if k > 0 else 0)) // 2
+    return float(0.9 ** (abs(i) + abs(j)) * 0.7**upward * 0.8 ** (abs(k) - upward))
 
 
 def _image(n: int, at: float, width: float) -> float:
@@ -297,15 +305,67 @@ def test_reading_of_a_place_with_height_is_the_first_of_all_sections() -> None:
     place = room.places["robot"]
     scan = predict_scan(room, place, board, np.array([math.pi / 2]))
     flat = predict_scan(room, replace(place, height=None), board, np.array([math.pi / 2]))
-    over = predict_scan(cut_plan(room), replace(place, height=None), board, np.array([math.pi / 2]))
+    tall = cut(room, standing_at(room, 0.25))
+    over = predict_scan(tall, replace(place, height=None), board, np.array([math.pi / 2]))
     assert scan.paths.via(int(scan.winners[0]), room) == ("floor", "step")
     assert flat.ranges[0] < scan.ranges[0] < over.ranges[0]
 
 
-def cut_plan(room: Room) -> Room:
-    from sim.sections import cut, standing_at
+def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() -> None:
+    board, headings = replace(load_board("polaroid-6500"), max_range=5.0), np.radians(np.arange(0, 360, 2.0))
+    out_of_plan = 0
+    for position, height in (((1.53, 1.72), 0.3), ((2.67, 0.7), 0.69), ((1.06, 1.46), 0.52)):
+        place = Place("here", position, height=height)
+        options = PredictionOptions(diffraction=False)
+        scan = predict_scan(room_of(BOX), place, board, headings, options)
+        flat = predict_scan(room_of(BOX), replace(place, height=None), board, headings, options)
+        exact = first_images(place, board, headings)
+        assert scan.ranges == pytest.approx(exact, abs=1e-9, nan_ok=True)
+        out_of_plan += np.count_nonzero(~np.isclose(flat.ranges, exact, equal_nan=True))
+    assert out_of_plan > 10  # headings at which the plan alone would err
 
-    return cut(room, standing_at(room, 0.25))
+
+def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray:
+    """Range at each heading by image sources in three dimensions of the box room, all of them, (n,) m."""
+    ka = board.wavenumber(room_of(BOX).air) * board.aperture_radius
+    axes = np.column_stack((np.cos(headings), np.sin(headings)))
+    first = np.full(len(headings), np.inf)
+    x, y, z = *place.position, place.height or 0.0
+    for i, j, k in itertools.product(range(-5, 6), range(-7, 8), range(-6, 7)):
+        image = np.array([_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z])
+        length = float(np.hypot(np.hypot(*image[:2]), image[2]))
+        if (i, j, k) == (0, 0, 0) or not board.blanked_range(Air()) <= length / 2 <= board.max_range:
+            continue
+        back = np.where(np.array([i, j, k]) % 2 == 0, -image, image)
+        level = _gain(i, j, k)
+        for way in (image, back):
+            level = level * beam_gain(np.arccos(np.clip(axes @ way[:2] / length, -1, 1)), ka)
+        first = np.where(level >= 10 ** (board.threshold_db / 20), np.minimum(first, length / 2), first)
+    return np.where(np.isfinite(first), first, np.nan)
+
+
+def test_fake_scanner_hears_what_sections_hear() -> None:
+    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
+    heard = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).hear(Ping(math.pi / 2, 0, 0, 0.06, False))
+    assert heard.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
+
+
+def test_furniture_stands_before_floor_and_ceiling() -> None:
+    room = load_room("rooms/doorstep.toml")
+    furnished = with_furniture(room, (1.3, 0.9), np.random.default_rng(1))
+    assert furnished.names[-4:] == ("bin", "furniture", "floor", "ceiling")
+    assert len(furnished.heights) == len(furnished.scattered) == len(furnished.reflectances) == len(furnished.names)
+
+
+def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
+    # were it one, nothing could pass from the wall behind to the wall ahead by way of the floor
+    room, board = room_of(BOX), replace(load_board("paper"), max_range=4.0)
+    scan = predict_scan(
+        room, replace(HERE, height=0.15), board, np.array([math.pi / 2]), PredictionOptions(unit=Unit.REFLECT)
+    )
+    vias = [scan.paths.via(k, scan.room) for k in range(len(scan.paths))]
+    assert any({"floor", "w[0]", "w[2]"} <= set(via) for via in vias)
+    assert ("w[2]", "unit", "w[2]") in vias
 
 
 def test_models_that_know_one_reflection_know_one_out_of_the_plan_as_well() -> None:
