@@ -25,9 +25,9 @@ _ROUNDS, _SLOW_ROUNDS = 200, 5
 
 
 def arrivals() -> Arrivals:
-    """A hundred echoes all over the trace, up to 30° off the axis."""
+    """A hundred echoes all over the trace, 5 to 30° off the axis."""
     random = np.random.default_rng(1)
-    angles = np.radians(random.uniform(0.5, 30, (2, ECHOES)))
+    angles = np.radians(random.uniform(5, 30, (2, ECHOES)))
     return Arrivals(
         random.uniform(0.001, 0.06, ECHOES), random.uniform(-0.1, 0.1, ECHOES), np.cos(angles[0]), np.cos(angles[1])
     )

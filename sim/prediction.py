@@ -18,7 +18,7 @@ from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading, standpoints
 from sim.mount import CARRIER_REFLECTANCE
 from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
-from sim.receiver import Heard, counted_time, hear
+from sim.receiver import Heard, counted_time, hear, hear_first
 from sim.room import Place, Room
 from sim.sections import paths_from
 from sim.traces import Arrivals, Noise, Signal, received
@@ -124,13 +124,15 @@ class PredictedScan:
         The first gave the range. The paper's receiver reports one, the board's own as many as it can re-arm for.
         """
         if self.receiver is Receiver.BOARD:
-            return counted_time(self.heard_at(index).times, self.board)
+            speed = self.room.air.speed_of_sound
+            heard = hear(self._arrivals_at(index), self.board, speed, self._noise_at(index))
+            return counted_time(heard.times, self.board)
         distance = self.distances[index : index + 1]
         return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
 
-    def heard_at(self, index: int) -> Heard:
-        """What the board's own receiver makes of the ping at heading `index`; its winner is a row of `paths`."""
-        heard = hear(self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index))
+    def first_heard_at(self, index: int) -> Heard:
+        """The first echo that the board's own receiver finds at heading `index`; the winner is a row of `paths`."""
+        heard = hear_first(self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index))
         # row -1, "no path", picks what is appended
         return replace(heard, winner=int(np.append(self._present_at(index), -1)[heard.winner]))
 
@@ -153,7 +155,7 @@ class PredictedScan:
     def _noise_at(self, index: int) -> Noise:
         # a function of the heading, not of which headings are asked about
         microdegrees = round(math.degrees(self.headings[index]) * 1e6) % 360_000_000
-        return Noise(self.noise, np.random.default_rng((self.seed, microdegrees)))
+        return Noise(self.noise, (self.seed, microdegrees))
 
     def echoes(self, index: int) -> tuple[Echo, ...]:
         """Everything the board could hear at heading `index`, earliest first."""
@@ -211,7 +213,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     winners = np.full(len(scan.headings), -1, dtype=np.intp)
     distances = np.full(len(scan.headings), np.nan)
     for k in range(len(scan.headings)):
-        heard = scan.heard_at(k)
+        heard = scan.first_heard_at(k)
         if len(heard.times):
             winners[k] = heard.winner
             distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2

@@ -21,6 +21,7 @@ from sim.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, re
 from sim.transducer import ComplexArray
 from sonarhw.readings import FloatArray
 
+_FIRST_LISTEN = 0.01  # s, within which most pings are answered
 _SHARE = 0.1  # of what there is just before an echo is found, the least that an arrival must be to have made it
 
 
@@ -34,7 +35,21 @@ class Heard:
 
 def hear(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
     """The echoes that the board's own receiver finds up to its maximum range."""
-    duration = 2 * board.max_range / speed_of_sound
+    return _hear_for(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
+
+
+def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
+    """What `hear` finds, up to the first echo or some more: most pings need no more of the signal than that."""
+    whole = 2 * board.max_range / speed_of_sound
+    listen = min(_FIRST_LISTEN, whole)
+    heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+    while not len(heard.times) and listen < whole:
+        listen = min(2 * listen, whole)
+        heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+    return heard
+
+
+def _hear_for(duration: float, arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None) -> Heard:
     samples = received(arrivals, board, speed_of_sound, duration, Receiver.BOARD, noise).samples
     times = echo_times(samples, board, speed_of_sound)
     winner = _loudest_before(float(times[0]), samples, arrivals, board, speed_of_sound) if len(times) else -1
@@ -51,7 +66,7 @@ def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, boar
     end = math.ceil(time * RATE) + 1
     begin = max(0, end - max(2, math.ceil(_time_constant(board))))
     candidates = before_gain(arrivals.select(near), board, speed_of_sound, Receiver.BOARD)
-    gain = gain_at_samples(end, board, Receiver.BOARD)
+    gain = gain_at_samples(len(samples), board, Receiver.BOARD)[:end]
     alone = _sums_between(*pulses(candidates, board, burst, speed_of_sound), gain, begin)
     loudest = int(alone.argmax())
     return int(near[loudest]) if alone[loudest] >= _SHARE * np.abs(samples[begin:end]).sum() else -1
@@ -67,8 +82,8 @@ def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray,
     return sums
 
 
-def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float, most: int = 1 << 16) -> FloatArray:
-    """When the board finds its echoes, (k,) float, s since the start of transmission, true time; at most `most`.
+def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
+    """When the board finds its echoes, (k,) float, s since the start of transmission, true time.
 
     `samples` are the complex envelope after the gain, RATE a second. REC follows v′ = (|s|/A − v)/τ and is full at 1.
     A is such that the echo of a lone wall straight ahead at the threshold just fills it: threshold_db means the same
@@ -78,7 +93,7 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float, most:
     # the board ends its blanking by its own clock
     opens = board.listens_from / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
-    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board), most)
+    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board))
     return np.asarray(found / RATE)
 
 
@@ -117,7 +132,7 @@ def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
 
 
 @njit(cache=True)
-def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float, most: int) -> FloatArray:
+def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
     """Sample numbers, with their fractions, at which REC is full, (k,) float."""
     kept = _kept(time_constant)
     found = np.empty(0)
@@ -133,7 +148,7 @@ def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_co
 
         # full: between the last sample and this one, but not before it was let go
         at = max(opens, k - 1 + (1.0 - before) / (charge - before))
-        if at > ends or found.shape[0] == most:
+        if at > ends:
             break
         found = np.append(found, at)
         opens, charge = at + rearm, 0.0

@@ -11,6 +11,7 @@ carrier, where its exact time of flight is a phase.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -53,7 +54,7 @@ class Noise:
     """Noise of the receiver, in the band of the transducer."""
 
     level: float  # root mean square of the signal with its carrier; 1 is full scale
-    random: np.random.Generator
+    seed: tuple[int, ...]  # a shorter signal of the same seed has the beginning of a longer one's noise
 
 
 @dataclass(frozen=True)
@@ -97,14 +98,14 @@ def received(
     """
     samples = np.zeros(_count(duration, RATE) + 3, dtype=np.complex128)
     burst = burst_of(board, speed_of_sound)
-    worth = _audible(arrivals, board, speed_of_sound) & (arrivals.times < duration)
+    worth = _audible(arrivals, board, speed_of_sound) & (arrivals.times < (len(samples) + burst.lead) / RATE)
     arrivals = before_gain(arrivals.select(worth), board, speed_of_sound, receiver)
     gain = gain_at_samples(len(samples), board, receiver)
     for k in range(0, len(arrivals), _TOGETHER):
         _add(samples, *pulses(arrivals.select(slice(k, k + _TOGETHER)), board, burst, speed_of_sound), gain)
     # the burst reaches the receiver past the gain, and drives it to its limit until the transducer has rung down
     own = Arrivals(np.zeros(1), np.full(1, 10 ** (board.own_burst_db / 20)), np.ones(1), np.ones(1))
-    _add(samples, *pulses(own, board, burst, speed_of_sound), np.ones(len(samples)))
+    _add(samples, *pulses(own, board, burst, speed_of_sound), gain_at_samples(len(samples), board, Receiver.FIRST_ECHO))
     if noise is not None and noise.level > 0:
         samples += _noise(len(samples), board, noise)
     return Signal(samples, board.frequency, duration)
@@ -157,12 +158,15 @@ def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receive
     return Arrivals(arrivals.times, arrivals.amplitudes * lost, arrivals.leaving, arrivals.arriving)
 
 
+@lru_cache(maxsize=16)
 def gain_at_samples(count: int, board: Board, receiver: Receiver) -> FloatArray:
     """What the gain makes of `before_gain`, for so many samples from the start of transmission, (count,) float."""
-    if not _is_stepped(board, receiver):
-        return np.ones(count)
-    clock = np.arange(count) / RATE * (1 + board.clock_error)
-    return np.asarray(10 ** (stepped_gain_db(clock, board) / 20))
+    gain = np.ones(count)
+    if _is_stepped(board, receiver):
+        clock = np.arange(count) / RATE * (1 + board.clock_error)
+        gain = np.asarray(10 ** (stepped_gain_db(clock, board) / 20))
+    gain.flags.writeable = False
+    return gain
 
 
 def _is_stepped(board: Board, receiver: Receiver) -> bool:
@@ -171,9 +175,9 @@ def _is_stepped(board: Board, receiver: Receiver) -> bool:
 
 def _noise(count: int, board: Board, noise: Noise) -> ComplexArray:
     """White noise that has passed the transducer's resonance once, (count,) complex."""
-    white = noise.random.standard_normal((2, count))
+    white = np.random.default_rng(noise.seed).standard_normal((count, 2)).view(np.complex128)[:, 0]
     kept = math.exp(-board.frequency / max(board.rise_cycles, 0.1) / RATE)
-    return np.asarray(_smoothed(noise.level * math.sqrt(1 - kept**2) * (white[0] + 1j * white[1]), kept))
+    return np.asarray(_smoothed(noise.level * math.sqrt(1 - kept**2) * white, kept))
 
 
 def _count(duration: float, rate: float) -> int:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim.board import Board, Receiver, load_board
 from sim.prediction import PredictionOptions, predict_scan
-from sim.receiver import counted_time, echo_times, hear
+from sim.receiver import counted_time, echo_times, hear, hear_first
 from sim.room import load_room
 from sim.traces import Arrivals, Noise, received
 from sonarhw.readings import FloatArray
@@ -150,8 +150,19 @@ def test_winner_is_the_loudest_of_those_that_fill_the_capacitor() -> None:
     assert hear(walls((0.2, 0.0), (3.0, -20.0)), LEVEL, SPEED).winner == 1
 
 
+@settings(deadline=None, max_examples=40)
+@given(scene=scenes, level=st.sampled_from([0.0, 0.002, 0.008]), seed=st.integers(0, 99))
+def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
+    scene: list[tuple[float, float]], level: float, seed: int
+) -> None:
+    noise = Noise(level, (seed,))
+    whole, first = hear(walls(*scene), BOARD, SPEED, noise), hear_first(walls(*scene), BOARD, SPEED, noise)
+    assert first.times[:1] == pytest.approx(whole.times[:1], abs=1e-12)
+    assert first.winner == whole.winner
+
+
 def test_noise_makes_readings_of_nothing() -> None:
-    heard = hear(walls(), LEVEL, SPEED, Noise(0.02, np.random.default_rng(1)))
+    heard = hear(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
     assert len(heard.times) > 0
     assert heard.winner == -1
 

@@ -158,7 +158,7 @@ def test_stepped_gain_follows_the_ideal_one_and_gives_up_behind_its_last_step() 
 
 def test_noise_is_a_function_of_its_seed_and_as_loud_as_it_says() -> None:
     def noisy(seed: int) -> Signal:
-        return received(arrivals(), quiet(BOARD), SPEED, 0.06, noise=Noise(0.01, np.random.default_rng(seed)))
+        return received(arrivals(), quiet(BOARD), SPEED, 0.06, noise=Noise(0.01, (seed,)))
 
     assert (noisy(3).samples == noisy(3).samples).all()
     assert (noisy(3).samples != noisy(4).samples).any()
