@@ -30,6 +30,7 @@ OWN_BURST_DB = 12.0  # dB over full scale
 # REC needs 3 to 16 cycles (recalled), and a barely seen echo comes some 45 mm after a strong one: about 8
 INTEGRATION_CYCLES = 8.0
 GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; the data sheets say none
+_CHIRP_REACH = 30e3  # Hz; signals are kept 60 kHz to each side of the carrier (sim.burst)
 REARM = 0.44e-3  # s, BLNK high at least so long (6500 data sheet)
 
 
@@ -98,6 +99,12 @@ class BoardFile(TomlModel):
         cycles = sum(tone.cycles for tone in self.chirp)
         if self.chirp and cycles != self.transmit_cycles:
             raise ValueError(f"chirp: expected transmit_cycles = {self.transmit_cycles} cycles in all, got {cycles}")
+        for row, tone in enumerate(self.chirp):
+            if abs(tone.frequency - self.frequency) > _CHIRP_REACH:
+                raise ValueError(
+                    f"chirp[{row}].frequency: expected one within {_CHIRP_REACH:g} Hz of frequency = "
+                    f"{self.frequency:g}, got {tone.frequency:g}"
+                )
         if self.blanking_inhibit is not None and self.blanking_inhibit > self.blanking:
             raise ValueError(
                 f"blanking_inhibit: expected {self.blanking:g} s (blanking) or less, got {self.blanking_inhibit:g}; "

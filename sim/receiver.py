@@ -89,7 +89,8 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
     A is such that the echo of a lone wall straight ahead at the threshold just fills it: threshold_db means the same
     to both receivers.
     """
-    full = 10 ** (board.threshold_db / 20) * _charge_of_burst(board, speed_of_sound)
+    # over zero, so that a threshold of nothing hears everything
+    full = max(10 ** (board.threshold_db / 20), 1e-300) * _charge_of_burst(board, speed_of_sound)
     # the board ends its blanking by its own clock
     opens = board.listens_from / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)

@@ -72,6 +72,7 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
         ("own_burst_db = nan", "own_burst_db: expected a finite number"),
         (CHIRP.replace("10", "11"), "chirp: expected transmit_cycles = 16 cycles in all, got 17"),
+        (CHIRP.replace("60000.0", "80000.0"), r"chirp\[0\].frequency: expected one within 30000 Hz .* got 80000"),
         (CHIRP.replace("60000.0", "6.0"), r"chirp\[0\].frequency: expected greater than or equal to 1000"),
     ],
 )

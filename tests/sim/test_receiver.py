@@ -161,6 +161,13 @@ def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
     assert first.winner == whole.winner
 
 
+@pytest.mark.parametrize("threshold_db", [-math.inf, -3000.0])
+def test_threshold_of_nothing_hears_the_first_that_is_not_silence(threshold_db: float) -> None:
+    heard = heard_ranges(replace(BOARD, threshold_db=threshold_db), (1.0, -20.0))
+    assert BOARD.blanking * SPEED / 2 < heard[0] < 1.001
+    assert np.isfinite(heard).all()
+
+
 def test_noise_makes_readings_of_nothing() -> None:
     heard = hear(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
     assert len(heard.times) > 0
