@@ -214,6 +214,8 @@ def test_sensor_above_a_low_post_hears_what_its_lid_leaves_free_and_inside_a_tal
         vias = {via for *_, via in from_above(room, place, SEARCH)}
         assert (("floor", "far") in vias) is foot_is_free
         assert ("ceiling", "far") in vias
+        everything = paths_from(room, place, SEARCH)
+        assert ("floor",) not in [everything.via(k, room) for k in range(len(everything))]  # the lid is in between
     assert len(paths_from(room_of(post("column", 0.0, 0.0, 0.2) + walls), place, SEARCH)) == 0
 
 
