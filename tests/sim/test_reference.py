@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from sim.board import load_board
 from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
@@ -60,3 +61,19 @@ def test_blocking_unit_agrees_with_appendix_a() -> None:
     headings = np.radians(np.arange(0, 360, 5.0))
     scan = predict_scan(room, room.places["figure7"], PAPER, headings, PredictionOptions(unit=Unit.BLOCK))
     assert len(disagreements(room, scan, Unit.BLOCK, QUARTER)) < 0.1 * len(headings)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "step"),
+    [
+        ("simple", "figure7", 5),
+        ("simple", "figure9", 10),
+        ("oblique_corner", "near", 6),
+        ("right_corner", "figure12", 6),
+    ],
+)
+def test_reflecting_unit_agrees_with_appendix_a_as_printed(name: str, place: str, step: int) -> None:
+    room = load_room(Path("rooms") / f"{name}.toml")
+    headings = np.radians(np.arange(0, 360, step, dtype=float))
+    scan = predict_scan(room, room.places[place], PAPER, headings, PredictionOptions(unit=Unit.REFLECT))
+    assert len(disagreements(room, scan, Unit.REFLECT, QUARTER)) < 0.1 * len(headings)
