@@ -74,7 +74,7 @@ def test_errors_are_normal_with_a_longer_far_tail() -> None:
     expected = exponnorm(FAR_TAIL, loc=-FAR_TAIL * spread, scale=spread)
     assert kstest(errors, expected.cdf).pvalue > 0.01
     assert np.mean(errors) == pytest.approx(0.0, abs=0.1 * spread)
-    assert (errors > 2.5 * spread).sum() > 3 * (errors < -2.5 * spread).sum()
+    assert (errors > 3 * spread).sum() > 2 * (errors < -3 * spread).sum()
 
 
 def test_errors_grow_with_range() -> None:
