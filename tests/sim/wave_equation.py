@@ -74,24 +74,25 @@ def direct(receiver: tuple[float, float]) -> Floats:
     return np.asarray(_march(*_faces(free), _gains(free), _burst(), *_cells(receiver)))
 
 
-def arrival_near(scene: Scene, length: float, within: float = WAVELENGTH) -> Arrival:
+def arrival_near(scene: Scene, length: float, within: float = WAVELENGTH / 2) -> Arrival:
     """The strongest echo whose way is `length` m long, give or take `within`."""
-    filtered, lengths = matched(scene)
+    strengths, lengths = matched(scene)
     near = np.flatnonzero(np.abs(lengths - length) <= within)
-    best = int(near[np.argmax(filtered[near])])
+    best = int(near[np.argmax(strengths[near])])
     # the top of the parabola through three samples
-    before, at, after = filtered[best - 1 : best + 2]
+    before, at, after = strengths[best - 1 : best + 2]
     shift = 0.5 * (before - after) / (before - 2 * at + after)
     found = lengths[best] + shift * STEP
-    return Arrival(float(found), float(at - 0.25 * (before - after) * shift) * float(np.sqrt(found / (2 * _FLAT_WALL))))
+    return Arrival(float(found), float(at - 0.25 * (before - after) * shift))
 
 
 def matched(scene: Scene) -> tuple[Floats, Floats]:
-    """The echoes' likeness to a flat wall's echo, 1 for that itself, and the lengths it is heard at, m."""
+    """The echoes' strength against a flat wall's, spreading divided out, and the lengths they are heard at, m."""
     pattern = np.asarray(hilbert(echoes(FLAT_WALL)))
     likeness = np.abs(correlate(np.asarray(hilbert(echoes(scene))), pattern, method="fft"))
-    lags = np.arange(len(likeness)) - (len(pattern) - 1)
-    return np.asarray(likeness / np.sum(np.abs(pattern) ** 2)), lags * STEP + 2 * _FLAT_WALL
+    lengths = (np.arange(len(likeness)) - (len(pattern) - 1)) * STEP + 2 * _FLAT_WALL
+    spreading = np.sqrt(np.maximum(lengths, 0.0) / (2 * _FLAT_WALL))
+    return np.asarray(likeness / np.sum(np.abs(pattern) ** 2) * spreading), lengths
 
 
 def _burst() -> Floats:
