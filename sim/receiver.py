@@ -141,7 +141,6 @@ def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_co
     for k in range(math.ceil(opens), levels.shape[0]):
         # blanked: REC is held empty
         if k < opens:
-            charge = 0.0
             continue
         before, charge = charge, kept * charge + (1.0 - kept) * levels[k]
         if charge < 1.0:
