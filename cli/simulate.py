@@ -1,5 +1,6 @@
 """`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -78,6 +79,10 @@ def simulate(
         UnitChoice.PASS
     ),
     edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    sections: Annotated[
+        int,
+        typer.Option(min=1, max=99, help="Horizontal sections across the face, where the place has a height."),
+    ] = 1,
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
     traces: Annotated[
         TraceKind | None,
@@ -112,7 +117,7 @@ def simulate(
     order = scan_order(start, stop, step)
     room = load_room(room_file)
     here, chosen = room.place(place), load_board(board)
-    options = _options(chosen, receiver, unit, edge_strength, noise, seed)
+    options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, wish)
     scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
     if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):

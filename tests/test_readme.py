@@ -13,8 +13,15 @@ from sim.board import parse_board
 README = Path("README.md").read_text()
 
 
-def test_example_of_figure_9_prints_what_the_readme_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    command, printed = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)[0]
+EXAMPLES = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)
+
+
+def test_examples_are_figure_9_and_the_step() -> None:
+    assert [shlex.split(command)[1] for command, _ in EXAMPLES] == ["rooms/simple.toml", "rooms/doorstep.toml"]
+
+
+@pytest.mark.parametrize(("command", "printed"), EXAMPLES)
+def test_example_prints_what_the_readme_shows(command: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(shlex.split(command)) == 0
     assert capsys.readouterr().out == printed
 

@@ -251,3 +251,14 @@ def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.Capture
 def test_a_direction_is_never_360_degrees() -> None:
     assert bearing(-1e-17) == 0.0
     assert bearing(-math.pi / 2) == 270.0
+
+
+def test_place_with_a_height_hears_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+    place = ["rooms/doorstep.toml", "--place", "robot"]
+    assert run(["paths", *place, "--max-range", "1.5", "--no-diffraction"]) == 0
+    listed = {row["via"]: row for row in rows(capsys.readouterr().out)}
+    assert float(listed["floor>step"]["length_m"]) == pytest.approx(2 * math.hypot(1.4, 0.25))
+    for sections in ("1", "5"):
+        assert run(["simulate", *place, "--from", "90", "--to", "95", "--sections", sections]) == 0
+        assert rows(capsys.readouterr().out)[0]["via"] == "floor>step"
+    assert run(["simulate", *place, "--sections", "0"]) == 2
