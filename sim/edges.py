@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.grid import Surfaces, lay_grid, listed_at
+from sim.grid import Listing, Surfaces, lay_grid, listed_at
 from sim.room_file import MEETING
 from sonarhw.readings import FloatArray
 
@@ -58,6 +58,14 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
         np.array([row[2] for row in rows], dtype=np.float64),
         tuple(row[3] for row in rows),
     )
+
+
+def edges_on_walls(edges: Edges, surfaces: Surfaces) -> Listing:
+    """For each wall, the edges that lie on it."""
+    on = [(face.wall, k) for k, point in enumerate(edges.points.tolist()) for face in _faces_at(point, surfaces)]
+    wall, edge = np.array(sorted(set(on)), dtype=np.int32).reshape(-1, 2).T
+    starts = np.searchsorted(wall, np.arange(len(surfaces.walls) + 1)).astype(np.int32)
+    return Listing(starts, np.ascontiguousarray(edge))
 
 
 def _faces_at(vertex: list[float], surfaces: Surfaces) -> list[_Face]:

@@ -26,8 +26,25 @@ def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: 
 
     `leaving` is the surface the ray starts from, -1 for none: it is convex or flat, so the ray cannot meet it again.
     """
-    nearest, surface = np.inf, -1
     walls, posts, cells, (starts, numbers) = surfaces
+    return first_among(x, y, dx, dy, leaving, walls, posts, cells, starts, numbers)
+
+
+@njit(cache=True, error_model="numpy")
+def first_among(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    leaving: int,
+    walls: FloatArray,
+    posts: FloatArray,
+    cells: Cells,
+    starts: IntArray,
+    numbers: IntArray,
+) -> tuple[float, int]:
+    """`first_hit` for inner loops: taking arrays out of a tuple costs as much as meeting a wall."""
+    nearest, surface = np.inf, -1
     walk = enter(cells, x, y, dx, dy)
     while walk.inside:
         cell = walk.row * cells.columns + walk.column
@@ -109,12 +126,16 @@ def follow_fan(
     Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
     target, row of the target; each sequence of surfaces to a target once.
     """
-    max_length = longest.max()
+    walls, posts, cells, (starts, numbers) = surfaces
+    max_length, max_return = longest.max(), longest[0]
+    for target in range(1, targets.shape[0]):
+        to_edge = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
+        max_return = max(max_return, longest[target] + to_edge)
     spacing = directions[1] - directions[0]
     touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
     candidates, found = np.empty((1024, 3), np.int32), 0
     slots = np.full(4096, -1, np.int32)
-    edges = list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length)
+    edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
     nearby = np.empty(targets.shape[0], np.int32)
     to_receiver = math.hypot(targets[0, 0] - source[0], targets[0, 1] - source[1])
     for ray in range(directions.shape[0]):
@@ -123,11 +144,11 @@ def follow_fan(
         length, width, opening, surface = 0.0, 0.0, 1.0, -1
         for bounces in range(max_bounces + 1):
             # find the next surface
-            distance, following = first_hit(x, y, dx, dy, surface, surfaces)
+            distance, following = first_among(x, y, dx, dy, surface, walls, posts, cells, starts, numbers)
             reach = min(distance, max_length - length)
 
             # note every target that this leg passes; the first leg only leaves a sensor that hears itself
-            passed = _edges_along(x, y, dx, dy, reach, opening > 1.0, surfaces.cells, edges, nearby)
+            passed = _edges_along(x, y, dx, dy, reach, opening > 1.0, cells, edges, nearby)
             if bounces > 0 or to_receiver > 0.0:
                 nearby[passed] = 0
                 passed += 1
@@ -146,15 +167,19 @@ def follow_fan(
                 if found > _FULL * slots.shape[0]:
                     slots = _grown(slots, candidates[:found], touched)
 
-            # stop where the path is long enough or leaves the room
+            # stop where the path leaves the room, is long enough or can no longer come home in time
             length += distance
-            if length > max_length or bounces == max_bounces:
+            x, y = x + distance * dx, y + distance * dy
+            if bounces == max_bounces or length > max_length:
+                break
+            # no way on is shorter than the straight one
+            home = math.hypot(targets[0, 0] - x, targets[0, 1] - y)
+            if length + home - ALLOWANCE * spacing * (width + opening * (distance + home)) > max_return:
                 break
 
             # reflect, and let the tube between this ray and the next grow
-            x, y = x + distance * dx, y + distance * dy
             width += opening * distance
-            dx, dy, curvature = reflect(x, y, dx, dy, following, surfaces.walls, surfaces.posts)
+            dx, dy, curvature = reflect(x, y, dx, dy, following, walls, posts)
             opening += curvature * width
             surface = following
             touched[ray, bounces] = following

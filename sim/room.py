@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sim.air import Air
-from sim.edges import Edges, find_edges
-from sim.grid import Surfaces, lay_grid
+from sim.edges import Edges, edges_on_walls, find_edges
+from sim.grid import Listing, Surfaces, lay_grid
 from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
@@ -55,6 +55,11 @@ class Room:
     def surfaces(self) -> Surfaces:
         """Walls and posts as the kernels want them."""
         return lay_grid(self.walls, self.posts)
+
+    @cached_property
+    def edges_on_walls(self) -> Listing:
+        """For each wall, the edges that lie on it."""
+        return edges_on_walls(self.edges, self.surfaces)
 
     @property
     def levels(self) -> range:
