@@ -173,15 +173,26 @@ def _gains(scene: Scene) -> Singles:
 
 
 @njit(cache=True, fastmath=True)
-def _step_row(old: Singles, now: Singles, right: Singles, upper: Singles, gains: Singles) -> None:
-    """Turn a row's pressures of a step ago into those of the next; `now` is a row and a cell wider all round."""
+def _step_row(
+    old: Singles,
+    rows: tuple[Singles, Singles, Singles],
+    right: tuple[Singles, Singles],
+    upper: Singles,
+    gains: Singles,
+) -> None:
+    """Turn a row's pressures of a step ago into those of the next.
+
+    `rows` are the one before, this one and the one after, this one a cell longer at both ends; `right` and `upper` the
+    faces before and after each cell.
+    """
+    before, now, after = rows
     for j in range(old.shape[0]):
-        here = now[1, j + 1]
+        here = now[j + 1]
         inflow = (
-            right[1, j] * (now[2, j + 1] - here)
-            + right[0, j] * (now[0, j + 1] - here)
-            + upper[j + 1] * (now[1, j + 2] - here)
-            + upper[j] * (now[1, j] - here)
+            right[1][j] * (after[j] - here)
+            + right[0][j] * (before[j] - here)
+            + upper[j + 1] * (now[j + 2] - here)
+            + upper[j] * (now[j] - here)
         )
         old[j] = here + here - old[j] + gains[j] * inflow
 
@@ -201,8 +212,8 @@ def _march(right: Singles, upper: Singles, gains: Singles, burst: Floats, cells_
             first, last = middle - half, middle + half + 1
             _step_row(
                 old[i, first:last],
-                now[i - 1 : i + 2, first - 1 : last + 1],
-                right[i - 1 : i + 1, first:last],
+                (now[i - 1, first:last], now[i, first - 1 : last + 1], now[i + 1, first:last]),
+                (right[i - 1, first:last], right[i, first:last]),
                 upper[i, first - 1 : last],
                 gains[i, first:last],
             )
