@@ -15,6 +15,7 @@ from sim.paths import Paths
 from sim.prediction import PredictedScan, PredictionOptions, predict_scan, received_by, silent_scan, with_first_echoes
 from sim.rays import first_hit
 from sim.room import Place, Room
+from sim.sections import cut, standing_at
 from sonarhw.readings import FloatArray
 
 CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
@@ -86,7 +87,9 @@ def _range_error(seed: int, heading: float) -> float:
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
     starts = standpoints(board, place, headings)
-    found = [_nearest_in(room, x, y, heading + cone) for (x, y), heading in zip(starts, headings, strict=True)]
+    standing = standing_at(room, place.height)
+    section = cut(room, standing)
+    found = [_nearest_in(section, x, y, heading + cone) for (x, y), heading in zip(starts, headings, strict=True)]
     hits = sorted((hit[1], k, *hit[::2]) for k, hit in enumerate(found) if hit is not None)
     distances = np.array([distance for distance, *_ in hits], dtype=np.float64)
     rows = np.array([k for _, k, _, _ in hits], dtype=np.intp)
@@ -96,7 +99,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
         departures=headings[rows],  # these models take whatever they meet for straight ahead
         arrivals=headings[rows],
         gains=np.ones(len(hits)),
-        surfaces=np.array([surface for *_, surface in hits], dtype=np.int32).reshape(-1, 1),
+        surfaces=np.array([standing[surface] for *_, surface in hits], dtype=np.int32).reshape(-1, 1),
         edges=np.full(len(hits), -1, dtype=np.int32),
         bends=np.ones(len(hits), dtype=np.int32),
         elevations=np.zeros((len(hits), 2)),

@@ -75,15 +75,17 @@ def _horizontal_paths(
     return parts[0] if len(parts) == 1 else _summed(parts)
 
 
-def standing_at(room: Room, height: float) -> tuple[int, ...]:
-    """Numbers of the walls and posts that span a height (m)."""
+def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
+    """Numbers of the walls and posts that span a height (m); None: the plan, so all of them."""
     lower, upper = room.heights[: room.levels.start].T
+    if height is None:
+        return tuple(range(len(lower)))
     return tuple(np.flatnonzero((lower <= height) & (height <= upper)).tolist())
 
 
 def cut(room: Room, standing: tuple[int, ...]) -> Room:
     """The room with those walls and posts only, and the edges that they have then; itself where it has no others."""
-    if len(standing) == len(room.names):
+    if len(standing) == room.levels.start:
         return room
     rows = np.array(standing, dtype=np.intp)
     walls = room.walls[rows[rows < len(room.walls)]]

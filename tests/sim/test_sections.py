@@ -9,6 +9,7 @@ import pytest
 
 from sim.air import Air
 from sim.board import Board, load_board
+from sim.models import Model, predict_with
 from sim.paths import Paths, PathSearch, find_paths
 from sim.prediction import PredictionOptions, Unit, predict_scan
 from sim.room import Place, Room, load_room, parse_room
@@ -368,6 +369,32 @@ def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
     vias = [scan.paths.via(k, scan.room) for k in range(len(scan.paths))]
     assert any({"floor", "w[0]", "w[2]"} <= set(via) for via in vias)
     assert ("w[2]", "unit", "w[2]") in vias
+
+
+def test_nearest_wall_is_one_that_stands_at_the_height_of_the_transducer() -> None:
+    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
+    for place, distance, via in (("robot", 2.3, ("north",)), ("plan", 1.4, ("step",))):
+        scan = predict_with(Model.NEAREST, room, room.places[place], board, np.array([math.pi / 2]))
+        assert scan.ranges[0] == pytest.approx(distance)
+        assert scan.paths.via(int(scan.winners[0]), room) == via
+
+
+@pytest.mark.parametrize("height", [0.9, 0.5, 1.4, 1e-7, 2.4 - 1e-7])
+@pytest.mark.parametrize(
+    "position", [(0.0, 0.0), (1.0, 0.0), (0.4, 0.9), (0.4, 1.5), (2.2, 1.0), (2.0, 1.0), (-1.0, 0.5), (3.0, 2.0)]
+)
+def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_is_answered(
+    position: tuple[float, float], height: float
+) -> None:
+    things = wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.9)) + post("post", 2.0, 1.0, 0.2, (0.0, 0.9))
+    room = room_of(BOX + things + wall("across", (0.2, 0.9), (0.9, 0.9), height=(0.5, 1.4)))
+    paths = paths_from(room, Place("here", position, height=height), PathSearch(5.0, WAVELENGTH))
+    assert np.isfinite(paths.leaving).all()
+    assert np.isfinite(paths.arriving).all()
+    assert (paths.gains > 0).all()
+    # no path is louder than what it reflects off leaves of it
+    for k in range(len(paths)):
+        assert paths.gains[k] <= room.reflectances[paths.surfaces[k][paths.surfaces[k] >= 0]].prod() + 1e-12
 
 
 def test_models_that_know_one_reflection_know_one_out_of_the_plan_as_well() -> None:
