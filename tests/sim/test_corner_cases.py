@@ -25,7 +25,7 @@ def assert_sane(paths: Paths) -> None:
     for column in (paths.lengths, paths.departures, paths.arrivals, paths.gains):
         assert np.isfinite(column).all()
     assert (paths.gains > 0).all()
-    assert (paths.gains <= 1).all()
+    assert (paths.gains <= 1 + 1e-12).all()
     assert (np.diff(paths.lengths) >= -1e-9).all()
     for path in range(len(paths)):
         legs = np.diff(paths.outline(path), axis=0)

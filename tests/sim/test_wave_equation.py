@@ -84,4 +84,4 @@ def test_papers_factor_is_right_for_a_box_seen_from_its_corner() -> None:
 
 @pytest.mark.parametrize("scene", REFLECTED + DIFFRACTED, ids=lambda scene: scene.name)
 def test_what_no_path_explains_is_faint(scene: Scene) -> None:
-    assert decibels(unexplained(scene)) < -28
+    assert decibels(unexplained(scene)) < -30

@@ -6,7 +6,7 @@ the spreading of a line source, 1/√length, divided out.
 
 Pressure in square cells, leapfrog in time; a rigid surface is a face that nothing flows through. A surface that is
 oblique or round cuts cells and faces, which then count by their share of air. The grid reaches so far that nothing
-from its border is back in time. The same march without surfaces is taken off, so that only echoes are left.
+from its border is back in time. What comes straight, marched without surfaces, is taken off: only echoes are left.
 """
 
 from dataclasses import dataclass
@@ -46,6 +46,7 @@ class Scene:
     solids: tuple[tuple[int, ...], ...] = ()
     posts: tuple[Post, ...] = ()
     receiver: tuple[float, float] = (0.0, 0.0)  # in the middle of a cell
+    shadowed: bool = False  # whether something stands between source and receiver
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def echoes(scene: Scene) -> Floats:
     """What the receiver hears of the surfaces, one sample every STEP of length."""
     air, gains = _faces(scene), _gains(scene)
     heard = _march(*air, gains, _burst(), *_cells(scene.receiver))
-    return np.asarray(heard - direct(scene.receiver))
+    return np.asarray(heard if scene.shadowed else heard - direct(scene.receiver))
 
 
 @lru_cache
@@ -81,7 +82,7 @@ def arrival_near(scene: Scene, length: float, within: float = WAVELENGTH / 2) ->
     best = int(near[np.argmax(strengths[near])])
     # the top of the parabola through three samples
     before, at, after = strengths[best - 1 : best + 2]
-    shift = 0.5 * (before - after) / (before - 2 * at + after)
+    shift = np.clip(0.5 * (before - after) / (before - 2 * at + after), -0.5, 0.5)
     found = lengths[best] + shift * STEP
     return Arrival(float(found), float(at - 0.25 * (before - after) * shift))
 

@@ -78,6 +78,7 @@ REFLECTED = (
     inner_corner(60, 0.38, 20),
     Scene("post", posts=((0.25, 0.0, 0.05),)),
     Scene("thick post, heard elsewhere", posts=((0.28, 0.0, 0.1),), receiver=(0.0, 0.2)),
+    Scene("two posts", posts=((0.12, 0.16, 0.05), (0.2, -0.18, 0.06))),
     Scene("post before a wall", (_floor(-0.1005),), solids=((0,),), posts=((0.28, 0.1, 0.06),)),
 )
 PLATES = tuple(plate_end(direction) for direction in (30, 60, 100, 110, 120, 135))
@@ -89,6 +90,8 @@ CORNERS = (
 DIFFRACTED = (
     *PLATES,
     *CORNERS,
+    Scene("behind the end of a plate", ((0.1505, -0.1005, 0.1505, OUT),), receiver=(0.3, 0.0), shadowed=True),
+    Scene("end of a plate beside a post", ((0.2005, 0.1005, 0.2005, OUT),), posts=((0.0, -0.2, 0.1),)),
     Scene("end of a plate over a wall", (_floor(-0.1005), (0.1505, 0.1205, OUT, 0.1205)), solids=((0,),)),
 )
 
