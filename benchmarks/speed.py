@@ -1,0 +1,138 @@
+"""How fast predictions are, as ratios taken in one run: `python -m benchmarks.speed`.
+
+Takes a floor of offices of 64 to 10 000 walls and rooms of 20; prints one table with what was asked for, what was
+measured, the machine and the versions. The image-source model of pyroomacoustics takes a minute; its row is left out,
+and said to be, where that library is not installed (`pip install .[benchmarks]`).
+"""
+
+import importlib.metadata
+import math
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.image_sources import compare_with_image_sources
+from benchmarks.numpy_fan import follow_with_numpy
+from benchmarks.office import PLACE, office_floor
+from benchmarks.traces import LISTEN, RATE, SPEED
+from benchmarks.traces import arrivals as hundred_echoes
+from sim.board import load_board
+from sim.one_heading import range_at
+from sim.prediction import PredictionOptions, predict_scan
+from sim.rays import follow_fan
+from sim.room import Room
+from sim.traces import received
+
+LONGEST = 20.0  # m, there and back
+BOUNCES = 8
+BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
+HEADINGS = np.radians(np.arange(360.0))
+HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
+# as far apart as the rays of one heading, so that the same work is compared
+OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440)
+VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    work: str
+    wanted: str
+    measured: str
+    holds: bool
+
+
+def seconds(work: Callable[[], object], least: float = 0.5) -> float:
+    """Median processor time of `work`, run for at least `least` s and three times, once before the clock runs; s."""
+    work()
+    taken: list[float] = []
+    while sum(taken) < least or len(taken) < 3:
+        began = time.process_time()
+        work()
+        taken.append(time.process_time() - began)
+    return statistics.median(taken)
+
+
+def scan(room: Room) -> object:
+    """A whole scan, 360 headings."""
+    return predict_scan(room, PLACE, BOARD, HEADINGS, OPTIONS)
+
+
+def rows() -> Iterator[Row]:
+    """Every line, as it is measured."""
+    small, large = office_floor(64), office_floor(1000)
+    place, targets = np.array(PLACE.position), np.array([PLACE.position])
+    longest = np.array([LONGEST])
+
+    def every_arrival() -> set[tuple[int, int]]:
+        _, candidates = follow_fan(place, HALF_CIRCLE, small.surfaces, targets, longest, BOUNCES)
+        return {(int(ray), int(bounces)) for ray, bounces, _ in candidates}
+
+    def with_numpy() -> set[tuple[int, int]]:
+        return follow_with_numpy(place, HALF_CIRCLE, small.walls, LONGEST, BOUNCES)
+
+    # the kernel notes a sequence of walls once, NumPy every ray that follows it
+    assert every_arrival() <= with_numpy()
+    numpy_time = seconds(with_numpy)
+    yield at_least("one heading, every arrival, 64 walls: times NumPy", 9, numpy_time / seconds(every_arrival))
+    first = statistics.mean(seconds(lambda h=h: range_at(small, PLACE, BOARD, h), 0.02) for h in HEADINGS[::6])
+    yield at_least("one heading, appendix A with early exit, 64 walls: times NumPy", 30, numpy_time / first)
+    whole = seconds(lambda: scan(small))
+    yield at_least("whole scan, 64 walls: times 360 single headings", 10, 360 * first / whole)
+    larger = seconds(lambda: scan(large))
+    yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / whole)
+    huge = office_floor(10_000)
+    yield at_most("whole scan, 10 000 walls: times that of 1 000 walls", 6, seconds(lambda: scan(huge)) / larger)
+    board, heard = load_board("polaroid-6500"), hundred_echoes()
+    trace = seconds(lambda: received(heard, board, SPEED, LISTEN).rf(RATE))
+    yield at_most("trace of 62 ms at 1 MHz with 100 echoes: ms", 1, trace * 1e3)
+    yield at_most("memory of a scan in 10 000 walls, whole process: MB", 300, memory_of_huge_scan())
+
+
+def memory_of_huge_scan() -> float:
+    """The most memory, MB, that a fresh process takes to predict a scan in a room of 10 000 walls."""
+    program = (
+        "import resource\n"
+        "from benchmarks.office import office_floor\n"
+        "from benchmarks.speed import scan\n"
+        "scan(office_floor(10_000))\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000)"
+    )
+    answer = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    return float(answer.stdout)
+
+
+def at_least(work: str, wanted: float, measured: float) -> Row:
+    """A row of what should be large."""
+    return Row(work, f"≥ {wanted:g}", f"{measured:.1f}", measured >= wanted)
+
+
+def at_most(work: str, wanted: float, measured: float) -> Row:
+    """A row of what should be small."""
+    return Row(work, f"≤ {wanted:g}", f"{measured:.2f}", measured <= wanted)
+
+
+def versions() -> str:
+    """The machine and what runs on it."""
+    known = {dist.metadata["Name"].lower(): dist.version for dist in importlib.metadata.distributions()}
+    installed = ", ".join(f"{name} {known[name]}" for name in VERSIONS if name in known)
+    return f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}, {installed}"
+
+
+def main() -> None:
+    """Print the table."""
+    print(versions())
+    print(f"{'work':64}{'asked':>9}{'measured':>10}")
+    for row in (*rows(), *compare_with_image_sources()):
+        print(f"{row.work:64}{row.wanted:>9}{row.measured:>10}  {'' if row.holds else 'missed'}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
