@@ -29,6 +29,7 @@ from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
 
 MAX_ECHOES = 5  # a ping
+_FIRST_LISTEN = 0.01  # s, of the ping that compiles
 _HEADINGS_KEPT = 720  # whose paths are not sought again, where each has its own
 
 
@@ -72,8 +73,13 @@ class RoomEchoes:
         return self._ready.is_set()
 
     def prepare(self) -> None:
-        """Find the paths, compiling the ray kernel where that is still to do; seconds, so a thread may do it."""
-        self._truth()
+        """Find the paths and hear one ping, compiling what is still to compile; seconds, so a thread may do it."""
+        _, place, _ = self._truth()
+        ping, random = Ping(0.0, 0, 0, _FIRST_LISTEN, trace=True), np.random.default_rng(0)
+        scan = self._scan(place.heading)
+        self._echo_times(scan, ping, random)
+        self._trace(scan, ping, random)
+        self._ready.set()
 
     def hear(self, ping: Ping) -> Heard:
         """What the board hears of one ping; the same for the same ping, whatever was asked before."""
@@ -97,7 +103,6 @@ class RoomEchoes:
             else:
                 self._known = room, place, None
                 self._turned(place.heading)
-            self._ready.set()
         return self._known
 
     def _scan(self, heading: float) -> PredictedScan:
