@@ -49,7 +49,8 @@ def find_by_heading(
 ) -> HeadingPaths:
     """The paths heard at `headings` (n,) rad, one at least, within the board's range by the listener's own time.
 
-    `face_reflectance` is what faces leave of sound that meets them; None: it passes.
+    No longer than twice that range either: what has gone farther is taken for lost. `face_reflectance` is what faces
+    leave of sound that meets them; None: it passes.
     """
     carrier, speed = board.carrier, room.air.speed_of_sound
     room = with_body(room, place, carrier.body_radius)
@@ -77,8 +78,10 @@ def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
 def _legs(listener: Stand, senders: tuple[Stand, ...], max_length: float, speed: float) -> Iterator[Leg]:
     for sender in senders:
         lateness = (sender.fires - listener.fires) * speed
-        if lateness < max_length:
-            yield Leg(sender, listener, lateness, max_length - lateness)
+        longest = min(max_length, max_length - lateness)
+        # else it is over before the listener's own ping, or comes after its time
+        if longest > max(0.0, -lateness):
+            yield Leg(sender, listener, lateness, longest)
 
 
 def _without_idle(paths: Paths, room: Room) -> Paths:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sim.bends import Bending, EdgeStrength, bent_ways
 from sim.grid import IntArray
+from sim.rays import fan
 from sim.room import Room
 from sim.ways import Ways, find_ways, shortest_first
 from sonarhw.readings import FloatArray
@@ -34,6 +35,8 @@ class PathSearch:
     rays: int = RAYS
     edge_strength: EdgeStrength = EdgeStrength.PAPER
     faintest_bend: float = 1e-3  # gain; what an edge leaves less of is not listed, there is no end of it
+    # rad: where source and receiver point, if only what leaves and comes back in front of them is wanted; None: all is
+    front: tuple[float, float] | None = None
 
     @property
     def bending(self) -> Bending:
@@ -108,20 +111,27 @@ def find_paths(
     if _inside_post(room, source) or _inside_post(room, ear):
         return _paths_of(Ways.none())
     edges = _bending_edges(room, source, ear, search)
-    out = _ways_from(room, source, ear, edges, search, search.max_length + SLACK)
-    back = out if receiver is None else _ways_from(room, ear, source, edges, search, to_other=0.0)
+    leaving, arriving = search.front or (None, None)
+    out = _ways_from(room, source, ear, edges, search, leaving, search.max_length + SLACK)
+    back = out if receiver is None else _ways_from(room, ear, source, edges, search, arriving, to_other=0.0)
     straight = out.select(np.flatnonzero(out.edges < 0))
     bent = bent_ways(room, out, back, search.bending, search.max_length + SLACK, search.max_bounces)
     return _paths_of(shortest_first(straight.joined(bent)))
 
 
 def _ways_from(
-    room: Room, place: FloatArray, other: FloatArray, edges: NDArray[np.intp], search: PathSearch, to_other: float
+    room: Room,
+    place: FloatArray,
+    other: FloatArray,
+    edges: NDArray[np.intp],
+    search: PathSearch,
+    heading: float | None,
+    to_other: float,
 ) -> Ways:
     """Ways from `place` to those edges and, not longer than `to_other`, to the other end."""
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_ways(room, other, search)[edges])
-    return find_ways(room, place, targets, edges, longest, search.rays, search.max_bounces)
+    return find_ways(room, place, targets, edges, longest, fan(search.rays, heading), search.max_bounces)
 
 
 def _inside_post(room: Room, place: FloatArray) -> bool:

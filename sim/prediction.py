@@ -259,7 +259,8 @@ def _predict_by_heading(
 
     def find(crowded: Room, leg: Leg) -> Paths:
         start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
-        search_leg = replace(search, max_length=leg.max_length)
+        front = leg.sender.heading, leg.listener.heading
+        search_leg = replace(search, max_length=leg.max_length, front=front)
         # one point for both lets a search use every way twice
         paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)
         sent_at = np.full(len(paths), leg.sender.heading)

@@ -264,9 +264,13 @@ def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
     return bool(np.all(touched[one[0], : one[1]] == touched[other[0], : one[1]]))
 
 
-def fan(rays: int) -> FloatArray:
-    """Directions of `rays` evenly spaced rays all round, (rays,) float, rad.
+def fan(rays: int, heading: float | None = None) -> FloatArray:
+    """Directions of `rays` evenly spaced rays all round, (rays,) float, rad; those within 90° of a `heading` (rad).
 
     Turned by a fraction of the spacing that no symmetric room has, so that no ray runs straight into a vertex.
     """
-    return (np.arange(rays, dtype=np.float64) + (math.sqrt(5) - 1) / 2) * (math.tau / rays)
+    all_round = (np.arange(rays, dtype=np.float64) + (math.sqrt(5) - 1) / 2) * (math.tau / rays)
+    if heading is None:
+        return all_round
+    aside = np.sort((all_round - heading + math.pi) % math.tau - math.pi)
+    return heading + aside[np.abs(aside) < math.pi / 2]

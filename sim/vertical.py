@@ -84,6 +84,6 @@ def _follow(view: View, plane: Plane) -> Paths:
     """The paths of one plane that are no other plane's."""
     section = draw_section(view, plane)
     # one more, because a vertical edge is drawn as a wall that reflects, and is no reflection
-    search = replace(view.search, max_bounces=view.search.max_bounces + 1)
+    search = replace(view.search, max_bounces=view.search.max_bounces + 1, front=None)
     found = find_paths(section.room, (0.0, view.height), search)
     return lifted(view, plane, section, found)

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sim.grid import IntArray
-from sim.rays import fan, follow_fan
+from sim.rays import follow_fan
 from sim.room import Room
 from sim.sequences import solve_candidates
 from sonarhw.readings import FloatArray
@@ -63,14 +63,14 @@ def find_ways(
     targets: FloatArray,
     edges: NDArray[np.intp],
     longest: FloatArray,
-    rays: int,
+    directions: FloatArray,
     max_bounces: int,
 ) -> Ways:
     """Every way from `place` (2,) to targets (t, 2) that is no longer than their `longest` (t,) m.
 
-    Row 0 of the targets is the receiver, the others are the room's `edges` (t - 1,).
+    Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
+    `edges` (t - 1,).
     """
-    directions = fan(rays)
     touched, candidates = follow_fan(place, directions, room.surfaces, targets, longest, max_bounces)
     real, points, lengths, divergences = solve_candidates(
         place, directions, touched, candidates, targets, longest, room.surfaces
