@@ -287,6 +287,18 @@ def test_two_sections_hear_one_wall_once() -> None:
     assert paths.gains[paths.lengths < 5] == pytest.approx([0.9])
 
 
+def test_sender_and_receiver_side_by_side_hear_the_floor_and_far_apart_only_the_plan() -> None:
+    room, place = room_of(BOX), replace(HERE, position=(1.1, 0.7))
+    for apart, heard in ((0.026, True), (0.3, False)):
+        paths = paths_from(room, place, SEARCH, receiver=(1.1 + apart, 0.7))
+        lengths = {paths.via(k, room): float(paths.lengths[k]) for k in range(len(paths))}
+        assert lengths[("w[2]",)] == pytest.approx(math.hypot(2.6, apart))
+        assert (("floor", "w[2]") in lengths) is heard
+        if heard:
+            assert lengths[("floor", "w[2]")] == pytest.approx(math.hypot(2.6, 1.8, apart), abs=2e-4)
+            assert ("floor", "w[2]", "w[3]") in lengths
+
+
 def test_edges_that_only_a_section_sees_have_names() -> None:
     # the fence divides the outer corner of the box into wedges that bend nothing; above the fence there is no fence
     box = wall("box", (1.0, -0.5), (1.0, 0.5), (2.0, 0.5))
