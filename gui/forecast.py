@@ -20,6 +20,7 @@ from sonarhw.readings import Reading
 
 DRAFT_BOUNCES = 4
 OUTLINE_HEADINGS = 360
+_FIRST_LISTEN = 0.01  # s
 MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
 
 
@@ -50,6 +51,8 @@ class PathsRequest:
             headings = self.board.ring.headings(self.place)
         options = PredictionOptions(max_bounces=self.max_bounces)
         outline = predict_scan(self.room, self.place, self.board, headings, options)
+        # what a trace needs is compiled here, so that the window's thread never waits for it
+        outline.signal_at(0, _FIRST_LISTEN).envelope()
         return PathsFound(self.generation, outline.paths, outline, self.max_bounces < MAX_BOUNCES)
 
 
