@@ -41,10 +41,14 @@ class Bending:
 
         The way on is no shorter than the straight distance; 0 where not even that will do, inf where any will.
         """
-        # Keller's factor is over the paper's only near reflection, and seldom by more than this
-        margin = 3.0 if self.strength is EdgeStrength.KELLER else 1.0
-        z = self.wavelength * (margin / (math.tau * max(self.faintest, 1e-9))) ** 2
-        longest = np.where(2 * distances <= z, np.inf, z * distances / np.maximum(2 * distances - z, 1e-300))
+        if self.strength is EdgeStrength.KELLER:
+            # near reflection it grows without bound
+            return np.full(len(distances), np.inf)
+        z = self.wavelength / (math.tau * max(self.faintest, 1e-9)) ** 2
+        with np.errstate(divide="ignore"):
+            # 2 / z = 1 / s + 1 / s′
+            per_longest = 2 / z - 1 / distances
+        longest = np.where(per_longest > 0, 1 / np.maximum(per_longest, 1e-300), np.inf)
         return np.where(longest >= distances, longest, 0.0)
 
 
