@@ -140,11 +140,12 @@ def _inside_post(room: Room, place: FloatArray) -> bool:
 
 
 def _bending_edges(room: Room, source: FloatArray, ear: FloatArray, search: PathSearch) -> NDArray[np.intp]:
-    """The edges near enough to bend a path that is long enough and loud enough."""
+    """The edges in reach and near enough to bend a path that is long enough and loud enough."""
     if not search.diffraction:
         return np.empty(0, dtype=np.intp)
     longest = np.minimum(_longest_ways(room, ear, search), search.max_length)
-    return np.flatnonzero(np.hypot(*(room.edges.points - source).T) <= longest)
+    near = np.hypot(*(room.edges.points - source).T) <= longest
+    return np.flatnonzero(near & ~room.enclosures.shut_off(source))
 
 
 def _longest_ways(room: Room, ear: FloatArray, search: PathSearch) -> FloatArray:

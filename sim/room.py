@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from sim.air import Air
 from sim.edges import Edges, edges_on_walls, find_edges
+from sim.enclosures import Enclosures, find_enclosures
 from sim.grid import Listing, Surfaces, lay_grid
 from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
 from sim.toml_file import parse_toml, read_text
@@ -55,6 +56,11 @@ class Room:
     def surfaces(self) -> Surfaces:
         """Walls and posts as the kernels want them."""
         return lay_grid(self.walls, self.posts)
+
+    @cached_property
+    def enclosures(self) -> Enclosures:
+        """The closed chains of its walls."""
+        return find_enclosures(self.walls, self.edges)
 
     @cached_property
     def edges_on_walls(self) -> Listing:
