@@ -4,6 +4,7 @@ Takes what is shown; hands on which reading was clicked.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
@@ -19,6 +20,7 @@ from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import beam_wedge, bounce_labels, half_power_angle, outline_points, wall_lines
 from gui.reading_tip import reading_tip
 from gui.shown import Shown
+from sim.by_heading import standpoints
 from sim.room import Room
 from sonarhw.readings import FloatArray
 
@@ -66,10 +68,10 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
             points = outline_points(shown.outline) if shown.outline else np.empty((0, 2))
             self._outline.setData(*points.T)
         if before is None or not shown.same_readings(before):
-            position = shown.scene.standing.position
+            stands = partial(standpoints, shown.scene.board, shown.scene.standing)
             self._marks.draw(
                 {
-                    kind: (points, points_at(position, points.headings, points.ranges))
+                    kind: (points, points_at(stands(points.headings), points.headings, points.ranges))
                     for kind, points in shown.classes.items()
                 }
             )

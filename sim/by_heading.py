@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.board import Board
-from sim.mount import FACE, Stand, with_body, with_faces
+from sim.mount import FACE, Mount, Stand, with_body, with_faces
 from sim.paths import Paths
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray
@@ -69,10 +69,13 @@ def find_by_heading(
 def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
     """Where the listening transducer stands at `headings` (n,) rad in the room, (n, 2) float, m.
 
-    Raises InputError where the board is a ring and no sensor of it points along one of them.
+    For a ring, where a sensor would that points there.
     """
-    stands = [board.carrier.stand(place, float(heading)).receiver for heading in headings]
-    return np.array(stands, dtype=np.float64).reshape(-1, 2)
+    mount = board.mount if board.ring is None else Mount(ahead=board.ring.radius)
+    left = mount.aside - mount.separation / 2
+    cosines, sines = np.cos(headings), np.sin(headings)
+    aside = np.column_stack((mount.ahead * cosines - left * sines, mount.ahead * sines + left * cosines))
+    return np.asarray(aside + place.position)
 
 
 def _legs(listener: Stand, senders: tuple[Stand, ...], max_length: float, speed: float) -> Iterator[Leg]:

@@ -10,7 +10,6 @@ from enum import StrEnum
 import numpy as np
 
 from sim.board import Board, Receiver
-from sim.by_heading import standpoints
 from sim.paths import Paths
 from sim.prediction import PredictedScan, PredictionOptions, predict_scan, received_by, silent_scan, with_first_echoes
 from sim.rays import first_hit
@@ -86,7 +85,7 @@ def _range_error(seed: int, heading: float) -> float:
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
-    starts = standpoints(board, place, headings)
+    starts = np.array([board.carrier.stand(place, float(heading)).receiver for heading in headings])
     standing = standing_at(room, place.height)
     section = cut(room, standing)
     found = [_nearest_in(section, x, y, heading + cone) for (x, y), heading in zip(starts, headings, strict=True)]

@@ -127,7 +127,7 @@ def test_sender_and_receiver_apart_hear_a_wall_along_the_sides_of_a_triangle() -
     assert scan.levels_at(0)[scan.winners[0]] == pytest.approx(20 * math.log10(0.9 * float(one_way) ** 2), abs=1e-6)
 
 
-B12 = replace(PAPER, mount=Mount(ahead=0.152, body_radius=0.152), threshold_db=-60.0, max_range=2.0)
+B12 = replace(load_board("paper-b12"), max_range=2.0)
 
 
 def test_body_rattles_the_near_wall_until_blanking_ends_and_hides_the_far_one() -> None:

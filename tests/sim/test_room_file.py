@@ -154,7 +154,7 @@ def test_place_must_be_named_where_there_are_several() -> None:
 
 
 def test_unknown_board_lists_those_that_ship() -> None:
-    with pytest.raises(InputError, match="known: hc-sr04, lego-nxt, paper, polaroid-56, polaroid-6500"):
+    with pytest.raises(InputError, match="known: hc-sr04, lego-nxt, paper, paper-b12, polaroid-56, polaroid-6500"):
         load_board("nothing")
 
 
