@@ -17,7 +17,7 @@ from sim.sequences import solve_candidates
 from sonarhw.readings import FloatArray
 
 NEARLY = 1e-9  # m: lengths that come out a rounding error apart are equal
-_SAME = 1e-7  # m and rad: paths that agree so far in length and departure are one
+_SAME = 1e-7  # m and rad: paths that agree so far in length, departure and arrival are one
 
 
 @dataclass(frozen=True)
@@ -126,11 +126,29 @@ def _belongs_before(one: int, other: int, lengths: FloatArray, edges: IntArray, 
 
 @njit(cache=True)
 def _are_one(one: int, other: int, edges: IntArray, points: FloatArray) -> bool:
-    """Whether two paths of one length leave in one direction, by the same edge if any."""
+    """Whether two paths of one length leave in one direction and arrive in one, by the same edge if any."""
     if edges[one] != edges[other]:
         return False
-    ax, ay = points[one, 1, 0] - points[one, 0, 0], points[one, 1, 1] - points[one, 0, 1]
-    bx, by = points[other, 1, 0] - points[other, 0, 0], points[other, 1, 1] - points[other, 0, 1]
+    first, second = _last(points[one]), _last(points[other])
+    return _are_parallel(points[one], 0, points[other], 0) and _are_parallel(
+        points[one], first - 1, points[other], second - 1
+    )
+
+
+@njit(cache=True)
+def _last(corners: FloatArray) -> int:
+    """The last corner of a path; NaN lies behind it."""
+    last: int = corners.shape[0] - 1
+    while math.isnan(corners[last, 0]):
+        last -= 1
+    return last
+
+
+@njit(cache=True)
+def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
+    """Whether a leg of one path runs along a leg of the other; each is numbered by the corner it starts from."""
+    ax, ay = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]
+    bx, by = other[other_leg + 1, 0] - other[other_leg, 0], other[other_leg + 1, 1] - other[other_leg, 1]
     both = math.hypot(ax, ay) * math.hypot(bx, by)
-    alike: bool = abs(ax * by - ay * bx) <= _SAME * both and ax * bx + ay * by >= 0.0
-    return alike
+    parallel: bool = abs(ax * by - ay * bx) <= _SAME * both and ax * bx + ay * by >= 0.0
+    return parallel
