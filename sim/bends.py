@@ -188,5 +188,5 @@ def keller(one: float, other: float, n: float) -> float:
     bound = 1e-9  # beside the cap it makes no difference
     apart = apart if abs(apart) > bound else bound
     mirrored = mirrored if abs(mirrored) > bound else bound
-    strength: float = 2 * math.sin(math.pi / n) / n * abs(1 / apart + 1 / mirrored) / math.sqrt(2.0)
+    strength: float = 2 * abs(math.sin(math.pi / n) * (1 / apart + 1 / mirrored)) / n / math.sqrt(2.0)
     return strength

@@ -4,7 +4,6 @@ Takes walls and edges; hands on `Enclosures`, once a room. A closed room has an 
 to those would be sought for as long as all the rest.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -22,46 +21,82 @@ _BESIDE = 1e-6  # of a wall's length: how far from a corner its air is looked at
 
 
 @dataclass(frozen=True)
-class Chain:
-    """One closed chain of walls and the edges at its corners."""
-
-    walls: FloatArray  # (k, 4)
-    edges: NDArray[np.intp]  # (e,): rows in the room's edges
-    inside: BoolArray  # (e,): whether the air of each lies inside
-
-
-@dataclass(frozen=True)
 class Enclosures:
-    """The closed chains of a room."""
+    """The closed chains of a room, and the edges at their corners."""
 
-    chains: tuple[Chain, ...]
-    edges: int  # how many the room has
+    walls: FloatArray  # (w, 4): chain after chain
+    starts: NDArray[np.intp]  # (c,): first row of each chain in `walls`
+    edges: NDArray[np.intp]  # (e,): rows in the room's edges
+    chains: NDArray[np.intp]  # (e,): the chain of each
+    inside: BoolArray  # (e,): whether the air of each lies inside its chain
+    count: int  # of the room's edges
 
     def shut_off(self, point: FloatArray) -> BoolArray:
-        """Which of the room's edges have their air on the other side of a chain than `point` (2,), (edges,) bool."""
-        shut = np.zeros(self.edges, dtype=np.bool_)
-        for chain in self.chains:
+        """Which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
+        shut = np.zeros(self.count, dtype=np.bool_)
+        if len(self.starts):
+            within = np.add.reduceat(_passed(point[None], self.walls)[0].astype(np.intp), self.starts) % 2 == 1
             # on a wall there is no telling
-            if _distance(point, chain.walls) > MEETING:
-                shut[chain.edges] |= chain.inside != inside(point[None], chain.walls)[0]
+            apart = np.minimum.reduceat(_distances(point, self.walls), self.starts) > MEETING
+            shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
         return shut
 
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:
     """The closed chains of walls (n, 4) whose meeting ends have equal coordinates, each corner of two walls."""
     corners, at = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
-    ends = at.reshape(-1, 2)
-    chains = [walls[chain] for chain in _closed_chains(ends, len(corners)) if len(chain) <= _MOST_CORNERS]
-    return Enclosures(tuple(_with_edges(chain, edges) for chain in chains), len(edges))
+    chains = [chain for chain in _closed_chains(at.reshape(-1, 2), len(corners)) if len(chain) <= _MOST_CORNERS]
+    lengths = np.array([len(chain) for chain in chains], dtype=np.intp)
+    of_corner = {
+        corner: number for number, chain in enumerate(chains) for corner in map(tuple, walls[chain, :2].tolist())
+    } | {corner: number for number, chain in enumerate(chains) for corner in map(tuple, walls[chain, 2:].tolist())}
+    rows = [
+        (row, of_corner[corner]) for row, corner in enumerate(map(tuple, edges.points.tolist())) if corner in of_corner
+    ]
+    at_corners, chain_of = np.array(rows, dtype=np.intp).reshape(-1, 2).T
+    return Enclosures(
+        walls[np.array([wall for chain in chains for wall in chain], dtype=np.intp)].reshape(-1, 4),
+        np.cumsum(lengths) - lengths,
+        at_corners,
+        chain_of,
+        _air_inside(walls, chains, edges, at_corners, chain_of),
+        len(edges),
+    )
+
+
+def _air_inside(
+    walls: FloatArray,
+    chains: list[list[int]],
+    edges: Edges,
+    rows: NDArray[np.intp],
+    chain_of: NDArray[np.intp],
+) -> BoolArray:
+    middle = edges.starts[rows] + edges.openings[rows] / 2
+    aside = np.column_stack((np.cos(middle), np.sin(middle)))
+    within = np.zeros(len(rows), dtype=np.bool_)
+    # rows of one chain after those of another
+    order = np.argsort(chain_of, kind="stable")
+    bounds = np.searchsorted(chain_of[order], np.arange(len(chains) + 1))
+    for number, chain in enumerate(chains):
+        here = order[bounds[number] : bounds[number + 1]]
+        around = walls[chain]
+        shortest = np.hypot(around[:, 2] - around[:, 0], around[:, 3] - around[:, 1]).min()
+        within[here] = inside(edges.points[rows[here]] + _BESIDE * shortest * aside[here], around)
+    return within
 
 
 def inside(points: FloatArray, walls: FloatArray) -> BoolArray:
     """Which points (m, 2) a closed chain of walls (k, 4) goes round an odd number of times, (m,) bool."""
+    return np.asarray(_passed(points, walls).sum(axis=1) % 2 == 1)
+
+
+def _passed(points: FloatArray, walls: FloatArray) -> BoolArray:
+    """Which walls (k, 4) a ray from each point (m, 2) along x passes, (m, k) bool."""
     x, y = points[:, :1], points[:, 1:]
     x0, y0, x1, y1 = walls.T
     crosses = (y0 > y) != (y1 > y)
     rise = np.where(y1 == y0, 1.0, y1 - y0)
-    return np.asarray((crosses & (x < x0 + (y - y0) / rise * (x1 - x0))).sum(axis=1) % 2 == 1)
+    return np.asarray(crosses & (x < x0 + (y - y0) / rise * (x1 - x0)))
 
 
 def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
@@ -84,16 +119,8 @@ def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
             yield chain
 
 
-def _with_edges(walls: FloatArray, edges: Edges) -> Chain:
-    corners = {(x, y) for x, y in walls[:, :2].tolist()} | {(x, y) for x, y in walls[:, 2:].tolist()}
-    rows = np.array([k for k, (x, y) in enumerate(edges.points.tolist()) if (x, y) in corners], dtype=np.intp)
-    shortest = np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]).min()
-    middle = edges.starts[rows] + edges.openings[rows] / 2
-    beside = edges.points[rows] + _BESIDE * shortest * np.column_stack((np.cos(middle), np.sin(middle)))
-    return Chain(walls, rows, inside(beside, walls))
-
-
-def _distance(point: FloatArray, walls: FloatArray) -> float:
+def _distances(point: FloatArray, walls: FloatArray) -> FloatArray:
+    """Distance of a point (2,) to each wall (k, 4), (k,) m."""
     starts, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    return float(np.hypot(*(starts + share[:, None] * along - point).T).min(initial=math.inf))
+    return np.asarray(np.hypot(*(starts + share[:, None] * along - point).T))

@@ -133,7 +133,7 @@ def follow_fan(
         max_return = max(max_return, longest[target] + to_edge)
     spacing = directions[1] - directions[0]
     touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
-    candidates, found = np.empty((1024, 3), np.int32), 0
+    candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
     slots = np.full(4096, -1, np.int32)
     edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
     nearby = np.empty(targets.shape[0], np.int32)
@@ -156,16 +156,19 @@ def follow_fan(
                 tx, ty = targets[target, 0] - x, targets[target, 1] - y
                 ahead = tx * dx + ty * dy
                 near = ALLOWANCE * spacing * (width + opening * max(ahead, 0.0))
-                if not (-near <= ahead <= reach + near and abs(tx * dy - ty * dx) <= near):
+                aside = abs(tx * dy - ty * dx)
+                if not (-near <= ahead <= reach + near and aside <= near):
                     continue
                 if length + ahead > longest[target] + near:
                     continue
                 if found == candidates.shape[0]:
                     candidates = np.concatenate((candidates, np.empty_like(candidates)))
+                    misses = np.concatenate((misses, np.empty_like(misses)))
                 candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
-                found += _is_new(candidates[: found + 1], touched, slots)
+                misses[found] = aside / near
+                found += _enter(candidates[: found + 1], misses, touched, slots)
                 if found > _FULL * slots.shape[0]:
-                    slots = _grown(slots, candidates[:found], touched)
+                    slots = _grown(slots, candidates[:found], misses, touched)
 
             # stop where the path leaves the room, is long enough or can no longer come home in time
             length += distance
@@ -226,12 +229,19 @@ def _edges_along(
 
 
 @njit(cache=True, error_model="numpy")
-def _is_new(candidates: IntArray, touched: IntArray, slots: IntArray) -> bool:
-    """Whether no candidate before the last has its sequence and target; if so it is entered in the hash table."""
+def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
+    """Enter the last candidate in the hash table, unless one before it has its sequence and target.
+
+    Hands on whether it is new. Of alike ones the ray stays that passes nearest, in widths of its tube (`misses`): where
+    posts spread the tube, only from there is the exact path found.
+    """
     last = candidates.shape[0] - 1
     slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
     while slots[slot] >= 0:
-        if _alike(candidates[slots[slot]], candidates[last], touched):
+        known = slots[slot]
+        if _alike(candidates[known], candidates[last], touched):
+            if misses[last] < misses[known]:
+                candidates[known, 0], misses[known] = candidates[last, 0], misses[last]
             return False
         slot = (slot + 1) & (slots.shape[0] - 1)
     slots[slot] = last
@@ -239,10 +249,10 @@ def _is_new(candidates: IntArray, touched: IntArray, slots: IntArray) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _grown(slots: IntArray, candidates: IntArray, touched: IntArray) -> IntArray:
+def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
     larger = np.full(4 * slots.shape[0], -1, np.int32)
     for count in range(1, candidates.shape[0] + 1):
-        _is_new(candidates[:count], touched, larger)
+        _enter(candidates[:count], misses, touched, larger)
     return larger
 
 

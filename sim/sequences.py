@@ -20,7 +20,9 @@ BoolArray = NDArray[np.bool_]
 
 _ON_WALL = 1e-9  # m: how far beyond its end a wall may still be touched; a vertex counts as on both its walls
 _LEG_ENDS = 1e-8  # m: what touches a leg this near to its end is the surface it starts or ends on
-_ON_TARGET = 1e-12  # m
+_ON_TARGET = 1e-12  # of the length
+_NEAR_TARGET = 1e-7  # m
+_MOST_SHOTS = 60
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,13 +104,19 @@ def _refine(
 ) -> tuple[bool, float]:
     """Turn a ray until it goes through path[-1] after touching `sequence`; whether it does, and its divergence."""
     sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
-    for _ in range(30):
-        reached, miss, width, length = _shoot(path, direction, sequence, walls, posts)
+    step = 0.0
+    for _ in range(_MOST_SHOTS):
+        reached, miss, width, length = _shoot(path, direction + step, sequence, walls, posts)
         if not reached:
-            return False, 1.0
-        if abs(miss) <= _ON_TARGET * length:
-            return _touches_lie_on_walls(path, sequence, walls), width / length
-        direction += sign * miss / width
+            if step == 0.0:
+                return False, 1.0
+            # too far: past a post, or the path's end
+            step /= 2.0
+            continue
+        direction, step = direction + step, sign * miss / width
+        # where posts spread the tube so wide that the next direction is this one, no nearer is to be had
+        if abs(miss) <= _ON_TARGET * length or direction + step == direction:
+            return abs(miss) <= _NEAR_TARGET and _touches_lie_on_walls(path, sequence, walls), width / length
     return False, 1.0
 
 

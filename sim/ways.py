@@ -72,6 +72,7 @@ def find_ways(
     `edges` (t - 1,).
     """
     touched, candidates = follow_fan(place, directions, room.surfaces, targets, longest, max_bounces)
+    candidates = _with_straight_ways(candidates, len(targets))
     real, points, lengths, divergences = solve_candidates(
         place, directions, touched, candidates, targets, longest, room.surfaces
     )
@@ -84,6 +85,14 @@ def find_ways(
     leads_to = np.append(-1, edges).astype(np.int32)[target]
     ways = Ways(lengths[real], gains, surfaces, leads_to, bounces.astype(np.int32), points)
     return ways.select(np.flatnonzero(gains > 0))
+
+
+def _with_straight_ways(candidates: IntArray, targets: int) -> IntArray:
+    """The candidates and the straight way to every edge: in a sharp corner the rays beside it meet a wall too soon."""
+    bounces, target = candidates[:, 1], candidates[:, 2]
+    straight = np.zeros((targets - 1, 3), dtype=np.int32)
+    straight[:, 2] = np.arange(1, targets)
+    return np.vstack((straight, candidates[(bounces > 0) | (target == 0)]))
 
 
 def shortest_first(ways: Ways) -> Ways:

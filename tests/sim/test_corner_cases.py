@@ -122,7 +122,7 @@ def test_walls_that_reflect_all_take_nothing() -> None:
     assert found.gains == pytest.approx(np.ones(len(found)))
 
 
-@pytest.mark.parametrize("threshold", ["-60.0", "-90.0"])
+@pytest.mark.parametrize("threshold", ["-60.0", "-90.0", "-1e6"])
 def test_hardly_any_threshold_hears_what_there_is_and_no_silence(threshold: str) -> None:
     board = parse_board(
         f"""

@@ -86,6 +86,7 @@ CORNERS = (
     outer_corner(270, 110),
     outer_corner(270, 135),
     outer_corner(240, 120),
+    inner_corner(120, EDGE_AT, 100),
 )
 DIFFRACTED = (
     *PLATES,
