@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from compare.paper.drawing import MEASURED, PREDICTED, WALL, sheet
 from compare.paper.exhibit import Claim, Exhibit
 from compare.paper.scene import Scene
-from sim.prediction import Unit
+from sim.mount import Unit
 from sonarhw.readings import FloatArray
 
 _STRAIGHT = (0.0, 1.0, 1.0)

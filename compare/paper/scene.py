@@ -12,7 +12,9 @@ from importlib.resources import files
 
 from sim.board import Receiver, load_board
 from sim.models import Model, predict_with
-from sim.prediction import PredictedScan, PredictionOptions, Unit
+from sim.mount import Unit
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions
 from sim.room import Room, parse_room
 from sonarhw.readings import ScanOrder, headings_between
 

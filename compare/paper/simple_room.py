@@ -24,7 +24,7 @@ from compare.paper.exhibit import Claim, Exhibit
 from compare.paper.scene import Answer, Scene, ranges, span
 from compare.picture import draw_room
 from sim.board import Receiver
-from sim.prediction import Unit
+from sim.mount import Unit
 
 _ROUND = (0.0, 360.0, 3.0)
 FIGURE_7 = Scene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
