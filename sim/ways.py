@@ -106,7 +106,7 @@ def shortest_first(ways: Ways) -> Ways:
 def _order_and_keep(
     lengths: FloatArray, edges: IntArray, surfaces: IntArray, points: FloatArray, order: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Put equals within `order`, which is by length, in order of the room file; whether each is none of those before."""
+    """Put equals within `order`, which is by length, in order of the room file; whether each is new behind those."""
     # equals, to a nanometre, are few: put each where it belongs among them
     for k in range(1, order.shape[0]):
         j = k
