@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from cli import bench, compare, demo, fake, gui, import_csv, info, paths, ports, replay, scan, simulate
+from cli import bench, compare, demo, fake, figures, gui, import_csv, info, paths, ports, replay, scan, simulate
 from cli import log as log_command
 from sonarhw.errors import SonarError
 
@@ -35,6 +35,7 @@ app.command("monitor")(bench.monitor)
 app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)
+app.command("figures")(figures.figures)
 app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")

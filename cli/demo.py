@@ -9,8 +9,7 @@ import typer
 
 from cli.demo_room import PLACE, demo_room, demo_url
 from cli.gui import gui
-from cli.output import whole_file
-from sonarhw.errors import InputError
+from cli.output import make_folder, whole_file
 
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
 STEP_DEGREES = 3.0
@@ -47,10 +46,7 @@ def _without_a_window(room_file: Path, folder: Path) -> None:
     from cli.compare import compare_log, draw_comparison, summary_lines
     from cli.scan import scan
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror}; give another folder") from error
+    make_folder(folder)
     log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
     scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
     comparison = compare_log(log, room_file, PLACE)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from cli.options import STDOUT, is_special
-from sonarhw.errors import OutputError
+from sonarhw.errors import InputError, OutputError
 
 
 @contextmanager
@@ -67,6 +67,14 @@ def whole_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
     except OSError as error:
         free = "free some or " if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
         raise OutputError(f"{path}: {error.strerror or error}; {free}choose another {option}") from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for several files, if it is not there. Raises InputError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror}; give another folder") from error
 
 
 @contextmanager

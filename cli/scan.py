@@ -26,6 +26,7 @@ from cli.options import (
     scan_order,
 )
 from cli.output import standard_output
+from cli.progress import progress
 from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
@@ -195,7 +196,7 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
 
 
 def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interruption) -> None:
-    with _progress(wish.order.readings) as advance, _printed(wish, scanner, interrupted) as show:
+    with progress(wish.order.readings, "Scanning") as advance, _printed(wish, scanner, interrupted) as show:
         for reading in scanner.scan(wish.order):
             taken.count += 1
             taken.echoes += bool(reading.echo_times)
@@ -223,16 +224,3 @@ def _printed(wish: _Wish, scanner: "Scanner", interrupted: Interruption) -> Iter
     if wish.show:
         line(HEADER)
     yield show if wish.show else lambda reading: None
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[], None]]:
-    if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("Scanning", total=total)
-        yield lambda: bar.advance(task)

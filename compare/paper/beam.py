@@ -90,7 +90,7 @@ def _draw() -> Figure:
         times = (np.arange(len(pulse)) - len(pulse) / 2) / _RATE
         left.plot(times * 1e6, np.real(pulse) - 2.2 * row, color=PREDICTED, lw=0.8)
         left.text(-305, -2.2 * row, f"{degrees:g}°", fontsize=9, va="center")
-    left.set(xlabel="time (µs)", ylabel="pulse at the face, one way (each to the same scale)", xlim=(-320, 320))
+    left.set(xlabel="time (µs)", ylabel="pulse at the face, one way (all to one scale)", xlim=(-320, 320))
     left.set_yticks([])
     left.set_title("the pulse convolved with h_R", fontsize=11)
     _draw_losses(right)

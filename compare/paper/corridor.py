@@ -126,8 +126,7 @@ EXHIBITS = (
         "corridor",
         "Section 3: along a corridor",
         f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, a reading every "
-        f"{WALK[0].degrees[2]:g}°. The measures are ours. The command is that of the first place. The "
-        "colours below are cividis: readable in every kind of sight.",
+        f"{WALK[0].degrees[2]:g}°. The measures are ours. The command is that of the first place.",
         WALK[:1],
         _draw,
         (

@@ -4,6 +4,7 @@ Takes nothing but the model; hands on PNGs and the text of `figures.md`.
 """
 
 from io import BytesIO
+from textwrap import fill
 
 from compare.paper import beam, corners, corridor, laboratory, plates, rays, simple_room, single_reflections
 from compare.paper.exhibit import Claim, Exhibit
@@ -54,7 +55,7 @@ def page() -> str:
 
 
 def _section(exhibit: Exhibit) -> str:
-    lines = [f"## {exhibit.title}", "", exhibit.setting, ""]
+    lines = [f"## {exhibit.title}", "", fill(exhibit.setting, 118), ""]
     if exhibit.scenes:
         lines += ["```", *(scene.command for scene in exhibit.scenes), "```", ""]
     lines += [f"![{exhibit.title}]({picture_name(exhibit)})", ""]

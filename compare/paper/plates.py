@@ -73,7 +73,7 @@ def strongest_by_way_of_the_plate(scene: Scene = AT_45) -> Claim:
         "(d) plate at 45°: the strongest echo goes plate, far object, plate; a small earlier one comes straight from "
         "the plate",
         f"strongest {' > '.join(via)} at {scan.paths.lengths[strongest] / 2:.3f} m, {_level(late)}; before it the "
-        f"plate itself at {_PLATE[0]:g} to {_PLATE[1]:g} m, {_level(early)}",
+        f"plate itself at {scan.paths.lengths[0] / 2:.3f} m, {_level(early)}",
         via == ("plate", "cabinet", "plate") and _SILENCE < early < late / 10,
     )
 

@@ -64,6 +64,8 @@ class Scene:
             words.append(f"--receiver {self.receiver.value}")
         if self.model is not Model.RAY_FOLLOWING:
             words.append(f"--model {self.model.value}")
+        if self.seed is not None:
+            words.append(f"--seed {self.seed}")
         if self.reach is not None:
             words.append(f"  # here only to {self.reach:g} m")
         return " ".join(words)
