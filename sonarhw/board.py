@@ -7,10 +7,10 @@ its line could carry them. It is a `Device`: no thread, no port, no clock of its
 import math
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sonarhw.assembly import microdegrees_of, radians_of
-from sonarhw.conversation import Conversation, Refusing
+from sonarhw.conversation import Conversation, Failing, Refusing
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.line import Line
 from sonarhw.messages import (
@@ -33,7 +33,7 @@ from sonarhw.turntable import Turntable
 PING_PERIOD = 0.100  # s from start to start; turning and settling within
 MAX_LISTEN = 0.065  # s
 REACH = 720_000_000  # µdeg either way; the transducer's cable winds no further
-_MICROSTEPS = 3200
+MICROSTEPS = 3200
 _PATIENCE = 0.05  # s between two looks whether the echo source is ready
 
 
@@ -95,7 +95,7 @@ class Board(Conversation):
             board=me.profile,
             temperature=self.temperature(),
             trace_rate=me.trace_rate,
-            microsteps=_MICROSTEPS,
+            microsteps=MICROSTEPS,
         )
 
     def configure(self, wish: Configure, sequence: int) -> Settings:
@@ -112,8 +112,10 @@ class Board(Conversation):
 
     def homing(self, now: float) -> Iterator[float]:
         """Seek the zero mark; it needs no ears, so it does not wait for them."""
-        yield self._turntable.home(now)
-        self._turntable.found()
+        there = self._turntable.home(now)
+        yield there
+        if not self._turntable.found(there):
+            raise Failing("the zero mark was not found; does something hold the turntable?")
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises Refusing, at once."""
@@ -132,6 +134,16 @@ class Board(Conversation):
     def halt(self, now: float) -> None:
         """Stand still where it is."""
         self._turntable.halt(now)
+
+    # what can happen to it
+
+    def wedge(self, seconds: float) -> None:
+        """The turntable moves no more for that long, whatever steps it is given."""
+        self._turntable.wedge(self._now, self._now + seconds)
+
+    def slip(self, microsteps: float) -> None:
+        """The turntable misses that many microsteps of a way forwards."""
+        self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _check_angle(self, microdegrees: int) -> None:
         if not self._turntable.homed:
@@ -159,7 +171,7 @@ class Board(Conversation):
             self._hear(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
     def _hear(self, number: int, ping: Ping, fired: float, now: float) -> None:
-        heard = self._echoes.hear(ping)
+        heard = self._echoes.hear(replace(ping, angle=ping.angle + self._turntable.error(fired)))
         blanking = self._settings.blanking_us * 1e-6
         echoes = sorted(time for time in heard.echo_times if blanking <= time <= ping.listen)[:MAX_ECHOES]
         reading = ReadingMessage(

@@ -52,6 +52,10 @@ class Refusing(Exception):
         self.code, self.text = code, text
 
 
+class Failing(Exception):
+    """What was begun cannot be ended; the text says why."""
+
+
 @dataclass
 class _Action:
     """A home, turn or scan: running, or the last one that ran."""
@@ -81,6 +85,7 @@ class Conversation(ABC):
         self._action: _Action | None = None
         self._kept: deque[ReadingMessage] = deque(maxlen=KEPT_READINGS)
         self._made = 0
+        self.plug: int | None = 0
 
     # what a device fills in; times are s on its own clock
 
@@ -199,10 +204,11 @@ class Conversation(ABC):
     def _step(self, action: _Action, now: float) -> None:
         try:
             due = next(action.wakes, None)
-        except MessageError as error:
-            # settings under which a reading fits no message: the host hears of it, and the next one is served
+        except (MessageError, Failing) as error:
+            # settings under which a reading fits no message, too: the host hears of it, and the next one is served
             self.halt(now)
-            self._finish(action, Outcome.FAULT, now, f"reading {self._made}: {error}")
+            where = f"reading {self._made}: " if isinstance(error, MessageError) else ""
+            self._finish(action, Outcome.FAULT, now, f"{where}{error}")
             return
         if due is None:
             self._finish(action, Outcome.DONE, now)

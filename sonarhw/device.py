@@ -9,6 +9,9 @@ from typing import Protocol
 class Device(Protocol):
     """Something that answers as a scanner."""
 
+    plug: int | None
+    """Which socket of the host its cable is in, counted from 0; None while it is in none."""
+
     @property
     def busy(self) -> bool:
         """Whether it homes, turns or scans; an idle device has only heartbeats to send."""
