@@ -17,8 +17,9 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.truth import RoomEchoes
-    from sonarhw.board import Board as FakeBoard
+    from sonarhw.device import Device
     from sonarhw.endpoint import Pace
+    from sonarhw.faults import Faults
     from sonarhw.scanner import Scanner
 
 ScannerUrl = Annotated[
@@ -26,7 +27,7 @@ ScannerUrl = Annotated[
 ]
 LOOPBACK = "127.0.0.1:0"
 FAKE = "fake:"
-_FAKE_KEYS = ("place", "board", "seed", "pace")
+_FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
 
 
 @contextmanager
@@ -61,7 +62,9 @@ def read_pace(text: str) -> "Pace":
         return check_pace(text)  # type: ignore[arg-type]  # whether it is one of the two words is what is checked
 
 
-def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tuple[FakeBoard, RoomEchoes]":
+def fake_device(
+    room_file: Path, place: str | None, board: str, seed: int, faults: "Faults"
+) -> "tuple[Device, RoomEchoes]":
     """A fake board that hears the room in `room_file`, and its ears, on which `prepare` is to be called.
 
     Raises InputError where room, place or board is wrong.
@@ -73,10 +76,16 @@ def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tu
     here, profile = room.place(place), load_board(board)
     from sim.truth import RoomEchoes
     from sonarhw.board import Board, BoardIdentity
+    from sonarhw.faults import NO_FAULTS
+    from sonarhw.faulty import FaultyDevice, afflicted
 
     echoes = RoomEchoes(room, here, profile, seed)
-    identity = BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name)
-    return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready), echoes
+    identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
+
+    def switched_on(boots: int) -> Board:
+        return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready)
+
+    return switched_on(0) if faults == NO_FAULTS else FaultyDevice(switched_on, faults, seed), echoes
 
 
 @dataclass(frozen=True)
@@ -88,10 +97,13 @@ class FakeUrl:
     board: str
     seed: int
     pace: "Pace"
+    faults: "Faults"
 
 
 def read_fake_url(url: str) -> FakeUrl:
     """The wishes in `fake:ROOM?place=NAME&seed=1`. Raises InputError for one that is not known or makes no sense."""
+    from sonarhw.faults import read_faults
+
     room_file, _, query = url.removeprefix(FAKE).partition("?")
     if not room_file:
         raise InputError(f"{url}: names no room; expected fake:ROOM.toml?place=NAME")
@@ -104,6 +116,7 @@ def read_fake_url(url: str) -> FakeUrl:
         board=wishes.get("board", DEFAULT_BOARD),
         seed=read_seed(wishes.get("seed", "0")),
         pace=read_pace(wishes.get("pace", "real")),
+        faults=read_faults(wishes.get("faults", "")),
     )
 
 
@@ -113,9 +126,9 @@ def _fake(url: str) -> Iterator[str]:
 
     wish = read_fake_url(url)
     _check_place(url, wish)
-    board, echoes = fake_board(wish.room_file, wish.place, wish.board, wish.seed)
+    device, echoes = fake_device(wish.room_file, wish.place, wish.board, wish.seed, wish.faults)
     echoes.prepare()
-    with serve(board, tcp=LOOPBACK, pace=wish.pace) as endpoint:
+    with serve(device, tcp=LOOPBACK, pace=wish.pace) as endpoint:
         yield endpoint.url
 
 
