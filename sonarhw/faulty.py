@@ -46,6 +46,7 @@ class FaultyDevice:
         self._pings = _Pings()
         self._waiting = [event for event in faults.events if isinstance(event.when, AfterPings)]
         self._wedged_until = self._babbles_until = self._stalled_until = -math.inf
+        self._stalled = False
         self._held_up, self._held_down = bytearray(), bytearray()
         self._leaving = bytearray()
         self.plug: int | None = 0
@@ -62,7 +63,7 @@ class FaultyDevice:
         self._pass_time(now)
         if self.plug is None:
             return
-        if now < self._stalled_until:
+        if self._stalled:
             self._held_down += data
         else:
             self._hear(data, now)
@@ -134,17 +135,17 @@ class FaultyDevice:
 
     def _say(self, data: bytes, now: float) -> None:
         if data and now >= self._babbles_until:
-            self._send(data, now)
+            self._send(data)
         if self._waiting and data:
             self._pings.count(data)
             for event in [event for event in self._waiting if event.when.count <= self._pings.told]:  # type: ignore[union-attr]
                 self._waiting.remove(event)
                 self._strike(event, now)
 
-    def _send(self, data: bytes, now: float) -> None:
+    def _send(self, data: bytes) -> None:
         if self.plug is None:
             return
-        (self._held_up if now < self._stalled_until else self._leaving).extend(self._up.damage(data))
+        (self._held_up if self._stalled else self._leaving).extend(self._up.damage(data))
 
     # faults
 
@@ -167,7 +168,7 @@ class FaultyDevice:
         until = now + event.size
         match event.kind:
             case Kind.STALL:
-                self._stalled_until = max(self._stalled_until, until)
+                self._stalled, self._stalled_until = True, max(self._stalled_until, until)
                 self._at(until, self._flow)
             case Kind.RESET:
                 self._board = None
@@ -187,6 +188,7 @@ class FaultyDevice:
     def _flow(self, now: float) -> None:
         if now < self._stalled_until:
             return
+        self._stalled = False
         self._leaving += self._held_up
         self._held_up.clear()
         data = bytes(self._held_down)
@@ -205,7 +207,7 @@ class FaultyDevice:
 
     def _babble(self, now: float) -> None:
         if now < self._babbles_until:
-            self._send(_nonsense(self._chance), now)
+            self._send(_nonsense(self._chance))
             self._at(now + _BABBLE, self._babble)
 
     def _pull(self, event: Event, now: float) -> None:
