@@ -6,16 +6,23 @@ Takes messages with the time they were made; hands on the bytes that have left b
 from collections import deque
 
 from sonarhw.frames import Frame, encode_frame
-from sonarhw.messages import Message
+from sonarhw.messages import PROTOCOL_MINOR, Message
 
-BYTE_TIME = 10 / 1_000_000  # s: eight bits, start and stop at 1 000 000 baud
+BITS = 10  # of a byte on the line: eight, start and stop
+BYTE_TIME = BITS / 1_000_000  # s
 
 
 class Line:
-    """Frames leave one after another, each when its last byte could have."""
+    """Frames leave one after another, each when its last byte could have.
 
-    def __init__(self, byte_time: float = BYTE_TIME) -> None:
-        self._byte_time = byte_time  # s
+    A line with `bauds` starts at the lowest of them, one without has a speed that nobody sets.
+    """
+
+    def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
+        self.bauds = bauds
+        self.first_baud = self.baud = min(bauds, default=0)
+        self.minor = PROTOCOL_MINOR  # version of the protocol that is sent
+        self._byte_time = byte_time  # s, of a line without bauds
         self._queue: deque[tuple[float, bytes]] = deque()
         self._sequence = 0
         self.free = 0.0  # when the last frame sent has left, s
@@ -23,9 +30,9 @@ class Line:
 
     def send(self, message: Message, now: float) -> None:
         """Queue a message; its frame carries the time it was made."""
-        wire = encode_frame(Frame(message.TYPE, self._sequence, round(now * 1e6), message.pack()))
+        wire = encode_frame(Frame(message.TYPE, self._sequence, round(now * 1e6), message.pack(self.minor)))
         self._sequence = (self._sequence + 1) % 0x10000
-        self.free = max(now, self.free) + len(wire) * self._byte_time
+        self.free = max(now, self.free) + len(wire) * (BITS / self.baud if self.baud else self._byte_time)
         self._queue.append((self.free, wire))
         self.waiting += len(wire)
 

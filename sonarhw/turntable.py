@@ -23,6 +23,8 @@ class Turntable:
     def __init__(self, stands: float) -> None:
         """`stands`: where it points at power-on, rad; it does not know that itself."""
         self.homed = False
+        self.speed = SPEED  # rad/s
+        self.settling = SETTLING
         self._from = self._to = stands
         self._start = self._arrival = 0.0
         self._slipped = 0.0  # how far it truly stands from where it believes, rad
@@ -47,8 +49,8 @@ class Turntable:
 
     def turn(self, angle: float, now: float) -> float:
         """Turn to `angle`; the time when it stands still there, s."""
-        arrival = self._move(angle, now, SPEED)
-        return arrival + SETTLING if arrival > now else now
+        arrival = self._move(angle, now, self.speed)
+        return arrival + self.settling if arrival > now else now
 
     def halt(self, now: float) -> None:
         """Stand still where it is."""
