@@ -32,9 +32,9 @@ class Link:
         _check_url(url)
         self.url = url
         try:
-            self._port = serial.serial_for_url(
-                url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=WRITE_WITHIN
-            )
+            # pyserial's rfc2217 knows no such timeout
+            patience = None if url.startswith("rfc2217://") else WRITE_WITHIN
+            self._port = serial.serial_for_url(url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=patience)
             # a rising DTR resets many boards
             self._port.dtr = False
             if os.name == "posix" and "://" not in url:
