@@ -5,7 +5,7 @@ Takes the URL as it was typed; hands on one that pyserial opens, or the opened s
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qsl
@@ -83,7 +83,8 @@ def fake_device(
     identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
 
     def switched_on(boots: int) -> Board:
-        return Board(echoes, seed, profile.blanking, identity, ready=lambda: echoes.ready)
+        me = replace(identity, boot=1 + boots)
+        return Board(echoes, seed, profile.blanking, me, ready=lambda: echoes.ready)
 
     return switched_on(0) if faults == NO_FAULTS else FaultyDevice(switched_on, faults, seed), echoes
 

@@ -4,11 +4,12 @@ import math
 import re
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sonarhw.board import Board
+from sonarhw.board import Board, BoardIdentity
 from sonarhw.driver import Driver
 from sonarhw.endpoint import Endpoint, serve
 from sonarhw.errors import Incompatible, InputError, LinkError, LinkLost, SonarError
@@ -28,9 +29,12 @@ MICROSTEP = math.tau / 3200
 def faulty(spec: str, seed: int = 1) -> FaultyDevice:
     """A board under these faults."""
     faults = read_faults(spec)
-    board = Board(PlainEchoes(), seed=7)
-    identity = afflicted(board._identity, faults)
-    return FaultyDevice(lambda boots: Board(PlainEchoes(), seed=7, identity=identity), faults, seed)
+    identity = afflicted(BoardIdentity(), faults)
+
+    def switched_on(boots: int) -> Board:
+        return Board(PlainEchoes(), seed=7, identity=replace(identity, boot=1 + boots))
+
+    return FaultyDevice(switched_on, faults, seed)
 
 
 def joined_with(spec: str) -> Joined:
