@@ -36,7 +36,9 @@ from sonarhw.recorder import Recorder
 
 ANSWER_WITHIN = 0.5  # s, then the command is sent again
 TRIES = 6
-SILENCE = 3.0  # s without a byte; heartbeats come every 0.25 s
+SILENCE = 0.75  # s without a byte; heartbeats come every 0.25 s
+NOTHING_SOUND = 3.0  # s without a sound frame
+SIGN_OF_LIFE = 0.5  # s after which the host says something, so that the device does not let go
 ASK_AGAIN = 0.3  # s after a Resend was accepted
 ASKS = 20  # for one stretch of readings, or for one Finished
 _ACTIONS = (Home, Turn, StartScan)

@@ -15,7 +15,8 @@ from serial.serialutil import SerialException
 
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkLost
 
-BAUD = 1_000_000
+BAUD = 250_000  # after every start of a device; exact on a chip of 16 MHz
+BOOTLOADER = 2.0  # s in which a board that opening the port has reset listens for a new program
 WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
 _MOST = 4096  # bytes a read returns
