@@ -26,11 +26,45 @@ def url(request: pytest.FixtureRequest) -> Iterator[str]:
             yield served
 
 
+class OpenLink:
+    """One link for many tests: opening one takes long on some lines."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self._link: Link | None = None
+
+    def link(self) -> Link:
+        """The link, open."""
+        if self._link is None:
+            self._link = Link(self.url)
+        return self._link
+
+    def close(self) -> None:
+        """Leave the line to somebody else."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+
+@pytest.fixture(scope="session")
+def open_link(url: str) -> Iterator[OpenLink]:
+    """The link that tests share."""
+    shared = OpenLink(url)
+    yield shared
+    shared.close()
+
+
 @pytest.fixture
-def talk(url: str) -> Iterator[Talk]:
+def talk(open_link: OpenLink) -> Iterator[Talk]:
     """A conversation with the scanner, after its greeting."""
-    with Link(url) as link:
-        talk = Talk(link)
-        talk.greet()
-        yield talk
-        talk.stop()
+    talk = Talk(open_link.link())
+    talk.greet()
+    yield talk
+    talk.stop()
+
+
+@pytest.fixture
+def free_url(open_link: OpenLink) -> str:
+    """Where the scanner is, with nobody on the line."""
+    open_link.close()
+    return open_link.url

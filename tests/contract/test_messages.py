@@ -379,8 +379,8 @@ def test_frames_are_counted_and_its_clock_never_runs_backwards(talk: Talk) -> No
     assert talk.rejected == []
 
 
-def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_anew(url: str) -> None:
-    with Link(url) as link:
+def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_anew(free_url: str) -> None:
+    with Link(free_url) as link:
         talk = Talk(link)
         talk.greet()
         talk.home()
@@ -430,8 +430,8 @@ def test_rubbish_is_dropped_in_silence_and_the_next_command_is_whole(talk: Talk,
     assert others == []
 
 
-def test_a_client_that_went_in_the_middle_of_a_frame_does_not_spoil_the_greeting_of_the_next(url: str) -> None:
-    with Link(url) as link:
+def test_a_client_that_went_in_the_middle_of_a_frame_does_not_spoil_the_greeting_of_the_next(free_url: str) -> None:
+    with Link(free_url) as link:
         link.write(cut_off())
-    with Link(url) as link:
+    with Link(free_url) as link:
         assert isinstance(Talk(link).greet(), Info)
