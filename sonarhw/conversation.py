@@ -108,6 +108,7 @@ class Conversation(ABC):
         self._kept: deque[ReadingMessage] = deque(maxlen=KEPT_READINGS)
         self._made = 0
         self.plug: int | None = 0
+        self.hurry = 1.0
 
     # what a device fills in; times are s on its own clock
 
@@ -251,8 +252,8 @@ class Conversation(ABC):
     def _deaf_at(self) -> float | None:
         """When the silence of the host has a consequence."""
         if self._former_baud is not None:
-            return self._heard + UNHEARD
-        return self._heard + HOST_SILENCE if self._greeted and self._watches else None
+            return self._heard + UNHEARD * self.hurry
+        return self._heard + HOST_SILENCE * self.hurry if self._greeted and self._watches else None
 
     def _work(self, now: float) -> None:
         while (due := self._wake()) is not None and due <= now:

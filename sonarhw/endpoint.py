@@ -36,14 +36,14 @@ class Clock:
     def __init__(self, pace: Pace) -> None:
         self.now = 0.0
         self.free = pace == "max"
-        self._speed = pace if isinstance(pace, float | int) else 1.0
+        self.speed = pace if isinstance(pace, float | int) else 1.0
         self._last = time.monotonic()
 
     def tick(self, held: bool) -> None:
         """Let real time pass; `held`: it does not count."""
         real = time.monotonic()
         if not held:
-            self.now += min(real - self._last, _LONGEST_STEP) * self._speed
+            self.now += min(real - self._last, _LONGEST_STEP) * self.speed
         self._last = real
 
     def skip_to(self, event: float) -> None:
@@ -52,7 +52,7 @@ class Clock:
 
     def real_until(self, event: float) -> float:
         """Real time until `event`, s."""
-        return max(0.0, event - self.now) / self._speed
+        return max(0.0, event - self.now) / self.speed
 
 
 def check_pace(pace: Pace) -> Pace:
@@ -74,6 +74,7 @@ class Endpoint:
         self._moved = moved
         self._plug = device.plug
         self._clock = Clock(check_pace(pace))
+        device.hurry = math.inf if self._clock.free else max(1.0, self._clock.speed)
         self._pending = b""
         self._stopping = False
         self._waker, self._wake = socket.socketpair()

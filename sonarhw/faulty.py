@@ -50,8 +50,20 @@ class FaultyDevice:
         self._held_up, self._held_down = bytearray(), bytearray()
         self._leaving = bytearray()
         self.plug: int | None = 0
+        self._hurry = 1.0
 
     # Device
+
+    @property
+    def hurry(self) -> float:
+        """How many times faster than real its time passes."""
+        return self._hurry
+
+    @hurry.setter
+    def hurry(self, factor: float) -> None:
+        self._hurry = factor
+        if self._board is not None:
+            self._board.hurry = factor
 
     @property
     def busy(self) -> bool:
@@ -199,6 +211,7 @@ class FaultyDevice:
         if self._board is None:
             self._boots += 1
             self._board = self._make_board(self._boots)
+            self._board.hurry = self._hurry
             self._wedge(now)
 
     def _wedge(self, now: float) -> None:

@@ -4,7 +4,7 @@ A reading is what one ping gave; a scan order says which pings to make. Nothing 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -17,9 +17,10 @@ FloatArray: TypeAlias = NDArray[np.float64]
 class Trace:
     """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale."""
 
-    samples: FloatArray  # (n,), 0..1
+    samples: FloatArray  # (n,), 0..1; of a carrier −1..1
     rate: float  # Hz
     start: float  # s from the start of transmission to the first sample
+    carrier: bool = False  # the signal itself rather than its envelope
 
     @property
     def times(self) -> FloatArray:
@@ -35,11 +36,12 @@ class Reading:
     sweep: int
     ping: int  # counts from 0 at each heading
     angle: float  # turntable angle, rad
-    time: float  # s on the device's clock, start of transmission
+    time: float  # s on the device's clock, start of transmission; goes on where the device was reset
     echo_times: tuple[float, ...]  # s after the start of transmission, earliest first; empty: no echo
     speed_of_sound: float  # m/s
     temperature_c: float | None = None
     trace: Trace | None = None
+    host_time: float | None = field(default=None, compare=False)  # `time` on the host's clock, s since the epoch
 
     @property
     def echo_ranges(self) -> tuple[float, ...]:

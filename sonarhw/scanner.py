@@ -18,9 +18,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from sonarhw.assembly import degrees_c, microdegrees_of
-from sonarhw.driver import Command, Driver, LinkStatistics, raise_if_refused
+from sonarhw.driver import Command, Driver, raise_if_refused
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkError, LinkLost, NoAnswer, SonarError
 from sonarhw.link import Link
+from sonarhw.link_statistics import LinkStatistics
 from sonarhw.messages import (
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,

@@ -126,6 +126,6 @@ class Joined:
 
     def greet(self, trace: bool = False) -> None:
         """Greet, configure and home."""
-        self.ask(Hello(1, 0))
+        self.ask(Hello(1, 1))
         self.ask(Configure(62_500, 2_380, int(trace), 343_200))
         self.act(Home())

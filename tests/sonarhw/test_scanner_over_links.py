@@ -191,7 +191,7 @@ def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serv
 
 def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
     board = Board(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
-    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.0"):
+    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
         Scanner.open(endpoint.url)
 
 
@@ -199,6 +199,8 @@ def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
     board = Board(PlainEchoes(), identity=BoardIdentity(minor=9))
     with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.protocol == (1, 9)
+        scanner.home()
+        check_scan(list(scanner.scan(ORDER)))
 
 
 def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
