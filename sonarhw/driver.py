@@ -189,7 +189,7 @@ class Driver:
         """Take bytes from the device; `arrived` is when, where that was before `now`.
 
         Damaged and unknown frames are counted and dropped. Raises NoAnswer where the device is idle again and does
-        not say how what it did has ended, DeviceReset where it has started anew.
+        not say how what it did has ended or where nothing but rubbish comes, DeviceReset where it has started anew.
         """
         self._heard = now
         self._arrived = now if arrived is None else arrived
@@ -200,6 +200,7 @@ class Driver:
             else:
                 self._sound = now
                 self._take(item, now)
+        self._complain_of_silence(now)
         self._ask_for_missing(now)
         self._show_life(now)
 
