@@ -189,7 +189,7 @@ class Driver:
         """Take bytes from the device; `arrived` is when, where that was before `now`.
 
         Damaged and unknown frames are counted and dropped. Raises NoAnswer where the device is idle again and does
-        not say how what it did has ended or where nothing but rubbish comes, DeviceReset where it has started anew.
+        not say how what it did has ended, DeviceReset where it has started anew.
         """
         self._heard = now
         self._arrived = now if arrived is None else arrived
@@ -200,12 +200,10 @@ class Driver:
             else:
                 self._sound = now
                 self._take(item, now)
-        self._complain_of_silence(now)
         self._ask_for_missing(now)
-        self._show_life(now)
 
     def advance(self, now: float) -> None:
-        """Do what is due: repeat commands, ask for readings. To be called when no bytes are waiting to be received.
+        """Do what is due: repeat commands, ask for readings. To be called when all bytes that wait have been received.
 
         Raises NoAnswer where the device stayed silent or left a command unanswered for too long. Where bytes wait that
         nobody takes, `hold` is to be called instead.

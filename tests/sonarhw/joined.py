@@ -93,8 +93,7 @@ class Joined:
         to_driver = self.up(self.board.advance(self.now))
         if to_driver:
             self.driver.receive(to_driver, self.now)
-        else:
-            self.driver.advance(self.now)
+        self.driver.advance(self.now)
         self.readings += self.driver.readings()
 
     def until(self, done: Callable[[], bool], within: float = 60.0) -> None:
