@@ -22,11 +22,13 @@ from sonarhw.messages import (
     ConfigureTurntable,
     Feature,
     Info,
+    Outcome,
     ReadingMessage,
     Refusal,
     Settings,
     StartScan,
     State,
+    Statistics,
     TraceKind,
     Turn,
     TurntableSettings,
@@ -76,6 +78,7 @@ class Board(Conversation):
         self._ready = ready
         self._identity = me
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
+        self._lost_steps = 0  # microsteps
         self._next_ping = 0.0  # s; not before that, so that the echoes of the last one have died
         self._settings = Settings(0, round(MAX_LISTEN * 1e6), round(blanking * 1e6), 0, 343_200)
 
@@ -113,7 +116,7 @@ class Board(Conversation):
     def capabilities(self, sequence: int) -> Capabilities:
         """What it can."""
         rate = self._identity.trace_rate
-        features = Feature.HOME_MARK | Feature.BLANKING | Feature.REARM
+        features = Feature.HOME_MARK | Feature.LOST_STEPS | Feature.BLANKING | Feature.REARM
         features |= Feature.ENVELOPE if rate else Feature(0)
         features |= Feature(0) if self._echoes.temperature_c is None else Feature.THERMOMETER
         return Capabilities(
@@ -190,7 +193,7 @@ class Board(Conversation):
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises Refusing, at once."""
         self._check_angle(order.angle)
-        return iter([self._turntable.turn(radians_of(order.angle), now)])
+        return self._turn(radians_of(order.angle), now)
 
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
         """How many readings will come, and the scan. Raises Refusing, at once."""
@@ -201,6 +204,10 @@ class Board(Conversation):
         scan = ScanOrder(radians_of(order.start), radians_of(order.step), order.headings, order.sweeps, order.pings)
         last = order.first + order.count if order.count else scan.readings
         return scan.readings, self._scan(scan, range(order.first, last), now)
+
+    def statistics(self, sequence: int) -> Statistics:
+        """What it has counted."""
+        return replace(super().statistics(sequence), lost_steps=self._lost_steps)
 
     def halt(self, now: float) -> None:
         """Stand still where it is."""
@@ -226,6 +233,19 @@ class Board(Conversation):
                 f"{microdegrees / 1e6:.9g} degrees; the cable winds from -{reach:g} to {reach:g} degrees",
             )
 
+    def _turn(self, angle: float, now: float) -> Iterator[float]:
+        there = self._turntable.turn(angle, now)
+        yield there
+        self._check_mark(there)
+
+    def _check_mark(self, now: float) -> None:
+        if self._turntable.mark_misplaced(now):
+            lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
+            self._lost_steps += lost
+            self._turntable.homed = False
+            text = f"the zero mark came {lost} microsteps out of its place; does something hold the turntable?"
+            raise Failing(text, Outcome.LOST_STEPS)
+
     def _scan(self, scan: ScanOrder, numbers: range, now: float) -> Iterator[float]:
         while not self._ready():
             now += _PATIENCE
@@ -235,6 +255,7 @@ class Board(Conversation):
             sweep, angle, ping = scan.ping_at(number)
             fire = max(self._turntable.turn(angle, now), self._next_ping)
             yield fire
+            self._check_mark(fire)
             # counted from the ping itself, in the whole µs in which it is told, and across scans
             self._next_ping = round(fire, 6) + PING_PERIOD
             now = fire + listen

@@ -73,6 +73,10 @@ class Refusing(Exception):
 class Failing(Exception):
     """What was begun cannot be ended; the text says why."""
 
+    def __init__(self, text: str, outcome: Outcome = Outcome.FAULT) -> None:
+        super().__init__(text)
+        self.outcome = outcome
+
 
 @dataclass
 class _Action:
@@ -288,7 +292,8 @@ class Conversation(ABC):
             # settings under which a reading fits no message, too: the host hears of it, and the next one is served
             self.halt(now)
             where = f"reading {self._made}: " if isinstance(error, MessageError) else ""
-            self._finish(action, Outcome.FAULT, now, f"{where}{error}")
+            outcome = error.outcome if isinstance(error, Failing) else Outcome.FAULT
+            self._finish(action, outcome, now, f"{where}{error}")
             return
         if due is None:
             self._finish(action, Outcome.DONE, now)

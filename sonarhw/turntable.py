@@ -12,6 +12,7 @@ import math
 SPEED = math.pi  # rad/s
 HOMING_SPEED = 2 * SPEED
 SETTLING = 0.020  # s after a move
+_EXACT = 1e-6  # rad; far less than a microstep
 
 
 class Turntable:
@@ -62,6 +63,13 @@ class Turntable:
         """How far it truly stands from where it believes, rad; 0 while no step was missed."""
         self._come_loose(now)
         return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
+
+    def mark_misplaced(self, now: float) -> bool:
+        """Whether the zero mark came out of its place, or not at all, on the way it was sent last."""
+        error = self.error(now)
+        believed = self._from, self._to
+        true = self._from + error, self._to + error
+        return abs(error) > _EXACT and any(min(way) <= _EXACT and max(way) >= -_EXACT for way in (believed, true))
 
     def slip(self, angle: float) -> None:
         """Miss steps: from now on it stands `angle` (rad) from where it believes."""

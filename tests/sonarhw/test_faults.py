@@ -17,7 +17,7 @@ from sonarhw.faults import KNOWN, AfterPings, At, Event, Faults, Kind, NowAndThe
 from sonarhw.faulty import FaultyDevice, Noise, afflicted
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.link import Link
-from sonarhw.messages import Hello, Home, Outcome, StartScan, Turn
+from sonarhw.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
 from sonarhw.scanner import Scanner
 from tests.sonarhw.joined import Joined
 from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
@@ -172,6 +172,25 @@ def test_missed_steps_are_heard_although_the_board_does_not_know_of_them_until_i
     joined.act(Home())
     for reading in joined.scan(StartScan(0, 2_000_000, 10, 1, 1)):
         assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("fault", ["slip=100@r5", "slip=-3@r5", "wedge=0.2@r5", "wedge@r5"])
+def test_missed_steps_are_found_at_the_zero_mark_and_the_scan_ends_there(fault: str) -> None:
+    joined = joined_with(fault)
+    joined.greet()
+    scan = joined.ask(StartScan(-10_000_000, 2_000_000, 12, 4, 1))
+    joined.until(lambda: scan.finished is not None)
+    assert scan.finished is not None
+    # each sweep passes the mark once; what came before is known to be right up to the mark passed before that
+    assert scan.finished.outcome == Outcome.LOST_STEPS
+    assert scan.finished.readings <= 5 + 12
+    assert "out of its place" in scan.finished.text
+    refused = joined.ask(Turn(0)).answer
+    assert isinstance(refused, Refused)
+    assert refused.code == Refusal.NOT_HOMED
+    statistics = joined.ask(AskStatistics()).answer
+    assert isinstance(statistics, Statistics)
+    assert statistics.lost_steps > 0
 
 
 def test_a_turntable_that_comes_loose_has_missed_the_steps_it_was_given() -> None:
