@@ -9,7 +9,7 @@ import typer
 
 from cli.log_input import LogFile, open_log
 from cli.numbers import counted
-from cli.options import DEFAULT_BOARD, Force, PlaceName, checked_out
+from cli.options import Force, PlaceName, checked_out
 from cli.output import whole_file
 from cli.simulate import ModelChoice, Receiver
 from sonarhw.errors import InputError
@@ -60,6 +60,7 @@ def compare_log(
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from compare.fit import fit_scan
     from compare.match import compare_readings
+    from compare.recorded_board import board_of_log
     from sim.board import load_board
     from sim.models import Model
     from sim.room import load_room
@@ -68,7 +69,7 @@ def compare_log(
     log = open_log(log_file)
     room = room or _recorded_room(log_file, log.metadata)
     here = room.place(place if place is not None else _recorded_place(log.metadata, room))
-    chosen = load_board(board or log.metadata.board or DEFAULT_BOARD)
+    chosen = load_board(board) if board else board_of_log(log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     heading, offset = here.heading, 0.0

@@ -26,12 +26,12 @@ from cli.options import (
     scan_order,
 )
 from cli.output import standard_output
-from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer
+from sonarhw.errors import InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
 if TYPE_CHECKING:
     from sim.board import Board
-    from sonarhw.log import LogMetadata
+    from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.scanner import Scanner
 
 DEFAULT_TEMPERATURE = 20.0  # °C
@@ -129,12 +129,12 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
     from sonarhw.log import LogWriter
 
     board = _board(scanner, wish)
-    metadata = replace(metadata, board=board.name)
+    metadata = replace(metadata, board=board.name, board_text=board.text)
     taken = _Taken()
     with (
         interruption(scanner.stop) as interrupted,
-        _no_log_without_readings(wish.out, taken),
-        LogWriter(wish.out, metadata, overwrite=wish.force) as log,
+        LogWriter(wish.out, metadata, overwrite=wish.force, warn=_warn) as log,
+        _no_log_without_readings(log, taken, interrupted),
     ):
         scanner.record(log)
         try:
@@ -147,7 +147,7 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
     typer.echo(f"{counted(taken.count, 'reading')}, {taken.echoes} with an echo, in {wish.out}", err=True)
     lost = scanner.statistics.lost_readings
     if lost:
-        typer.echo(f"sonarhw: warning: lost on the link: {counted(lost, 'reading')}; see what `info` counts", err=True)
+        _warn(f"lost on the link: {counted(lost, 'reading')}; see what `info` counts")
 
 
 def _are(readings: int) -> str:
@@ -163,15 +163,33 @@ class _Taken:
 
 
 @contextmanager
-def _no_log_without_readings(out: Path, taken: _Taken) -> Iterator[None]:
-    """Remove the log again where scanner or link ended the scan before its first reading: the next try is free."""
-    was_there = out.exists()
+def _no_log_without_readings(log: "LogWriter", taken: _Taken, interrupted: Interruption) -> Iterator[None]:
+    """Where a scan ends before its first reading, leave nothing: the next try is free, an old log is as it was."""
+    failed = True
     try:
         yield
-    except (DeviceError, LinkError):
-        if not was_there and taken.count == 0:
-            out.unlink(missing_ok=True)
-        raise
+        failed = interrupted.wanted
+    finally:
+        if failed and taken.count == 0:
+            log.drop()
+
+
+def _warn(line: str) -> None:
+    typer.echo(f"sonarhw: warning: {line}", err=True)
+
+
+def _warn_where_room_is_short(scanner: "Scanner", wish: _Wish) -> None:
+    """Say before the scan begins that the disk will be full before it ends."""
+    from sonarhw.disk_room import free_bytes, log_size
+
+    settings = scanner.settings
+    samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
+    need, free = log_size(wish.order.readings, samples), free_bytes(wish.out)
+    if free is not None and free < need:
+        _warn(
+            f"{wish.out}: the scan takes some {need / 1e6:.0f} MB and its disk has {free / 1e6:.0f} MB free, "
+            f"enough for {free / need:.0%} of it; make room"
+        )
 
 
 def _board(scanner: "Scanner", wish: _Wish) -> "Board":
@@ -189,8 +207,9 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
     speed = speed_of_sound(temperature)
     reach = board.max_range if wish.max_range is None else wish.max_range
     if wish.traces and not scanner.info.trace_rate:
-        typer.echo(f"sonarhw: warning: {scanner.url}: sends no traces; only echo times are recorded", err=True)
+        _warn(f"{scanner.url}: sends no traces; only echo times are recorded")
     scanner.configure(2 * reach / speed, board.blanking, wish.traces, speed)
+    _warn_where_room_is_short(scanner, wish)
     scanner.home()
 
 

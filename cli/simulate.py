@@ -150,5 +150,6 @@ def _write_log(scan: "PredictedScan", room_file: str, out: Path, force: bool) ->
         room_text=scan.room.text,
         place=scan.place.name,
         board=scan.board.name,
+        board_text=scan.board.text,
     )
     write_scan(out, metadata, readings, overwrite=force)

@@ -35,6 +35,7 @@ def start_recording(folder: Path, scene: Scene) -> tuple[LogWriter, Path]:
         room_text=scene.room.text if scene.room else "",
         place=scene.standing.name,
         board=scene.board.name,
+        board_text=scene.board.text,
     )
     return LogWriter(path, metadata), path
 

@@ -4,7 +4,7 @@ Takes the name of a profile that ships with the product, or a file; hands on a f
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -45,6 +45,7 @@ class Board:
     blanking: float  # nothing is heard before this time
     max_range: float
     threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
+    text: str = field(default="", compare=False, repr=False)  # the profile, so that a log can carry it
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
     absorption: bool = True  # whether air other than the ideal gain expects makes a difference
 
@@ -84,7 +85,7 @@ def load_board(wanted: str) -> Board:
 
 def parse_board(text: str, where: str) -> Board:
     """The board in the text of a profile. Raises InputError naming `where` and the key."""
-    return Board(**parse_toml(text, where, BoardFile).model_dump())
+    return Board(**parse_toml(text, where, BoardFile).model_dump(), text=text)
 
 
 def board_names() -> list[str]:

@@ -13,6 +13,9 @@ _SURE_AFTER = 5.0  # s of writing, before which nothing is said of its pace
 # s of recording left, or bytes whatever the pace
 _NEARLY_FULL = (600.0, 32_000_000)
 _ABOUT_TO_BE_FULL = (60.0, 2_000_000)
+# bytes of a log, with its index
+_READING = 800.0
+_SAMPLE = 1.3
 
 
 class DiskRoom:
@@ -42,6 +45,11 @@ class DiskRoom:
             self._limits = [limit for limit in self._limits if limit not in reached]
             pace = f", enough for some {_span(left)} of this scan" if left < float("inf") else ""
             self._warn(f"{self._path}: its disk is nearly full: {free / 1e6:.1f} MB are free{pace}; make room")
+
+
+def log_size(readings: int, samples: float) -> float:
+    """About how many bytes of a log that many readings take, with traces of `samples` samples each."""
+    return readings * (_READING + _SAMPLE * samples)
 
 
 def free_bytes(path: Path) -> int | None:

@@ -36,9 +36,9 @@ class LogFile:
         self._kept = 0  # readings
         self._beside = _beside(path) if overwrite and path.is_file() else None
         # a device or a pipe is always there, and nothing in it can be lost
-        device = path.exists() and not path.is_file() and not path.is_dir()
+        self._device = path.exists() and not path.is_file() and not path.is_dir()
         try:
-            self._file = FileIO(self._beside or path, "wb" if device else "xb")
+            self._file = FileIO(self._beside or path, "wb" if self._device else "xb")
         except FileExistsError as error:
             raise LogError(f"{path}: exists already; choose another name or overwrite it on purpose") from error
         except OSError as error:
@@ -120,18 +120,20 @@ class LogFile:
 
     def drop(self) -> None:
         """Close the file and remove it; one that was to be overwritten stays as it was."""
-        self._give_up()
-        (self._beside or self.path).unlink(missing_ok=True)
+        if not self._file.closed:
+            self._give_up()
+        if not self._beside and not self._device:
+            self.path.unlink(missing_ok=True)
 
     def _failure(self, error: OSError) -> LogError:
-        if not self._written or self._beside:
-            return LogError(
-                f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
-            )
         # a full disk keeps what it took; of one that has gone only what was pushed to it is sure
         pusher = self._pusher
         unsure = pusher and (error is pusher.failure or error.errno not in _FULL)
         kept = pusher.kept if pusher and unsure else self._kept
+        if not kept:
+            return LogError(
+                f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
+            )
         told = f"{kept} reading{' is' if kept == 1 else 's are'} kept in it"
         room = "make room or " if error.errno in _FULL else ""
         return LogError(

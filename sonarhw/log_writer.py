@@ -86,7 +86,11 @@ class LogWriter:
         self._writer.start(PROFILE)
         self._writer.add_metadata(METADATA_NAME, metadata_record(metadata))
         self._channels = _register_channels(self._writer)
-        self._file.flush()
+        try:
+            self._commit()
+        except LogError:
+            self.drop()
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -16,7 +16,7 @@ Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
 Span = tuple[int, int]  # offsets of the first and last chunk that hold a reading and its trace
 
 _WHOLE = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
-_REAL = ("angle", "time", "speed_of_sound", "temperature_c")
+_REAL = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
 NO_TRACE = -1
 
 
@@ -40,8 +40,8 @@ class ReadingTable:
         self._rows[reading.number] = len(self)
         first, last = span or (NO_TRACE, NO_TRACE)
         whole = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
-        temperature = np.nan if reading.temperature_c is None else reading.temperature_c
-        real = (reading.angle, reading.time, reading.speed_of_sound, temperature)
+        maybe = (np.nan if value is None else value for value in (reading.temperature_c, reading.host_time))
+        real = (reading.angle, reading.time, reading.speed_of_sound, *maybe)
         for name, value in zip(_WHOLE, whole, strict=True):
             self._whole[name].append(value)
         for name, number in zip(_REAL, real, strict=True):
@@ -74,7 +74,8 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Rea
     heard = 0
     names = (*_WHOLE, *_REAL)
     for row in zip(*(columns[name].tolist() for name in names), strict=True):
-        number, sweep, ping, echoes, first, last, angle, time, speed, temperature = row
+        number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
+        temperature, host_time = (None if value != value else value for value in maybe)
         times = tuple(echo_times[heard : heard + echoes])
         heard += echoes
         yield Reading(
@@ -85,6 +86,7 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Rea
             time=time,
             echo_times=times,
             speed_of_sound=speed,
-            temperature_c=None if temperature != temperature else temperature,
+            temperature_c=temperature,
             trace=None if first == NO_TRACE else trace(number, (first, last)),
+            host_time=host_time,
         )

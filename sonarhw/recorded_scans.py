@@ -8,6 +8,7 @@ import struct
 from dataclasses import dataclass, field, replace
 
 from sonarhw.assembly import ReadingAssembler
+from sonarhw.device_clock import DeviceClock
 from sonarhw.frames import Frame, Rejected, decode_block
 from sonarhw.log_contents import RecordedFrame
 from sonarhw.messages import (
@@ -39,7 +40,7 @@ class FollowedScan:
     order: StartScan | None  # None where the log holds no host
     since_us: int  # device clock; what was fired earlier belongs to the scan before
     settings: Settings | None
-    started_us: int | None = None
+    started: float | None = None  # s on the clock of the readings
     expected: int | None = None
     readings: ReadingTable = field(default_factory=ReadingTable)
     first: Reading | None = None  # the one with the lowest number
@@ -48,18 +49,19 @@ class FollowedScan:
     @property
     def answered(self) -> bool:
         """Whether the device has said anything to the order."""
-        return self.started_us is not None or len(self.readings) > 0
+        return self.started is not None or len(self.readings) > 0
 
     @property
     def began(self) -> float:
         """When it began, s on the clock of its readings."""
         # where the first Started was lost, the repeated one is younger than the first readings
         known = [] if self.first is None else [self.first.time]
-        return min(known if self.started_us is None else [*known, self.started_us * 1e-6])
+        return min(known if self.started is None else [*known, self.started])
 
     def goes_on_with(self, order: StartScan) -> bool:
-        """Whether that is an order for the rest of this scan, which broke."""
-        return order.first > 0 and self.order is not None and _whole(self.order) == _whole(order)
+        """Whether that is an order for a part of this scan that is missing, or for all of it where nothing came."""
+        part = order.first > 0 or order.count > 0
+        return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
 
 
 def _whole(order: StartScan) -> StartScan:
@@ -71,20 +73,19 @@ class Follower:
 
     A scan begins with the host's StartScan, or with the device's Started where the log holds no host (imported and
     simulated scans). Either may stand there twice: a command is repeated until its answer comes. A scan that broke and
-    went on is one scan; where the device's clock began anew meanwhile, its readings are told on the clock from before.
+    went on is one scan.
     """
 
     def __init__(self) -> None:
         self.info: Info | None = None
         self.settings: Settings | None = None
         self.frames = 0
-        self._assembler = ReadingAssembler()
+        self._clock = DeviceClock()
+        self._assembler = ReadingAssembler(self._clock)
         self._scans: list[FollowedScan] = []
         self._hello: int | None = None  # sequence number of the newest
         self._greeted_at = 0  # number of scans when the conversation began
         self._newest_us = 0
-        self._newest_arrived = 0.0  # s on the host's clock
-        self._shift = 0.0  # s from the device's clock to the one its scan began on
         self._newest: tuple[int, int] | None = None  # number of the newest reading and its place
         self._ahead: dict[int, Span] = {}  # traces whose reading has not come, by number
 
@@ -101,7 +102,8 @@ class Follower:
         if not isinstance(frame, Frame):
             return []
         if recorded.received:
-            self._follow_clock(frame, recorded.time)
+            self._newest_us = frame.time_us
+            self._clock.heard(frame.time_us, recorded.time)
             if frame.type == TraceChunk.TYPE:
                 self._find_trace(frame, place)
                 return []
@@ -128,11 +130,6 @@ class Follower:
                 self._begin(frame.sequence, message)
         return []
 
-    def _follow_clock(self, frame: Frame, arrived: float) -> None:
-        if frame.type == Info.TYPE and frame.time_us < self._newest_us:  # it was reset
-            self._shift += (self._newest_us - frame.time_us) * 1e-6 + max(0.0, arrived - self._newest_arrived)
-        self._newest_us, self._newest_arrived = frame.time_us, arrived
-
     def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
         match message:
             case Info():
@@ -145,13 +142,17 @@ class Follower:
                 if not self._is_current(message.command):
                     self._begin(message.command)
                 scan = self._scans[-1]
-                if scan.started_us is None:
-                    scan.started_us, scan.expected = frame.time_us, message.readings
+                if scan.started is None:
+                    scan.started = self._clock.continued(frame.time_us)
+                scan.expected = max(scan.expected or 0, message.first + message.readings)
                 return []
             case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
                 self._scans.pop()
             case Finished() if self._is_current(message.command):
-                self._scans[-1].finished = message
+                scan = self._scans[-1]
+                # what only fills a gap made fewer than the scan has
+                if scan.finished is None or message.readings >= scan.finished.readings:
+                    scan.finished = message
             case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
                 return []
         return self._assembler.feed(message)
@@ -161,13 +162,12 @@ class Follower:
 
     def _begin(self, command: int, order: StartScan | None = None) -> None:
         self._forget_traces(command)
-        self._shift = 0.0
         self._scans.append(FollowedScan(command, order, self._newest_us, self.settings))
 
     def _go_on(self, command: int) -> None:
         self._forget_traces(command)
         scan = self._scans[-1]
-        scan.command, scan.since_us, scan.finished = command, self._newest_us, None
+        scan.command, scan.since_us = command, self._newest_us
         self._greeted_at = len(self._scans) - 1
 
     def _forget_traces(self, command: int) -> None:
@@ -181,7 +181,7 @@ class Follower:
         if not self._scans:  # the log begins in the middle of a scan
             self._scans.append(FollowedScan(-1, None, 0, self.settings))
         scan = self._scans[-1]
-        fresh = [replace(r, time=r.time + self._shift) for r in readings if r.number not in scan.readings]
+        fresh = [reading for reading in readings if reading.number not in scan.readings]
         for reading in fresh:
             if scan.first is None or reading.number < scan.first.number:
                 scan.first = reading
