@@ -4,37 +4,25 @@ import math
 import re
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sonarhw.board import Board, BoardIdentity
 from sonarhw.driver import Driver
 from sonarhw.endpoint import Endpoint, serve
 from sonarhw.errors import Incompatible, InputError, LinkError, LinkLost, SonarError
 from sonarhw.faults import KNOWN, AfterPings, At, Event, Faults, Kind, NowAndThen, read_faults
-from sonarhw.faulty import FaultyDevice, Noise, afflicted
+from sonarhw.faulty import Noise
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.link import Link
 from sonarhw.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
 from sonarhw.scanner import Scanner
+from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.joined import Joined
-from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
+from tests.sonarhw.plain_echoes import echo_time
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
 MICROSTEP = math.tau / 3200
-
-
-def faulty(spec: str, seed: int = 1) -> FaultyDevice:
-    """A board under these faults."""
-    faults = read_faults(spec)
-    identity = afflicted(BoardIdentity(), faults)
-
-    def switched_on(boots: int) -> Board:
-        return Board(PlainEchoes(), seed=7, identity=replace(identity, boot=1 + boots))
-
-    return FaultyDevice(switched_on, faults, seed)
 
 
 def joined_with(spec: str) -> Joined:
