@@ -29,11 +29,11 @@ from sonarhw.mcap_records import (
     Damage,
     Ending,
     Message,
-    NotMcapError,
     OpenFile,
     Record,
     attachment,
     channel_of,
+    is_mcap,
     metadata_of,
     profile_of,
     read_ending,
@@ -41,6 +41,8 @@ from sonarhw.mcap_records import (
 )
 from sonarhw.reading_table import readings_of
 from sonarhw.recorded_scans import Follower
+
+_Speeds = dict[tuple[int, int], float]  # m/s, by number of the reading and device clock, µs
 
 
 def read_log(path: Path) -> Log:
@@ -52,6 +54,8 @@ def read_log(path: Path) -> Log:
         file = OpenFile(path)
         if not file.size:
             raise NotALog(f"{path}: is empty; a log of this project was expected")
+        if not is_mcap(file):
+            raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected")
         head = _Head(path)
         ending = read_ending(file)
         index = _closed(file, head, ending) if ending else None
@@ -61,8 +65,6 @@ def read_log(path: Path) -> Log:
             if ending and not ending.sound and not damage:
                 damage.append("its checksum does not match, though every chunk of frames is as it was written")
             torn = _torn(damage)
-    except NotMcapError:
-        raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected") from None
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     metadata = head.metadata(torn)
@@ -115,6 +117,8 @@ def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
         return None
     packed = attachment(file, at)
     index = None if packed is None else unpack_index(packed, at)
+    if index and any(_has_no_speed(scan) for scan in index.scans):
+        return None
     for item in read_records(file):
         if index is None or head.complete:
             return index
@@ -127,7 +131,7 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[str]]:
     """What the readable frames tell, and what could not be read."""
     follower, topics = Follower(), known_topics()
     damage: list[str] = []
-    speeds: dict[tuple[int, float], float] = {}
+    speeds: _Speeds = {}
     for item in read_records(file):
         match item:
             case Damage():
@@ -147,22 +151,26 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[str]]:
     return replace(index, scans=tuple(_with_speed(scan, speeds) for scan in index.scans)), damage
 
 
-def _decoded_speed(data: bytes) -> dict[tuple[int, float], float]:
-    """The speed of sound in a decoded reading, by its number and time."""
+def _decoded_speed(data: bytes) -> _Speeds:
+    """The speed of sound in a decoded reading."""
     try:
         record = json.loads(data)
-        return {(record["number"], record["time"]): float(record["speed_of_sound"])}
-    except (ValueError, KeyError, TypeError):
+        return {(record["number"], round(record["time"] * 1e6)): float(record["speed_of_sound"])}
+    except (ValueError, KeyError, TypeError, OverflowError):
         return {}
 
 
-def _with_speed(scan: IndexedScan, speeds: dict[tuple[int, float], float]) -> IndexedScan:
+def _has_no_speed(scan: IndexedScan) -> bool:
+    return bool(np.isnan(scan.columns["speed_of_sound"]).any())
+
+
+def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
     """The scan with its speed of sound from the decoded readings, where its Settings were lost."""
-    columns = scan.columns
-    keys = zip(columns["number"].tolist(), columns["time"].tolist(), strict=True)
-    known = [speeds.get(key, math.nan) for key in keys] if np.isnan(columns["speed_of_sound"]).any() else []
-    if not known:
+    if not _has_no_speed(scan):
         return scan
+    columns = scan.columns
+    keys = zip(columns["number"].tolist(), np.rint(columns["time"] * 1e6).astype(int).tolist(), strict=True)
+    known = [speeds.get(key, math.nan) for key in keys]
     filled = np.where(np.isnan(columns["speed_of_sound"]), known, columns["speed_of_sound"])
     return replace(scan, columns={**columns, "speed_of_sound": filled})
 

@@ -116,7 +116,9 @@ class LogWriter:
             self._end_sweeps()
             self._commit()  # what belongs to the scan before
             self._scanning = True
-        readings = self._follower.follow(frame, recorded, self._file.tell())
+        # the time as it will be read
+        placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
+        readings = self._follower.follow(frame, placed, self._file.tell())
         self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
         if kind in (Finished.TYPE, Info.TYPE):
             self._scanning = False

@@ -85,17 +85,13 @@ class Damage:
     text: str
 
 
-class NotMcapError(ValueError):
-    """A file that does not begin as an MCAP file."""
+def is_mcap(file: OpenFile) -> bool:
+    """Whether a file begins as an MCAP file. Raises OSError."""
+    return file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
 
 
 def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | Message | Damage]:
-    """Every readable record and message from offset `start` on, and what lies in between.
-
-    Raises NotMcapError where the file does not begin as one, OSError.
-    """
-    if file.read(0, len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        raise NotMcapError
+    """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
     at = sound = start  # all chunks in front of `sound` have been seen
     while at < file.size:
         record = _record_at(file, at)
