@@ -1,11 +1,11 @@
-# make setup | demo | test: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | test | soak: each does all the set-up it needs, and is quick the second time.
 
 PYTHON ?= python3
 BIN := .venv/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test clean
+.PHONY: setup demo test soak clean
 
 setup: .venv/installed
 
@@ -25,6 +25,11 @@ test: setup
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24' $(BIN)/pytest
+
+# the long tests in full, and the figures that name seconds: some hours
+soak: setup
+	$(BIN)/pytest tests/soak --soak --timeout 36000
+	$(BIN)/python -m benchmarks.wire
 
 clean:
 	rm -rf .venv build dist *.egg-info demo-result
