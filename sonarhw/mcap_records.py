@@ -93,38 +93,35 @@ def is_mcap(file: OpenFile) -> bool:
 def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | Message | Damage]:
     """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
     at = sound = start  # all chunks in front of `sound` have been seen
+    last = False  # none that can be read comes any more
     while at < file.size:
         record = _record_at(file, at)
-        chunk = _unpacked(record) if record and record.opcode == Opcode.CHUNK else []
-        if record is None or chunk is None:
-            # a damaged length leads past good chunks, so it is not followed
-            again = _next_chunk(file, at + 1 if record else sound)
-            yield Damage(_told(file, at, record, again))
+        if record is None:
+            again = None if last else _next_chunk(file, sound)
             if again is None:
-                return
+                break
+            yield Damage(f"bytes {at} to {again} are damaged and left out")
             at = sound = again
             continue
-        at += _RECORD.size + len(record.content)
-        if record.opcode == Opcode.CHUNK:
-            yield from chunk
-            sound = at
-        elif record.opcode != Opcode.FOOTER:
-            yield record
-        elif file.read(at, len(MCAP0_MAGIC) + 1) == MCAP0_MAGIC:
-            return
-        else:
-            at = record.at
+        end = at + _RECORD.size + len(record.content)
+        if record.opcode == Opcode.FOOTER:
+            if file.read(end, len(MCAP0_MAGIC) + 1) == MCAP0_MAGIC:
+                return
             break
-    inside = "" if at >= file.size else f", in the record that begins at byte {at}"
-    yield Damage(f"the file ends too early at byte {file.size}{inside}")
-
-
-def _told(file: OpenFile, at: int, record: Record | None, again: int | None) -> str:
-    if record is not None:
-        return f"the record that begins at byte {at} is left out: it is damaged"
-    if again is None:
-        return f"the file ends too early at byte {file.size}, in the record that begins at byte {at}"
-    return f"bytes {at} to {again} are damaged and left out"
+        if record.opcode != Opcode.CHUNK:
+            yield record
+        elif isinstance(inside := _unpacked(record), Damage):
+            yield inside
+            # its length may be damaged too and lead past good chunks
+            again = None if last else _next_chunk(file, at + 1)
+            last = again is None
+            sound = end = again or end
+        else:
+            yield from inside
+            sound = end
+        at = end
+    where = f", in the record that begins at byte {at}" if at < file.size else ""
+    yield Damage(f"the file ends too early at byte {file.size}{where}")
 
 
 def _record_at(file: OpenFile, at: int) -> Record | None:
@@ -139,23 +136,23 @@ def _record_at(file: OpenFile, at: int) -> Record | None:
     return Record(at, opcode, file.read(at + _RECORD.size, length))
 
 
-def _unpacked(chunk: Record) -> list[Record | Message | Damage] | None:
-    """What a chunk holds, or why that cannot be read; None where not even its length can be trusted."""
+def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
+    """What a chunk holds, or why that cannot be read."""
 
-    def left_out(why: str) -> list[Record | Message | Damage]:
-        return [Damage(f"the record that begins at byte {chunk.at} is left out: {why}")]
+    def left_out(why: str) -> Damage:
+        return Damage(f"the record that begins at byte {chunk.at} is left out: {why}")
 
     if len(chunk.content) < _CHUNK.size:
-        return None
+        return left_out("it is damaged")
     _, _, size, crc, name, stored = _CHUNK.unpack_from(chunk.content)
     if chunk.content[_NAME_AT : _NAME_AT + name] in (b"lz4", b"zstd"):
         return left_out("it is compressed, which logs of this project never are")
     if name or not size == stored == len(chunk.content) - _CHUNK.size:
-        return None
+        return left_out("it is damaged")
     data = chunk.content[_CHUNK.size :]
     if crc and zlib.crc32(data) != crc:
         return left_out("its CRC-32 does not match")
-    found: list[Record | Message | Damage] = []
+    found: list[Record | Message] = []
     at = 0
     while at + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, at)
@@ -186,8 +183,7 @@ def _next_chunk(file: OpenFile, start: int) -> int | None:
 
 def _is_chunk(file: OpenFile, at: int) -> bool:
     record = _record_at(file, at)
-    inside = _unpacked(record) if record else None
-    return inside is not None and not any(isinstance(item, Damage) for item in inside)
+    return record is not None and not isinstance(_unpacked(record), Damage)
 
 
 @dataclass(frozen=True)
