@@ -30,6 +30,7 @@ test: setup
 soak: setup
 	$(BIN)/pytest tests/soak --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
+	$(BIN)/python -m benchmarks.live 600
 
 clean:
 	rm -rf .venv build dist *.egg-info demo-result
