@@ -120,7 +120,7 @@ def emulated_board(
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
     ours, its = socket.socketpair()
-    arguments = [built / "emulator", "--firmware", built / "sonar.elf", "--parent", str(its.fileno())]
+    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--parent", str(its.fileno())]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace)), "--stands", str(stands_deg)]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
     arguments += ["--eeprom", eeprom] if eeprom else []

@@ -8,9 +8,9 @@
 #include "messages.h" // FIRST_BAUD
 #include "usart.h"
 
-#define RECEIVE_ROOM 128 // bytes; powers of two, so that indices wrap with a mask
+#define RECEIVE_ROOM 128 // bytes; a power of two
 
-#define SEND_ROOM 128
+#define SEND_ROOM 192 // bytes: 1.9 ms at 1 000 000 baud, in which the CRC of the next chunk is reckoned
 
 static uint8_t sending[SEND_ROOM];
 static volatile uint8_t send_in, send_out;
@@ -21,8 +21,8 @@ static volatile uint32_t overruns;
 
 void usart_start(void)
 {
-    line_set_baud(FIRST_BAUD);
     UCSR0A = _BV(U2X0);
+    line_set_baud(FIRST_BAUD);
     UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
@@ -50,7 +50,9 @@ ISR(USART0_UDRE_vect)
     uint8_t out = send_out;
     UCSR0A = _BV(U2X0) | _BV(TXC0);
     UDR0 = sending[out];
-    send_out = out = (out + 1) & (SEND_ROOM - 1);
+    if (++out == SEND_ROOM)
+        out = 0;
+    send_out = out;
     if (out == send_in)
         UCSR0B &= ~_BV(UDRIE0);
 }
@@ -58,14 +60,16 @@ ISR(USART0_UDRE_vect)
 uint8_t line_write(const uint8_t *bytes, uint8_t count)
 {
     uint8_t in = send_in;
-    uint8_t room = (send_out - in - 1) & (SEND_ROOM - 1);
+    uint8_t out = send_out;
+    uint8_t room = (out > in ? out : out + SEND_ROOM) - in - 1;
     if (count > room)
         count = room;
     if (!count)
         return 0;
     for (uint8_t left = count; left; left--) {
         sending[in] = *bytes++;
-        in = (in + 1) & (SEND_ROOM - 1);
+        if (++in == SEND_ROOM)
+            in = 0;
     }
     send_in = in;
     sent_once = true;

@@ -77,13 +77,12 @@ void ping_start(const struct ping_order *order)
         TIMSK4 = _BV(TOIE4) | _BV(ICIE4);
         if (longer)
             PIN_HIGH(BLNK);
-        uint64_t ticks = clock_ticks();
+        fired_us = clock_us();
         uint16_t before = TCNT4;
         PIN_HIGH(INIT);
         if (traced)
             converter_sample((uint16_t)(order->listen_us / 13));
         fired_low = clock_ticks_at(before);
-        fired_us = ticks >> 1;
         if (order->blanking_us != BLANKING_US)
             wake_in(order->blanking_us * 2);
     }
@@ -91,7 +90,7 @@ void ping_start(const struct ping_order *order)
 
 bool ping_over(void)
 {
-    if ((uint32_t)clock_ticks() - fired_low < listen_ticks)
+    if (clock_ticks() - fired_low < listen_ticks)
         return false;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {

@@ -205,26 +205,25 @@ static void say_chunk(void)
     say_trace_chunk(&chunk);
 }
 
-static void keep_reading(const struct ping_result *result)
+// The echoes of a ping that count, moved to the front; how many they are.
+static uint8_t sift(uint32_t *echoes, uint8_t count)
 {
-    struct reading reading = {.number = kept_end(), .fired_us = result->fired_us, .temperature = thermometer()};
-    for (uint8_t echo = 0; echo < result->echo_count && reading.echo_count < ping_settings.echoes; echo++) {
-        uint32_t ticks = result->echoes[echo];
-        if (ticks >= ping_settings.blanking_us * 2 && ticks <= ping_settings.listen_us * 2)
-            reading.echoes[reading.echo_count++] = ticks;
-    }
-    kept_add(&reading);
+    uint8_t sifted = 0;
+    for (uint8_t echo = 0; echo < count && sifted < ping_settings.echoes; echo++)
+        if (echoes[echo] >= ping_settings.blanking_us * 2 && echoes[echo] <= ping_settings.listen_us * 2)
+            echoes[sifted++] = echoes[echo];
+    return sifted;
 }
 
 static void take_reading(void)
 {
     struct ping_result result = ping_result();
-    keep_reading(&result);
-    pings++;
-    trace.number = kept_end() - 1;
+    trace.number = kept_end();
     trace.samples = result.trace;
     trace.total = result.trace_size;
     trace.sent = 0;
+    kept_add(result.fired_us, thermometer(), result.echoes, sift(result.echoes, result.echo_count));
+    pings++;
     say_kept(trace.number);
     scan.next_ping = result.fired_us + PING_PERIOD_US;
     scan.phase = kept_end() != scan.end ? AIMING : SENDING_TRACE;

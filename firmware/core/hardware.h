@@ -24,7 +24,7 @@ struct ping_order {
 
 struct ping_result {
     uint64_t fired_us; // start of transmission
-    const uint32_t *echoes; // ticks from there, earliest first
+    uint32_t *echoes; // ticks from there, earliest first; free to be changed
     uint8_t echo_count;
     const uint8_t *trace;
     uint16_t trace_size; // samples

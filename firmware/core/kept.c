@@ -79,25 +79,25 @@ void kept_clear(uint32_t next)
     kept.count = 0;
 }
 
-void kept_add(const struct reading *reading)
+void kept_add(uint64_t fired_us, int16_t temperature, const uint32_t *echoes, uint8_t echo_count)
 {
-    while (kept.count == KEPT_MOST || kept.used + KEPT_SIZE(reading->echo_count) > KEPT_STORE)
+    while (kept.count == KEPT_MOST || kept.used + KEPT_SIZE(echo_count) > KEPT_STORE)
         drop_oldest();
     struct cursor cursor = {(kept.from + kept.used) % KEPT_STORE};
-    put_u16(&cursor, (uint16_t)reading->fired_us);
-    put_u16(&cursor, (uint16_t)(reading->fired_us >> 16));
-    put_u16(&cursor, (uint16_t)reading->temperature);
-    put_u8(&cursor, reading->echo_count);
+    put_u16(&cursor, (uint16_t)fired_us);
+    put_u16(&cursor, (uint16_t)(fired_us >> 16));
+    put_u16(&cursor, (uint16_t)temperature);
+    put_u8(&cursor, echo_count);
     uint32_t before = 0;
-    for (uint8_t echo = 0; echo < reading->echo_count; echo++) {
-        uint32_t delta = reading->echoes[echo] - before;
-        before = reading->echoes[echo];
+    for (; echo_count; echo_count--, echoes++) {
+        uint32_t delta = *echoes - before;
+        before = *echoes;
         for (; delta >= LONG_DELTA; delta -= LONG_DELTA)
             put_u16(&cursor, LONG_DELTA);
         put_u16(&cursor, (uint16_t)delta);
     }
-    kept.fired_us = reading->fired_us;
-    kept.end = reading->number + 1;
+    kept.fired_us = fired_us;
+    kept.end++;
     kept.count++;
 }
 

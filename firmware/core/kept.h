@@ -8,8 +8,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ECHOES_MOST 40 // of a reading
-#define KEPT_STORE 712 // bytes
+#define ECHOES_MOST 34 // of a reading
+#define KEPT_STORE 616 // bytes
 #define KEPT_MOST 64
 #define KEPT_SIZE(echoes) (9 + 2 * (echoes)) // bytes of a reading, at most
 
@@ -22,7 +22,8 @@ struct reading {
 };
 
 void kept_clear(uint32_t next); // the number that the next reading will have
-void kept_add(const struct reading *reading);
+// The next one; its echoes are ticks like those of a reading, at most ECHOES_MOST.
+void kept_add(uint64_t fired_us, int16_t temperature, const uint32_t *echoes, uint8_t echo_count);
 uint32_t kept_first(void); // number of the oldest still there
 uint32_t kept_end(void); // number the next one will have
 void kept_get(uint32_t number, struct reading *reading); // one that is still there

@@ -216,16 +216,18 @@ static void set_zero(void)
 
 static void check_mark(void)
 {
+    if (!mark_passed)
+        return;
     interrupts_off();
-    bool passed = mark_passed;
-    int32_t off = mark_position % MICROSTEPS;
+    int32_t off = mark_position;
     mark_passed = false;
     interrupts_on();
+    off %= MICROSTEPS;
     if (off > MICROSTEPS / 2)
         off -= MICROSTEPS;
     if (off < -MICROSTEPS / 2)
         off += MICROSTEPS;
-    if (passed && (off > LOST_STEPS || off < -LOST_STEPS)) {
+    if (off > LOST_STEPS || off < -LOST_STEPS) {
         table.lost += off;
         give_up(TROUBLE_LOST_STEPS);
     }

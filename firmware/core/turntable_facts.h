@@ -11,7 +11,7 @@
 #define HOMING_SPEED 7200
 #define CREEP_SPEED 900 // onto the zero mark
 #define CREEP_DEGREES 120 // that the mark may be away from where the cam changes
-#define ACCELERATION 36000 // steps/s²
+#define ACCELERATION 80000 // steps/s²: 4 000 degrees a second in a second
 #define BACKLASH_DEGREES 2 // that it passes a heading by, to come back counter-clockwise
 #define LOST_STEPS 8 // off the mark that are put down to its edge; a motor that slips loses 64 at a time
 #define SETTLING_US 20000 // after a move

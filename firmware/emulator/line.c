@@ -39,6 +39,16 @@ static unsigned firmware_baud(const avr_t *avr)
     return FREQUENCY / (avr->data[UCSR0A] & DOUBLE_SPEED ? 8 : 16) / (divisor + 1);
 }
 
+static avr_cycle_count_t byte_cycles(const avr_t *avr) { return 10 * FREQUENCY / firmware_baud(avr); }
+
+// simavr counts a parity bit that is not sent.
+static void correct_pace(avr_t *avr)
+{
+    for (avr_io_t *io = avr->io_port; io; io = io->next)
+        if (!strcmp(io->kind, "uart") && ((avr_uart_t *)io)->name == '0')
+            ((avr_uart_t *)io)->cycles_per_byte = byte_cycles(avr);
+}
+
 static unsigned host_baud(void)
 {
     struct termios2 settings;
@@ -92,11 +102,12 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)
     }
     uint8_t byte = line.received[line.received_at++];
     avr_raise_irq(line.uart + UART_IRQ_INPUT, speeds_differ(avr) ? garbled(byte) : byte);
-    return when + 10 * FREQUENCY / firmware_baud(avr);
+    return when + byte_cycles(avr);
 }
 
 void line_poll(avr_t *avr)
 {
+    correct_pace(avr);
     flush();
     if (line.received_at < line.received_size)
         return;
@@ -107,7 +118,7 @@ void line_poll(avr_t *avr)
     line.received_size = (size_t)got;
     if (!line.feeding) {
         line.feeding = true;
-        avr_cycle_timer_register(avr, 10 * FREQUENCY / firmware_baud(avr), feed, NULL);
+        avr_cycle_timer_register(avr, byte_cycles(avr), feed, NULL);
     }
 }
 
