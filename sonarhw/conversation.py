@@ -371,7 +371,7 @@ class Conversation(ABC):
 
     def _greet(self, hello: Hello, sequence: int, now: float) -> None:
         self._stop_action(now)
-        self._watches = (hello.major, hello.minor) >= (1, 1)
+        self._watches = (hello.major, hello.minor) >= (1, 1) and self.line.minor >= 1
         self._action = None
         self._greeted, self._next_heartbeat = True, now + HEARTBEAT
         self.line.send(self.info(sequence), now)
