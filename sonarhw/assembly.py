@@ -97,7 +97,10 @@ class ReadingAssembler:
         `sent_us` is the device time in its frame, `arrived` the host's time when it came, s.
         """
         # a reading of before a reset has its time from before it
-        ended = self.flush() if isinstance(message, Info) else []
+        ended: list[Reading] = []
+        if isinstance(message, Info):
+            ended = self.flush()
+            self._clock.greeted(message.boot)
         if sent_us is not None and arrived is not None:
             self._clock.heard(sent_us, arrived)
         return ended + self._take(message)

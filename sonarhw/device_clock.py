@@ -24,6 +24,8 @@ class DeviceClock:
     def __init__(self) -> None:
         self.resets = 0
         self.drift = 0.0  # s the host's clock gains in each of the device's
+        self._boot = 0
+        self._restarted = False
         self._before = 0.0  # what the device's clock had come to before its last reset
         self._newest = 0.0  # continued device time
         self._best: deque[_Sample] = deque(maxlen=_BUCKETS)
@@ -34,10 +36,15 @@ class DeviceClock:
         """Whether anything has been heard."""
         return bool(self._best)
 
+    def greeted(self, boot: int) -> None:
+        """The device has said how often it has started; 0: it does not count."""
+        self._restarted = bool(boot and self._boot and boot != self._boot)
+        self._boot = boot
+
     def heard(self, device_us: int, arrived: float) -> None:
         """A frame of that device time has come at `arrived` on the host's clock."""
         device = device_us * 1e-6
-        if self.known and self._before + device < self._newest - _RAN_BACK:
+        if self._restarted or (self.known and self._before + device < self._newest - _RAN_BACK):
             self._restart(device, arrived)
         device += self._before
         self._newest = max(self._newest, device)
@@ -60,6 +67,7 @@ class DeviceClock:
 
     def _restart(self, device: float, arrived: float) -> None:
         self.resets += 1
+        self._restarted = False
         centre, host = self._centre
         now = centre + (arrived - host) / (1 + self.drift)
         self._before = max(now, self._newest) - device

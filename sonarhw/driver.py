@@ -103,7 +103,7 @@ class Driver:
         self.heartbeat: Heartbeat | None = None
         self.assembler = ReadingAssembler(clock)
         self._recorder = recorder
-        self._greeting: list[tuple[bool, float, bytes]] = []  # Hello and Info, for a recorder that comes later
+        self.greeting: list[tuple[bool, float, bytes]] = []  # Hello and Info, for a recorder that comes later
         self._decoder = FrameDecoder()
         self._outgoing = bytearray()
         self._sequence = first_sequence % 0x10000
@@ -173,9 +173,13 @@ class Driver:
 
     def record(self, recorder: Recorder) -> None:
         """Hand everything from now on to `recorder`, and first the greeting, so that it knows who speaks."""
-        for received, time, wire in self._greeting:
+        for received, time, wire in self.greeting:
             recorder.frame(received, time, wire)
         self._recorder = recorder
+
+    def flush(self) -> None:
+        """Nothing more will come: complete what waits for its trace."""
+        self._hand_on(self.assembler.flush())
 
     def forget(self, command: Command) -> None:
         """Wait for a command no longer."""
@@ -251,7 +255,7 @@ class Driver:
             self._count(rejected_messages=1)
             return
         if isinstance(message, Info):
-            self._greeting = [*self._greeting[:1], (True, self._arrived, wire)]
+            self.greeting = [*self.greeting[:1], (True, self._arrived, wire)]
         if message is not None:
             self._handle(message, now)
 
@@ -397,7 +401,7 @@ class Driver:
         self._outgoing += DELIMITER + command.wire
         self._count(frames_sent=1, repeated_commands=int(repeat))
         if command.name == "Hello":
-            self._greeting = [(False, now, command.wire)]
+            self.greeting = [(False, now, command.wire)]
         self._record(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:

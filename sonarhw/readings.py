@@ -91,3 +91,12 @@ def headings_between(start: float, stop: float, step: float) -> int:
         raise ValueError(f"no angle lies from {start:g} below {stop:g} in steps of {step:g}")
     # a hair less, so that 0 to 360 by 0.1 is 3600 and not 3601 where the division lands just above
     return math.ceil((stop - start) / step - 1e-9)
+
+
+def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
+    """One sweep over the angles A, A+S, … below B, in degrees as a person types them; 0 to 360 by 5 are 72.
+
+    Raises ValueError where there is no such angle.
+    """
+    headings = headings_between(start_deg, stop_deg, step_deg)
+    return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)
