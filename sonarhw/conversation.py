@@ -226,7 +226,7 @@ class Conversation(ABC):
         """The host has gone: stand still, forget the conversation."""
         self._greeted = False
         self._former_baud = None
-        self.line.baud = self.line.first_baud
+        self.line.change(self.line.first_baud)
         self._stop_action(self._now)
         self._action = None
         self.line.clear()
@@ -277,12 +277,12 @@ class Conversation(ABC):
 
     def _miss_host(self, now: float) -> None:
         if self._former_baud is not None:
-            self.line.baud, self._former_baud = self._former_baud, None
-            self._heard = now
+            self.line.change(self._former_baud)
+            self._former_baud, self._heard = None, now
             return
         self._stop_action(now)
         self._greeted, self._action = False, None
-        self.line.baud = self.line.first_baud
+        self.line.change(self.line.first_baud)
         self.release(now)
 
     def _step(self, action: _Action, now: float) -> None:
@@ -390,7 +390,7 @@ class Conversation(ABC):
             raise Refusing(Refusal.OUT_OF_RANGE, f"{wish.baud} baud; can be: {known}")
         self.line.send(Accepted(sequence), now)
         self._former_baud = self.line.baud
-        self.line.baud = wish.baud
+        self.line.change(wish.baud)
 
     def _test_link(self, wish: TestLink, sequence: int, now: float) -> None:
         if not 1 <= len(wish.data) <= MAX_TEST or wish.size > MAX_TESTED:

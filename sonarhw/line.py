@@ -20,7 +20,7 @@ class Line:
 
     def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
         self.bauds = bauds
-        self.first_baud = self.baud = min(bauds, default=0)
+        self.first_baud = self.baud = self._ahead = min(bauds, default=0)
         self.minor = PROTOCOL_MINOR  # version of the protocol that is sent
         self._byte_time = byte_time  # s, of a line without bauds
         self._queue: deque[tuple[float, bytes]] = deque()
@@ -32,9 +32,15 @@ class Line:
         """Queue a message; its frame carries the time it was made."""
         wire = encode_frame(Frame(message.TYPE, self._sequence, round(now * 1e6), message.pack(self.minor)))
         self._sequence = (self._sequence + 1) % 0x10000
-        self.free = max(now, self.free) + len(wire) * (BITS / self.baud if self.baud else self._byte_time)
+        self.free = max(now, self.free) + len(wire) * (BITS / self._ahead if self._ahead else self._byte_time)
         self._queue.append((self.free, wire))
         self.waiting += len(wire)
+
+    def change(self, baud: int) -> None:
+        """Change the speed when all that was queued has gone."""
+        self._ahead = baud
+        if not self._queue:
+            self.baud = baud
 
     def departure(self) -> float | None:
         """When the next frame has left, s."""
@@ -45,6 +51,8 @@ class Line:
         left = bytearray()
         while self._queue and self._queue[0][0] <= now:
             left += self._queue.popleft()[1]
+        if not self._queue:
+            self.baud = self._ahead
         self.waiting -= len(left)
         return bytes(left)
 
@@ -52,3 +60,4 @@ class Line:
         """Forget what has not left yet."""
         self._queue.clear()
         self.free, self.waiting = 0.0, 0
+        self.baud = self._ahead
