@@ -306,7 +306,7 @@ class Driver:
     def _refused(self, command: Command, message: Refused) -> None:
         if self._action is command:
             self._action = None
-        if message.code == Refusal.NO_HELLO:
+        if message.code == Refusal.NO_HELLO and self.info is not None:
             raise DeviceReset(f"{self.where}: was greeted and asks for Hello; it has started anew")
 
     def _check_reset(self, message: Heartbeat) -> None:
