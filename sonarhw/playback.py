@@ -92,9 +92,9 @@ class Playback:
 
     def seek_sweep(self, scan: int, sweep: int) -> None:
         """Go to the first reading of a sweep or of the next that the scan has. Raises IndexError where it has none."""
-        first = self._first_of(scan)
         readings = self.log.scans[scan].readings
-        self.seek_reading(first + bisect_left(readings, sweep, key=lambda reading: reading.sweep))
+        first = bisect_left(readings, sweep, key=lambda reading: reading.sweep)
+        self.seek_reading(self._first_of(scan) + range(len(readings))[first])
 
     def step(self, by: int) -> None:
         """Stand still `by` readings further on, or before; over the end to the beginning in a loop, else not."""

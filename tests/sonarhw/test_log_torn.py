@@ -335,6 +335,7 @@ def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
     assert str(told.value) == (
         "/dev/full: cannot be written: No space left on device; nothing is recorded, choose another file"
     )
+    assert Path("/dev/full").exists()
 
 
 def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:
