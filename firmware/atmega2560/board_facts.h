@@ -10,7 +10,7 @@
 #define TRACE_KIND TRACE_KIND_ENVELOPE // what is wired to A0; TRACE_KIND_CARRIER for the amplifier's output
 #endif
 #define TRACE_PERIOD_NS 13000 // 13 clocks of a converter at 1 MHz
-#define TRACE_START_NS 2500 // from INIT to the first sample: a dozen instructions, then 1.5 clocks of the converter
+#define TRACE_START_NS 2000 // from INIT to the first sample: 8 cycles, then 1.5 clocks of the converter
 #define TRACE_RATE 76923
 #define TRACE_SAMPLES 4800
 #define FASTEST_BAUD 1000000

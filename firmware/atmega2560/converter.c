@@ -41,7 +41,7 @@ ISR(ADC_vect)
     }
 }
 
-void converter_prepare(void)
+void converter_prepare(uint16_t count)
 {
     while (ADCSRA & _BV(ADSC))
         ;
@@ -50,14 +50,12 @@ void converter_prepare(void)
     sum = 0;
     ADMUX = SUPPLY_REFERENCE | _BV(ADLAR) | TRACE_CHANNEL;
     ADCSRB = 0;
-}
-
-void converter_sample(uint16_t count)
-{
-    ADCSRA = FAST | _BV(ADIF) | _BV(ADIE) | _BV(ADATE) | _BV(ADSC);
     sample_end = samples;
     sample_stop = samples + (count < TRACE_SAMPLES ? count : TRACE_SAMPLES);
 }
+
+void converter_go(void) { ADCSRA = FAST | _BV(ADIF) | _BV(ADIE) | _BV(ADATE) | _BV(ADSC); }
+
 
 void converter_stop(void)
 {

@@ -5,8 +5,8 @@
 #include <stdint.h>
 
 void converter_start(void);
-void converter_prepare(void); // for a trace: ends what it does, at most 0.1 ms
-void converter_sample(uint16_t count); // from now on
+void converter_prepare(uint16_t count); // for so many samples of a trace: ends what it does, at most 0.1 ms
+void converter_go(void); // sample from now on
 void converter_stop(void);
 uint8_t *converter_samples(void); // room for 4 800, anyone's between traces
 uint16_t converter_count(void); // samples taken

@@ -5,7 +5,7 @@
 
 #include "board_facts.h" // TRACE_SAMPLES
 #include "clock.h" // ticks
-#include "converter.h" // converter_sample
+#include "converter.h" // the trace
 #include "hardware.h" // ping_start
 #include "pins.h"
 
@@ -68,9 +68,11 @@ void ping_start(const struct ping_order *order)
     echo_count = 0;
     traced = order->trace;
     echoes = traced ? few_echoes : (uint32_t *)converter_samples();
+    // all reckoning before, for INIT and the first sample are to be a few instructions apart
     if (traced)
-        converter_prepare();
+        converter_prepare((uint16_t)(order->listen_us / 13));
     bool longer = order->blanking_us > BLANKING_US;
+    uint32_t unblanked_ticks = order->blanking_us * 2;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         TIFR4 = _BV(ICF4);
@@ -81,10 +83,11 @@ void ping_start(const struct ping_order *order)
         uint16_t before = TCNT4;
         PIN_HIGH(INIT);
         if (traced)
-            converter_sample((uint16_t)(order->listen_us / 13));
-        fired_low = clock_ticks_at(before);
+            converter_go();
+        // INIT rises 5 cycles after the timer was read, and that half a tick after it counted
+        fired_low = clock_ticks_at(before) + 1;
         if (order->blanking_us != BLANKING_US)
-            wake_in(order->blanking_us * 2);
+            wake_in(unblanked_ticks);
     }
 }
 

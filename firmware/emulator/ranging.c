@@ -14,7 +14,8 @@
 
 #define BLANKING 0.00238 // s
 #define SUPPLY 5000 // mV
-#define TRACE_CHANNEL 0
+#define SAMPLE_CYCLES 208 // from one conversion of a trace to the next; simavr takes a little longer
+#define HOLD_CYCLES 24 // from the start of a conversion until the input is held
 #define THERMISTOR_CHANNEL 1
 
 static struct {
@@ -26,7 +27,8 @@ static struct {
     uint16_t place; // address of ping_place
     avr_irq_t *converter;
     unsigned pending; // mV, of the conversion before
-    bool tracing;
+    unsigned conversions; // of this trace
+    avr_cycle_count_t sampled; // when the first was held
 } board;
 
 static void set_echo(avr_t *avr, bool high)
@@ -66,6 +68,7 @@ static void init_changed(avr_t *avr, bool high)
         return;
     board.fired = avr->cycle;
     board.next = 0;
+    board.conversions = 0;
     ask(avr);
     if (board.heard.count) {
         avr_cycle_count_t first = cycles_of(board.heard.times[0]);
@@ -86,12 +89,12 @@ static void binh_changed(avr_t *avr, bool high)
     board.inhibited = high;
 }
 
-// The envelope now, between two samples of the source.
-static double envelope(const avr_t *avr)
+// The envelope some cycles after INIT, between two samples of the source.
+static double envelope(avr_cycle_count_t cycles)
 {
     if (!board.transmitting || !board.heard.samples)
         return 0;
-    double at = ((double)(avr->cycle - board.fired) / FREQUENCY - board.heard.start) * board.heard.rate;
+    double at = ((double)cycles / FREQUENCY - board.heard.start) * board.heard.rate;
     if (at < 0 || at >= board.heard.samples - 1)
         return 0;
     unsigned before = (unsigned)at;
@@ -118,15 +121,17 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
         uint32_t value;
     } channel = {.value = value};
     if (channel.mux.src == THERMISTOR_CHANNEL) {
-        board.tracing = false;
+        board.conversions = 0;
         avr_raise_irq(board.converter + ADC_IRQ_ADC1, (uint32_t)lround(thermistor() * SUPPLY));
         return;
     }
+    if (!board.conversions)
+        board.sampled = avr->cycle + HOLD_CYCLES - board.fired;
+    double level = envelope(board.sampled + SAMPLE_CYCLES * board.conversions);
     // half a step up, so that the converter's rounding down gives the nearest of 256 levels
-    unsigned now = (unsigned)lround(fmin(SUPPLY, (floor(envelope(avr) * 255 + 0.5) + 0.5) / 256 * SUPPLY));
-    avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.tracing ? board.pending : now);
+    unsigned now = (unsigned)lround((floor(level * 255 + 0.5) + 0.5) / 256 * SUPPLY);
+    avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.conversions++ ? board.pending : now);
     board.pending = now;
-    board.tracing = true;
 }
 
 void ranging_start(avr_t *avr, double temperature)

@@ -12,6 +12,7 @@
 #define DAMPING 0.35 // of critical
 #define PLAY 12.0 // microsteps of the gear
 #define CAM (-20.0 / 360 * MICROSTEPS) // where it changes
+#define MARK -1.0 // where the mark begins: set so that zero comes to lie at 0, for the rotor lags while it creeps
 #define TICK 1600 // cycles from one look to the next
 
 static struct {
@@ -30,7 +31,7 @@ double turntable_degrees(void)
 
 static void show_switches(avr_t *avr)
 {
-    double turn = motor.table / MICROSTEPS;
+    double turn = (motor.table - MARK) / MICROSTEPS;
     set_pin(avr, 'A', 3, turn - floor(turn) < 0.5);
     set_pin(avr, 'A', 4, motor.table > CAM);
 }
