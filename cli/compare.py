@@ -1,6 +1,7 @@
 """`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
@@ -72,7 +73,7 @@ def compare_log(
     chosen = load_board(board) if board else board_of_log(log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
-    heading, offset = here.heading, 0.0
+    heading, offset = here.heading + math.radians(chosen.home_angle_deg), 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
         found = fit_scan(log.readings, room, here, chosen, free, model=Model(model.value))

@@ -25,17 +25,21 @@ if TYPE_CHECKING:
 ScannerUrl = Annotated[
     str, typer.Argument(help="Serial port, socket://HOST:PORT, fake:ROOM?place=NAME&seed=1, or a log.", metavar="URL")
 ]
+RECONNECT = 30.0  # s
 LOOPBACK = "127.0.0.1:0"
 FAKE = "fake:"
 _FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
 
 
 @contextmanager
-def connect(url: str) -> "Iterator[Scanner]":
-    """The scanner at `url`, greeted. Raises InputError for a URL that says nothing, LinkError, DeviceError."""
+def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
+    """The scanner at `url`, greeted; lost, it may come back within `reconnect` s.
+
+    Raises InputError for a URL that says nothing, LinkError, DeviceError.
+    """
     from sonarhw.scanner import Scanner
 
-    with resolve(url) as target, Scanner.open(target) as scanner:
+    with resolve(url) as target, Scanner.open(target, reconnect=reconnect) as scanner:
         yield scanner
 
 

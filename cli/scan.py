@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.connect import ScannerUrl, connect
+from cli.connect import RECONNECT, ScannerUrl, connect
 from cli.interruption import Interruption, interruption, sigterm_raises
 from cli.numbers import counted
 from cli.options import (
@@ -68,6 +68,9 @@ def scan(
     temperature: Annotated[float | None, typer.Option(help="Air, °C; default: the scanner's own, else 20.")] = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
     show: Annotated[bool, typer.Option("--print", help="Write each reading to standard output as CSV.")] = False,
+    reconnect: Annotated[
+        float, typer.Option(help="Wait this long for a lost scanner to come back, seconds.", metavar="S", min=0)
+    ] = RECONNECT,
     force: Force = False,
 ) -> None:
     """Scan and record a log; with --print each reading is also written out as it arrives."""
@@ -75,7 +78,7 @@ def scan(
     checked_out(out, (LOG,), force, url, room, board)
     _check(wish)
     metadata = _metadata(room, place)
-    with sigterm_raises(), connect(url) as scanner:
+    with sigterm_raises(), connect(url, reconnect) as scanner:
         _record(scanner, wish, metadata)
 
 
@@ -145,9 +148,15 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
             kept = f"; {_are(taken.count)} kept in {wish.out}" if taken.count else ""
             raise type(error)(f"{error}{kept}") from error
     typer.echo(f"{counted(taken.count, 'reading')}, {taken.echoes} with an echo, in {wish.out}", err=True)
-    lost = scanner.statistics.lost_readings
-    if lost:
-        _warn(f"lost on the link: {counted(lost, 'reading')}; see what `info` counts")
+    _warn_of_the_link(scanner)
+
+
+def _warn_of_the_link(scanner: "Scanner") -> None:
+    books = scanner.statistics
+    if books.losses:
+        _warn(f"the scanner was lost {counted(books.losses, 'time')} on the way and came back; is the cable sound?")
+    elif books.lost_readings:
+        _warn(f"measured again, for the link had lost them: {counted(books.lost_readings, 'reading')}")
 
 
 def _are(readings: int) -> str:
@@ -214,7 +223,7 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
 
 
 def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interruption) -> None:
-    with _progress(wish.order.readings) as advance, _printed(wish, scanner, interrupted) as show:
+    with _progress(scanner, wish.order.readings) as advance, _printed(wish, scanner, interrupted) as show:
         for reading in scanner.scan(wish.order):
             taken.count += 1
             taken.echoes += bool(reading.echo_times)
@@ -245,13 +254,21 @@ def _printed(wish: _Wish, scanner: "Scanner", interrupted: Interruption) -> Iter
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[], None]]:
+def _progress(scanner: "Scanner", total: int) -> Iterator[Callable[[], None]]:
     if not sys.stderr.isatty():
         yield lambda: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    class State(ProgressColumn):
+        """What the scanner is doing: a lost one is waited for."""
+
+        def render(self, task: Task) -> Text:
+            return Text(scanner.state.value)
+
+    columns = (State(), BarColumn(), TextColumn("{task.completed:g}/{task.total:g}"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("Scanning", total=total)
         yield lambda: bar.advance(task)

@@ -32,6 +32,8 @@ class BoardFile(TomlModel):
     threshold_db: Annotated[float, Field(le=0)]
     rounding: Annotated[float, Field(ge=0)] = 0.0  # m; 0: none
     absorption: bool = True
+    range_offset: float = 0.0  # m; `sonarhw calibrate` finds these two
+    home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Board:
     text: str = field(default="", compare=False, repr=False)  # the profile, so that a log can carry it
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
     absorption: bool = True  # whether air other than the ideal gain expects makes a difference
+    range_offset: float = 0.0  # what this board tells beyond the true range
+    home_angle_deg: float = 0.0  # where the turntable's zero points, counter-clockwise from where it should
 
     def wavenumber(self, air: Air) -> float:
         """2π over the wavelength, rad/m."""
@@ -70,7 +74,8 @@ class Board:
 
     def reported(self, distances: FloatArray) -> FloatArray:
         """The ranges the board would report for true ones, m, same shape; NaN stays NaN."""
-        return np.round(distances / self.rounding) * self.rounding if self.rounding else distances
+        told = distances + self.range_offset if self.range_offset else distances
+        return np.round(told / self.rounding) * self.rounding if self.rounding else told
 
 
 def load_board(wanted: str) -> Board:

@@ -74,9 +74,19 @@ def test_info_tells_who_answers(url: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert facts["serial"] == "FAKE-0002"
-    assert facts["protocol"] == "1.0"
+    assert facts["protocol"] == "1.1"
     assert facts["temperature"] == "21.3 °C"
-    assert facts["link"].startswith("2 frames, 0 missing, 0 rejected")
+    assert facts["started"] == "1 time"
+    assert facts["capabilities"] == "home mark, thermometer, blanking, rearm, envelope"
+    assert facts["turns"].startswith("-720 to 720 degrees")
+    frames = re.fullmatch(
+        r"(\d+) frames, 0 missing, 0 rejected, 0 commands repeated, lost 0 times, \d+\.\d ms there and back"
+        r"; the scanner: (\d+) frames, 0 rejected, 0 bytes overrun",
+        facts["link"],
+    )
+    assert frames
+    assert int(frames[1]) >= 22
+    assert int(frames[2]) >= 22
 
 
 def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: Path) -> None:
