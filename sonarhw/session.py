@@ -247,8 +247,10 @@ class Session:
     def _collect(self) -> None:
         for reading in self.dialogue.driver.readings() if self.dialogue.driver else ():
             if self._jobs and self._jobs[0].progress.take(reading.number):
-                self._jobs[0].readings.append(reading)
                 self._pass_on(reading)
+                # nothing is handed on that could not be recorded
+                if self._recorder_failed is None and self._jobs[0].error is None:
+                    self._jobs[0].readings.append(reading)
 
     def _pass_on(self, reading: Reading) -> None:
         self._recorded(lambda recorder: recorder.reading(reading))
