@@ -7,6 +7,7 @@ killed process loses at most the frames of the reading in flight. Closing adds t
 
 import json
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -64,7 +65,7 @@ class LogWriter:
     Raises LogError where the file exists (unless `overwrite`), cannot be made, or no longer takes what is written;
     the file then keeps everything up to the last whole reading. A file that is overwritten stays as it was until the
     first reading comes, or `close`. `live` is for what is being measured: each reading is pushed on to the disk, so
-    that a drive may be pulled out. `warn` is told in a line when the disk is nearly full.
+    that a drive may be pulled out. `warn` is told in a line when the disk is nearly full. Any thread may use it.
     """
 
     def __init__(
@@ -76,9 +77,11 @@ class LogWriter:
         live: bool = True,
         warn: Callable[[str], None] | None = None,
     ) -> None:
+        self._lock = threading.RLock()  # one thread records what another may close
         self._file = LogFile(path, overwrite, live)
         self._room = DiskRoom(path, warn) if warn else None
         self._scanning = False
+        self._scans = 0  # whose sweeps are written
         self._follower = Follower()
         self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
         self._time = metadata.started
@@ -109,16 +112,23 @@ class LogWriter:
 
     def take(self, recorded: RecordedFrame) -> list[Reading]:
         """Keep a frame; the readings, without traces, that it tells. Raises LogError."""
+        with self._lock:
+            return self._take(recorded)
+
+    def _take(self, recorded: RecordedFrame) -> list[Reading]:
         self._time = recorded.time
         frame = decode_block(recorded.wire[:-1])
         kind = frame.type if recorded.received and isinstance(frame, Frame) else None
         if kind == Started.TYPE:
-            self._end_sweeps()
             self._commit()  # what belongs to the scan before
             self._scanning = True
         # the time as it will be read
         placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
         readings = self._follower.follow(frame, placed, self._file.tell())
+        self._file.readings += len(readings)
+        if kind == Started.TYPE and self._scans != self._follower.begun:
+            self._scans = self._follower.begun
+            self._end_sweeps()
         self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
         if kind in (Finished.TYPE, Info.TYPE):
             self._scanning = False
@@ -128,6 +138,10 @@ class LogWriter:
 
     def reading(self, reading: Reading) -> None:
         """Keep one decoded reading and write it, with the frames before it, to disk. Raises LogError."""
+        with self._lock:
+            self._reading(reading)
+
+    def _reading(self, reading: Reading) -> None:
         self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
         for sweep, readings in [*self._sweeps.items()]:
             # until then the device may send one of them again
@@ -135,13 +149,15 @@ class LogWriter:
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
         self._file.take_place()
-        self._file.readings += 1
         self._commit()
 
     def close(self) -> None:
         """Write the last sweep and the index, and close the file; a second call does nothing. Raises LogError."""
-        if self._file.closed:
-            return
+        with self._lock:
+            if not self._file.closed:
+                self._finish()
+
+    def _finish(self) -> None:
         try:
             self._end_sweeps()
             self._commit()
@@ -155,7 +171,8 @@ class LogWriter:
 
     def drop(self) -> None:
         """Close the log and leave nothing of it: no file, and one that was to be overwritten as it was."""
-        self._file.drop()
+        with self._lock:
+            self._file.drop()
 
     def _end_sweeps(self) -> None:
         for sweep in sorted(self._sweeps):

@@ -116,6 +116,11 @@ class Follower:
         readings = self._from_device(frame, message) if recorded.received else self._from_host(frame, message)
         return self._keep(readings, place)
 
+    @property
+    def begun(self) -> int:
+        """How many scans have been ordered; one that goes on is none."""
+        return len(self._scans)
+
     def scans(self) -> list[FollowedScan]:
         """All scans so far, in the order they began; an order that the device never answered is none."""
         return [scan for scan in self._scans if scan.answered]

@@ -209,7 +209,7 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
         f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
         "make room or record to another disk\n"
     )
-    # what was printed had been written before
+    # nothing was printed that had not been written before
     assert 5 < len(done.stdout.splitlines()) - 1 <= kept
     assert recorded.torn == f"the file ends too early at byte {log.stat().st_size}"
 

@@ -109,9 +109,11 @@ def test_each_reading_of_a_live_log_is_pushed_to_its_disk(tmp_path: Path, monkey
             drive.wait()
 
 
-def record_on(log: LogWriter) -> None:
-    for number in range(4, 1000):
-        log.reading(example_reading(number))
+def record_on(log: LogWriter, drive: Drive) -> None:
+    """Until it fails: the system takes the first for a drive that is gone."""
+    for number in range(3, 1000):
+        record_one(log, number)
+        drive.wait()
 
 
 def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
@@ -121,13 +123,11 @@ def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
     log = LogWriter(tmp_path / "scan.mcap", METADATA)
     drive.wait()
     for number in range(3):
-        log.reading(example_reading(number))
+        record_one(log, number)
         drive.wait()
     drive.pulled = True
-    log.reading(example_reading(3))  # the system takes it for a drive that is gone
-    drive.wait()
     with pytest.raises(LogError) as told:
-        record_on(log)
+        record_on(log, drive)
     assert str(told.value) == (
         f"{tmp_path / 'scan.mcap'}: cannot be written any further: Input/output error; 3 readings are kept in it; "
         "record to another disk"

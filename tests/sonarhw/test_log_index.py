@@ -7,14 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from mcap.records import Attachment
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.decoder import DecoderFactory
 
 import sonarhw.log_reader
 from sonarhw.encode import write_scan
 from sonarhw.errors import NotALog
-from sonarhw.log import Log, LogWriter, copy_log, read_log
+from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
 from sonarhw.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
 from sonarhw.reading_messages import reading_message, trace_chunks
 from sonarhw.readings import Reading, Trace
@@ -156,6 +158,18 @@ def test_a_scan_that_went_on_after_a_reset_is_one_scan_on_one_clock(tmp_path: Pa
     times = [reading.time for reading in scan.readings]
     assert times == sorted(times)
     assert scan.began == pytest.approx(5.0)
+
+
+def test_a_sweep_that_broke_and_went_on_is_one_laser_scan(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA, live=False) as log:
+        for received, wire in gone_on():
+            for reading in log.take(RecordedFrame(STARTED, received, wire)):
+                log.reading(reading)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
+    assert [len(sweep.ranges) for sweep in sweeps] == [4]
 
 
 def test_each_trace_is_the_one_that_was_recorded(tmp_path: Path) -> None:
