@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from cli.connect import resolve
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
+PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
 _SONARHW = (sys.executable, "-c", "from cli.app import main; main()")
 _SER2NET = """%YAML 1.1
 ---
@@ -30,7 +31,7 @@ Scanner = Callable[[], AbstractContextManager[str]]
 @contextmanager
 def in_this_process() -> Iterator[str]:
     """The fake behind a `fake:` URL."""
-    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace=max") as url:
+    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as url:
         yield url
 
 
@@ -71,7 +72,7 @@ SCANNERS: dict[str, Scanner] = {
 
 @contextmanager
 def _fake(*door: str) -> Iterator[str]:
-    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", "max", *door) as process:
+    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", PACE, *door) as process:
         assert process.stdout is not None
         yield process.stdout.readline().strip()
 
