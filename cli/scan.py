@@ -153,7 +153,7 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
 
 def _warn_of_the_link(scanner: "Scanner") -> None:
     books = scanner.statistics
-    if books.losses:
+    if books.reopened or books.resets:  # a moment's silence alone is no matter
         _warn(f"the scanner was lost {counted(books.losses, 'time')} on the way and came back; is the cable sound?")
     elif books.lost_readings:
         _warn(f"measured again, for the link had lost them: {counted(books.lost_readings, 'reading')}")

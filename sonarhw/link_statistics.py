@@ -23,6 +23,7 @@ class LinkStatistics:
     resends: int = 0  # Resend commands
     lost_readings: int = 0  # made, but no longer kept when they were asked for
     losses: int = 0  # times the device was lost: unplugged, silent or reset
+    reopened: int = 0  # times its port had to be opened again
     resets: int = 0  # times the device started anew
     round_trip: float | None = None  # s from a question to its answer, smoothed
 

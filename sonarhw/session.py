@@ -175,6 +175,7 @@ class Session:
     def opened(self, now: float, quiet: float = 0.0, bauds: bool = False) -> None:
         """The port is open: listen for `quiet` s before greeting; `bauds` tells whether its speed can be set."""
         self._open, self.dialogue.bauds = True, bauds
+        self._earlier = self._earlier.more(reopened=int(self._met))
         self._greet(now, quiet, GREET_AGAIN if self._met else self._patience)
         self._step(now)
 

@@ -103,7 +103,7 @@ def test_a_reset_in_mid_scan_is_seen_the_settings_are_set_again_and_the_zero_is_
     assert all(reading.trace is not None for reading in scan.readings)
     assert world.board._turntable.speed == pytest.approx(math.pi / 2)
     books = world.session.statistics
-    assert (books.losses, books.resets) == (1, 1)
+    assert (books.losses, books.reopened, books.resets) == (1, 0, 1)
     times = [reading.time for reading in scan.readings]
     assert times == sorted(times)
 
