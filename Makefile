@@ -1,11 +1,11 @@
-# make setup | demo | test | soak: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | test | soak | firmware | board: each does all the set-up it needs, and is quick the second time.
 
 PYTHON ?= python3
 BIN := .venv/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test soak clean
+.PHONY: setup demo test soak firmware board clean
 
 setup: .venv/installed
 
@@ -18,6 +18,14 @@ setup: .venv/installed
 # a window where there is a display; elsewhere the same job without one, into demo-result/
 demo: setup
 	$(BIN)/sonarhw demo
+
+# the firmware, and an emulated board to run it on
+firmware: setup
+	$(MAKE) --no-print-directory -C firmware all emulator
+
+# that board in the demo room; its URL is the first line, Ctrl-C ends it
+board: firmware
+	$(BIN)/python -m cli.board
 
 test: setup
 	$(BIN)/ruff check .
@@ -33,4 +41,4 @@ soak: setup
 	$(BIN)/python -m benchmarks.live 600
 
 clean:
-	rm -rf .venv build dist *.egg-info demo-result
+	rm -rf .venv build dist *.egg-info demo-result firmware/build

@@ -273,12 +273,14 @@ static void work_on_scan(uint64_t now_us, bool turning)
     case AIMING:
         ping_place = scan_place(&scan.order, kept_end());
         turntable_turn(ping_place.angle);
+        turning = turntable_work(now_us);
         scan.phase = TURNING_THERE;
-        break;
+        // fall through
     case TURNING_THERE:
-        if (!turning)
-            scan.phase = READY;
-        break;
+        if (turning)
+            break;
+        scan.phase = READY;
+        // fall through
     case READY:
         fire_when_quiet(now_us);
         break;
