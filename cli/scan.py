@@ -196,7 +196,7 @@ def _warn_where_room_is_short(scanner: "Scanner", wish: _Wish) -> None:
     need, free = log_size(wish.order.readings, samples), free_bytes(wish.out)
     if free is not None and free < need:
         _warn(
-            f"{wish.out}: the scan takes some {need / 1e6:.0f} MB and its disk has {free / 1e6:.0f} MB free, "
+            f"{wish.out}: the scan takes some {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
             f"enough for {free / need:.0%} of it; make room"
         )
 
