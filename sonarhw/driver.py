@@ -48,7 +48,7 @@ from sonarhw.recorder import Recorder
 ANSWER_WITHIN = 0.5  # s, then the command is sent again
 TRIES = 6
 SILENCE = 0.75  # s without a byte; heartbeats come every 0.25 s
-NOTHING_SOUND = 3.0  # s without a sound frame
+NOTHING_SOUND = 3.0  # s without a message that a scanner sends
 SIGN_OF_LIFE = 0.5  # s after which the host says something, so that the device does not let go
 ASK_AGAIN = 0.3  # s after a Resend was accepted
 ASKS = 20  # for one stretch of readings, or for one Finished
@@ -119,7 +119,7 @@ class Driver:
         self._asks: tuple[tuple[int, int] | None, int] = (None, 0)
         self._readings: list[Reading] = []
         self._heard: float | None = None  # None until the first command: nobody has been asked anything
-        self._sound = 0.0  # when the last sound frame came
+        self._sound = 0.0  # when the last message came that a scanner sends; answers to nobody are none
         self._spoke = 0.0  # when the last command was sent
         self._arrived = 0.0
         self._newest_beat = 0  # device time of the newest heartbeat, µs
@@ -202,7 +202,6 @@ class Driver:
             if isinstance(item, Rejected):
                 self._count(rejected_blocks=1)
             else:
-                self._sound = now
                 self._take(item, now)
         self._ask_for_missing(now)
 
@@ -260,6 +259,8 @@ class Driver:
             self._handle(message, now)
 
     def _handle(self, message: Message, now: float) -> None:
+        if not isinstance(message, Answer):
+            self._sound = now
         match message:
             case ReadingMessage():
                 if not self._expects(message) or not self._arrivals.arrived(message.number):
@@ -283,6 +284,7 @@ class Driver:
         command = self._open.pop(message.command, None) if isinstance(message, Answer) else None
         if command is None or not isinstance(message, Answer):
             return False
+        self._sound = now
         command.answer, command.answered_at = message, self._device_time * 1e-6
         match message:
             case Info():
@@ -429,7 +431,7 @@ class Driver:
         if now >= self._heard + SILENCE:
             raise NoAnswer(f"{self.where}: not a byte for {SILENCE:g} s; is the scanner powered and still connected?")
         if now >= self._sound + NOTHING_SOUND:
-            raise NoAnswer(f"{self.where}: no sound frame for {NOTHING_SOUND:g} s; `sonarhw monitor` shows what comes")
+            raise NoAnswer(f"{self.where}: nothing sensible for {NOTHING_SOUND:g} s; `sonarhw monitor` shows what comes")
 
     def _count_gap(self, sequence: int) -> None:
         gap = 0 if self._device_sequence is None else (sequence - self._device_sequence - 1) % 0x10000

@@ -401,7 +401,7 @@ def test_rubbish_alone_is_no_life() -> None:
     joined.greet()
     joined.up = lambda data: b"rubbish" * 9
     began = joined.now
-    with pytest.raises(NoAnswer, match="no sound frame"):
+    with pytest.raises(NoAnswer, match="nothing sensible"):
         joined.until(lambda: False)
     assert joined.now - began == pytest.approx(NOTHING_SOUND, abs=0.3)
 
