@@ -64,26 +64,48 @@ def serial_ports() -> list[Port]:
     ]
 
 
-def usb_of(device: str, ports: list[Port]) -> Usb | None:
+class Whereabouts:
+    """Where the device is that was behind a port, by whatever name its port has now."""
+
+    def __init__(self, url: str) -> None:
+        """`url`: where it is first; what is no port of this machine does not move."""
+        self._url = url
+        self._usb: Usb | None = None
+
+    def __call__(self) -> str:
+        """The URL to open now."""
+        if "://" in self._url:
+            return self._url
+        ports = serial_ports()
+        if os.path.exists(self._url):
+            self._usb = _usb_of(self._url, ports) or self._usb
+            return self._url
+        return (self._usb and where_now(self._usb, ports)) or self._url
+
+
+def _usb_of(device: str, ports: list[Port]) -> Usb | None:
     """The USB device behind the name of a port, or a link to it."""
     real = os.path.realpath(device)
     return next((port.usb for port in ports if os.path.realpath(port.device) == real), None)
 
 
 def where_now(usb: Usb, ports: list[Port]) -> str | None:
-    """The port behind which a USB device is now; one without a serial number is known by the socket it is in."""
+    """The port behind which a USB device is now; one without a serial number is known by its kind and its socket."""
     alike = [port for port in ports if port.usb and (port.usb.vendor, port.usb.product) == (usb.vendor, usb.product)]
     if usb.serial_number:
         alike = [port for port in alike if port.usb and port.usb.serial_number == usb.serial_number]
     else:
         alike = [port for port in alike if port.usb and port.usb.location == usb.location] or alike
+    # of several that are alike none is chosen: it may be another scanner
     return alike[0].device if len(alike) == 1 else None
 
 
 def holders(device: str) -> list[str]:
-    """Who has a port open, as far as the system tells: name and number of each process."""
+    """Who has a port open, as far as the system tells: name and number of each process, this one only if no other."""
     real = os.path.realpath(device)
-    return sorted({_named(process) for process, path in _open_files() if path == real})
+    processes = {process for process, path in _open_files() if path == real}
+    others = sorted(_named(process) for process in processes if int(process.name) != os.getpid())
+    return others or ["this program"] * bool(processes)
 
 
 def _open_files() -> Iterator[tuple[Path, str]]:
@@ -105,8 +127,6 @@ def _opened_by(process: Path) -> list[str]:
 
 
 def _named(process: Path) -> str:
-    if int(process.name) == os.getpid():
-        return "this program"
     try:
         name = (process / "comm").read_text().strip()
     except OSError:

@@ -12,10 +12,9 @@ line holds the device back; on a serial one bytes are lost, and what was in them
 slow caller slows the scan and loses no reading.
 """
 
-import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
@@ -40,7 +39,7 @@ from sonarhw.messages import (
     Turn,
     TurntableSettings,
 )
-from sonarhw.ports import Usb, serial_ports, usb_of, where_now
+from sonarhw.ports import Whereabouts
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.recorder import Recorder
 from sonarhw.session import PATIENCE, RECONNECT, Connection, Session
@@ -54,9 +53,10 @@ _TICK = 0.05  # s; how soon a closing is noticed
 class Scanner:
     """A scanner that has answered. One thread uses it; only `stop` may be called from another."""
 
-    def __init__(self, url: str, session: Session) -> None:
+    def __init__(self, url: str, session: Session, find: Callable[[], str] | None = None) -> None:
         """Begin to connect; `open` is the way in."""
         self.url = url
+        self._find = find or Whereabouts(url)
         self._session = session
         # driver and recorder live on the epoch, but never run backwards
         self._epoch = time.time() - time.monotonic()
@@ -64,7 +64,6 @@ class Scanner:
         self._closing = threading.Event()
         self._stop_wanted = threading.Event()
         self._defect: BaseException | None = None  # what ended the thread
-        self._usb: Usb | None = None
         self._scan: Job | None = None
         self._in_use = threading.Lock()
         session.connect(self._now())
@@ -73,15 +72,21 @@ class Scanner:
 
     @classmethod
     def open(
-        cls, url: str, recorder: Recorder | None = None, patience: float = PATIENCE, reconnect: float = RECONNECT
+        cls,
+        url: str,
+        recorder: Recorder | None = None,
+        patience: float = PATIENCE,
+        reconnect: float = RECONNECT,
+        find: Callable[[], str] | None = None,
     ) -> "Scanner":
         """Open `url`, greet whoever answers within `patience` s, and stop whatever it was doing.
 
-        A device that is lost later may come back within `reconnect` s, under whatever name its port has then; what was
-        going on goes on. Raises InputError for a URL that leads nowhere, LinkError (LinkBusy, LinkForbidden,
-        LinkLost), NoAnswer, or Incompatible where it speaks another protocol version.
+        A device that is lost later may come back within `reconnect` s, and what was going on goes on. `find` tells what
+        to open each time; by default a USB device is found by whatever name its port has then. Raises InputError for a
+        URL that leads nowhere, LinkError (LinkBusy, LinkForbidden, LinkLost), NoAnswer, or Incompatible where it speaks
+        another protocol version.
         """
-        scanner = cls(url, Session(url, patience, reconnect))
+        scanner = cls(url, Session(url, patience, reconnect), find)
         try:
             with scanner._changed:
                 while scanner.state is not Connection.READY:
@@ -355,7 +360,7 @@ class Scanner:
                 self._changed.wait(_TICK)
                 return None
         try:
-            link = self._open_link()
+            link = Link(self._find())
         except (LinkError, InputError) as error:
             with self._changed:
                 self._session.open_failed(error, self._now())
@@ -363,15 +368,6 @@ class Scanner:
             return None
         with self._changed:
             self._session.opened(self._now(), link.quiet, link.bauds)
-        return link
-
-    def _open_link(self) -> Link:
-        if "://" in self.url:
-            return Link(self.url)
-        ports = serial_ports()
-        moved = where_now(self._usb, ports) if self._usb and not os.path.exists(self.url) else None
-        link = Link(moved or self.url)
-        self._usb = self._usb or usb_of(self.url, ports)
         return link
 
     def _exchange(self, link: Link) -> Link | None:

@@ -4,9 +4,11 @@ import errno
 import math
 import os
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
@@ -256,6 +258,47 @@ def test_an_order_that_fits_no_message_is_refused_before_it_is_sent(served: Serv
         check_scan(list(scanner.scan(ORDER)))
 
 
+def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_path: Path) -> None:
+    echoes = PlainEchoes()
+    names = [tmp_path / "first", tmp_path / "second"]
+
+    def now_at() -> str:
+        return str(next((name for name in names if name.exists()), names[0]))
+
+    with ExitStack() as later:
+        with serve(Board(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
+            scanner = later.enter_context(Scanner.open(first.url, find=now_at))
+            scan = scanner.scan(ORDER)
+            readings = [next(scan) for _ in range(5)]
+        later.enter_context(serve(Board(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
+        check_scan([*readings, *scan])
+        books = scanner.statistics
+        assert (books.losses, books.resets) == (1, 1)
+        scanner.close()
+
+
+def test_ten_lines_of_a_notebook_are_a_scan(served: Serve) -> None:
+    import sonarhw
+
+    with served() as endpoint, sonarhw.Scanner.open(endpoint.url) as scanner:
+        ranges = {
+            round(math.degrees(reading.angle)): reading.range for reading in scanner.scan(sonarhw.sector(0, 90, 30))
+        }
+    assert ranges == {angle: pytest.approx(343.2 * echo_time(math.radians(angle)) / 2) for angle in (0, 30, 60)}
+
+
+def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
+    board = Board(PlainEchoes(), seed=5)
+    with served(board, pace="real") as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.turn(0.1)
+        done = threading.Event()
+        done.wait(2.5)  # of real time: longer than the board waits for its host
+        assert board.homed
+        assert scanner.state is Connection.READY
+    # and lets go when nobody is there
+    assert not board.busy
+
+
 def test_nobody_there_is_no_answer() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(NoAnswer, match="no scanner answered"):
         Scanner.open(f"socket://127.0.0.1:{mute.getsockname()[1]}", patience=0.2)
@@ -277,6 +320,18 @@ def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
         pytest.raises(LinkBusy, match="this program holds the port"),
     ):
         Scanner.open(endpoint.url)
+
+
+def test_who_holds_a_busy_port_is_said(tmp_path: Path) -> None:
+    hold = "import sys; from sonarhw.link import Link; x = Link(sys.argv[1]); print('held', flush=True); input()"
+    with serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
+        command = [sys.executable, "-c", hold, endpoint.url]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+            assert other.stdout is not None
+            assert other.stdout.readline() == b"held\n"
+            with pytest.raises(LinkBusy, match=rf"python\S* \({other.pid}\) holds the port"):
+                Scanner.open(endpoint.url)
+            other.communicate(b"\n")
 
 
 def test_a_forbidden_port_names_the_group_to_join(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
