@@ -30,8 +30,8 @@ def fake(
 ) -> None:
     """Serve a scanner that is not there; the first line of standard output is its URL.
 
-    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, reset, nonsense, unplug,
-    move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable; each of these with @SECONDS, @rPINGS or
+    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, deaf, mute, reset, nonsense,
+    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable; each of these with @SECONDS, @rPINGS or
     @~SECONDS (again and again). A cable that comes back under another name prints its new URL.
     """
     from sim.board import load_board

@@ -227,7 +227,7 @@ class Dialogue:
         while (stretch := progress.stretch()) and fruitless < _FRUITLESS:
             before = progress.received
             outcome = yield from self._act(self._order(order, stretch, job), job)
-            if outcome is not Outcome.DONE and not progress.complete:
+            if outcome is not Outcome.DONE and job.stop_wanted and not progress.complete:
                 return outcome
             fruitless = 0 if progress.received > before else fruitless + 1
         if stretch:
@@ -295,7 +295,11 @@ class Dialogue:
         if command.finished is None:
             stop = self._send(Stop())
             yield Wait(lambda: over() and stop.settled)
-        return self._outcome(command)
+        outcome = self._outcome(command)
+        if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
+            # nobody wanted that: it has not heard us for too long
+            return (yield from self._act(message, job))
+        return outcome
 
     def _begin(self, job: Job, started: Started, at: float) -> None:
         if job.began is None:

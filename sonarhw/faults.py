@@ -43,6 +43,8 @@ class Kind(Enum):
     """What can happen; the value is its name in a text, the size it has where none is said, and what that counts."""
 
     STALL = ("stall", 1.0, "s: the line holds every byte back, then lets them all go at once")
+    DEAF = ("deaf", 1.0, "s in which nothing that the host says arrives")
+    MUTE = ("mute", 1.0, "s in which nothing that the scanner says arrives")
     RESET = ("reset", 0.5, "s it takes to start again: it forgets the conversation, its zero and its readings")
     WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, whatever steps it is given")
     SLIP = ("slip", 16.0, "microsteps of a way forwards that the turntable misses at once (below 0: backwards)")

@@ -46,6 +46,7 @@ class FaultyDevice:
         self._pings = _Pings()
         self._waiting = [event for event in faults.events if isinstance(event.when, AfterPings)]
         self._wedged_until = self._babbles_until = self._stalled_until = -math.inf
+        self._deaf_until = self._mute_until = -math.inf
         self._stalled = False
         self._held_up, self._held_down = bytearray(), bytearray()
         self._leaving = bytearray()
@@ -73,7 +74,7 @@ class FaultyDevice:
     def receive(self, data: bytes, now: float) -> None:
         """Take bytes from the host."""
         self._pass_time(now)
-        if self.plug is None:
+        if self.plug is None or now < self._deaf_until:
             return
         if self._stalled:
             self._held_down += data
@@ -146,7 +147,7 @@ class FaultyDevice:
             self._board.receive(self._down.damage(data), self._board_time(now))
 
     def _say(self, data: bytes, now: float) -> None:
-        if data and now >= self._babbles_until:
+        if data and now >= max(self._babbles_until, self._mute_until):
             self._send(data)
         if self._waiting and data:
             self._pings.count(data)
@@ -182,6 +183,10 @@ class FaultyDevice:
             case Kind.STALL:
                 self._stalled, self._stalled_until = True, max(self._stalled_until, until)
                 self._at(until, self._flow)
+            case Kind.DEAF:
+                self._deaf_until = max(self._deaf_until, until)
+            case Kind.MUTE:
+                self._mute_until = max(self._mute_until, until)
             case Kind.RESET:
                 self._board = None
                 self._at(until, self._boot)

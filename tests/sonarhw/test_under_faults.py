@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
-from sonarhw.messages import StartScan
+from sonarhw.messages import Outcome, StartScan, Turn
 from sonarhw.readings import Reading
 from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.plain_echoes import echo_time
@@ -28,6 +28,12 @@ MENDED = [
     "stall=0.7@~2",
     "stall=2@r20",
     "stall=6@~15",
+    "deaf=0.3@r20",
+    "deaf@~3",
+    "deaf=4@r20",
+    "mute=0.3@r20",
+    "mute@~5",
+    "mute=4@r20",
     "reset=0.01@r20",
     "reset@r1",
     "reset@r20",
@@ -77,6 +83,17 @@ def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace
     plugged = Plugged(faulty(faults), vanishes)
     readings = plugged.scan(SECTOR, trace)
     assert sorted(reading.number for reading in readings) == list(range(80))
+    assert_right(readings)
+
+
+@pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
+def test_a_turn_that_was_broken_off_is_made_all_the_same(faults: str) -> None:
+    plugged = Plugged(faulty(faults))
+    plugged.do(plugged.session.homing())
+    for angle in (700_000_000, 10_000_000):  # 4 s each
+        assert plugged.do(plugged.session.turning(Turn(angle))).result is Outcome.DONE
+    readings = plugged.scan(SECTOR)
+    assert len(readings) == 80
     assert_right(readings)
 
 
