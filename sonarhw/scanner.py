@@ -111,7 +111,8 @@ class Scanner:
     @property
     def state(self) -> Connection:
         """How it stands with the device, from disconnected to streaming to lost."""
-        return self._session.state
+        with self._changed:
+            return self._session.state
 
     @property
     def info(self) -> DeviceInfo:
@@ -136,7 +137,8 @@ class Scanner:
     @property
     def statistics(self) -> LinkStatistics:
         """What has passed over the link since it was opened."""
-        return self._session.statistics
+        with self._changed:
+            return self._session.statistics
 
     @property
     def clock_drift(self) -> float:

@@ -3,6 +3,7 @@
 import errno
 import math
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -277,14 +278,13 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
         scanner.close()
 
 
-def test_ten_lines_of_a_notebook_are_a_scan(served: Serve) -> None:
-    import sonarhw
-
-    with served() as endpoint, sonarhw.Scanner.open(endpoint.url) as scanner:
-        ranges = {
-            round(math.degrees(reading.angle)): reading.range for reading in scanner.scan(sonarhw.sector(0, 90, 30))
-        }
-    assert ranges == {angle: pytest.approx(343.2 * echo_time(math.radians(angle)) / 2) for angle in (0, 30, 60)}
+def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(from sonarhw import Scanner.*?)```", readme, flags=re.DOTALL)
+    kept: list[Reading] = []
+    with served() as endpoint:
+        exec(lines.replace("/dev/ttyUSB0", endpoint.url).replace("...", "kept.append(reading)"), {"kept": kept})
+    check_scan(kept)
 
 
 def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
