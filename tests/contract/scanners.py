@@ -14,6 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cli.connect import resolve
+from sonarhw.emulated import emulated_board
+from tests.sonarhw.plain_echoes import PlainEchoes
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
 PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
@@ -62,11 +64,19 @@ def behind_ser2net() -> Iterator[str]:
             yield f"rfc2217://127.0.0.1:{port}?ign_set_control"
 
 
+@contextmanager
+def emulated() -> Iterator[str]:
+    """The firmware itself, on an emulated board."""
+    with emulated_board(PlainEchoes(), pace=2.0) as board:
+        yield board.url
+
+
 SCANNERS: dict[str, Scanner] = {
     "fake in this process": in_this_process,
     "fake on a pseudo-terminal": on_a_pseudo_terminal,
     "fake over TCP": over_tcp,
     "fake behind ser2net": behind_ser2net,
+    "firmware on the emulated board": emulated,
 }
 
 
