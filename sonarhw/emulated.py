@@ -8,6 +8,7 @@ Takes an echo source; owns the process in which the firmware runs and answers it
 """
 
 import os
+import queue
 import socket
 import struct
 import subprocess
@@ -36,7 +37,7 @@ class EmulatedBoard:
     def __init__(self, process: "subprocess.Popen[bytes]", line: socket.socket, echoes: EchoSource) -> None:
         self._process, self._line, self._echoes = process, line, echoes
         self._writing = threading.Lock()
-        self.failure: BaseException | None = None
+        self._cycles: queue.Queue[tuple[int, ...]] = queue.Queue()
         kind, name = self._message()
         if kind != b"U":
             raise LinkError("the emulated board did not start")
@@ -53,6 +54,11 @@ class EmulatedBoard:
     def wedge(self, seconds: float) -> None:
         """Hold the table for a while."""
         self._tell(b"W", struct.pack("<d", seconds))
+
+    def longest_interrupts(self) -> tuple[int, ...]:
+        """How many cycles the handler of each interrupt vector took at most since the start."""
+        self._tell(b"C", b"")
+        return self._cycles.get(timeout=_READY_WITHIN)
 
     def wait(self) -> int:
         """Wait until it ends; its exit status."""
@@ -73,6 +79,8 @@ class EmulatedBoard:
                 degrees, sweep, index = _PING.unpack(payload)
                 heard = self._echoes.hear(Ping(np.radians(degrees), sweep, index, LISTEN, True))
                 self._tell(b"E", packed(heard))
+            elif kind == b"C":
+                self._cycles.put(struct.unpack(f"<{len(payload) // 4}I", payload))
 
     def _tell(self, kind: bytes, payload: bytes) -> None:
         with self._writing:

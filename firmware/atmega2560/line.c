@@ -27,7 +27,7 @@ void usart_start(void)
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
-// One byte in 160 cycles at 1 000 000 baud. Budget 60; takes 47 with entry and exit.
+// At most every 160 cycles, at 1 000 000 baud. Budget 100 cycles.
 ISR(USART0_RX_vect)
 {
     bool overrun = UCSR0A & _BV(DOR0);
@@ -44,7 +44,7 @@ ISR(USART0_RX_vect)
         overruns++;
 }
 
-// One byte in 160 cycles at 1 000 000 baud. Budget 60; takes 49 with entry and exit.
+// At most every 160 cycles, at 1 000 000 baud. Budget 90 cycles.
 ISR(USART0_UDRE_vect)
 {
     uint8_t out = send_out;

@@ -32,7 +32,7 @@ static void wake_in(uint32_t ticks)
     TCCR3B = _BV(WGM32) | _BV(CS31);
 }
 
-// Blanking is over, one way or the other. Budget 200; takes 60 with entry and exit, 130 where the wait goes on.
+// Blanking is over, one way or the other. Budget 150 cycles.
 ISR(TIMER3_COMPA_vect)
 {
     if (wait_left) {
@@ -45,7 +45,7 @@ ISR(TIMER3_COMPA_vect)
     PIN_LOW(BLNK);
 }
 
-// An echo. Its time is the timer's, so that waiting for other interrupts costs no precision. Budget 300; takes 210.
+// An echo. Its time is the timer's, so that waiting for other interrupts costs no precision. Budget 260 cycles.
 ISR(TIMER4_CAPT_vect)
 {
     uint32_t ticks = clock_ticks_at(ICR4) - fired_low;

@@ -22,7 +22,7 @@ struct ramp {
 
 // A move of some steps; acceleration in steps/s², speed in steps/s, both no less than what stands above.
 struct ramp ramp_of(uint16_t steps, uint32_t acceleration, uint16_t speed);
-// How long the next step lasts, in ticks; 0: there is none. For an interrupt: some 60 cycles.
+// How long the next step lasts, in ticks; 0: there is none. It is called by an interrupt.
 uint16_t ramp_next(struct ramp *ramp);
 // Come to rest as soon as acceleration allows.
 void ramp_halt(struct ramp *ramp);

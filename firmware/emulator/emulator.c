@@ -20,6 +20,8 @@
 
 #define SLICE (FREQUENCY / 1000) // cycles from one look at the world to the next
 #define START (FREQUENCY / 20) // cycles in which it starts, before anyone is told that it is there
+#define VECTOR_SIZE 4 // bytes
+#define ENTRY_CYCLES 5 // from the interrupt to its vector, which simavr leaves out
 #define EEPROM_SIZE 4096
 #define MOST_BEHIND 0.1 // s; what a stalled machine loses beyond that is not made up for
 
@@ -85,10 +87,11 @@ void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *,
     return listener;
 }
 
+// by port; without this simavr would set a pin back to its pull-up whenever the firmware writes to the port
+static avr_ioport_external_t driven['L' + 1];
+
 void set_pin(avr_t *avr, char port, int bit, bool high)
 {
-    // without this simavr would set the pin back to its pull-up whenever the firmware writes to the port
-    static avr_ioport_external_t driven['Z'];
     avr_ioport_external_t *external = &driven[(int)port];
     external->name = (unsigned)port;
     external->mask |= 1u << bit;
@@ -97,7 +100,19 @@ void set_pin(avr_t *avr, char port, int bit, bool high)
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
 }
 
-void reset_board(avr_t *avr) { avr_reset(avr); }
+// The reset button. What drives the pins does not notice, but simavr forgets the levels.
+void reset_board(avr_t *avr)
+{
+    avr_reset(avr);
+    avr_regbit_set(avr, avr->reset_flags.extrf);
+    for (int port = 'A'; port <= 'L'; port++)
+        for (int bit = 0; bit < 8; bit++)
+            if (driven[port].mask & 1u << bit) {
+                bool high = driven[port].value & 1u << bit;
+                set_pin(avr, (char)port, bit, !high);
+                set_pin(avr, (char)port, bit, high);
+            }
+}
 
 static void read_eeprom(avr_t *avr)
 {
@@ -217,18 +232,42 @@ static void read_options(int count, char **words)
         die("--firmware FILE.elf is missing");
 }
 
+static uint32_t longest[INTERRUPTS];
+
+const uint32_t *longest_interrupts(void) { return longest; }
+
+// Notices where a handler begins, at its vector, and where it ends.
+static void time_interrupts(const avr_t *avr, avr_flashaddr_t before)
+{
+    static unsigned vector;
+    static avr_cycle_count_t began;
+    if (avr->pc < INTERRUPTS * VECTOR_SIZE && avr->pc % VECTOR_SIZE == 0) {
+        vector = avr->pc / VECTOR_SIZE;
+        began = avr->cycle - ENTRY_CYCLES;
+    } else if (vector && avr->flash[before] == 0x18 && avr->flash[before + 1] == 0x95) { // RETI
+        if (avr->cycle - began > longest[vector])
+            longest[vector] = (uint32_t)(avr->cycle - began);
+        vector = 0;
+    }
+}
+
 static void run_for(avr_t *avr, avr_cycle_count_t cycles)
 {
     for (avr_cycle_count_t end = avr->cycle + cycles; avr->cycle < end;) {
+        avr_flashaddr_t before = avr->pc;
         int state = avr_run(avr);
         if (state == cpu_Done || state == cpu_Crashed)
             die("the firmware crashed");
+        time_interrupts(avr, before);
     }
 }
 
 int main(int count, char **words)
 {
     read_options(count, words);
+    // simavr writes what it loads to standard output, which is the parent's
+    if (!freopen("/dev/null", "w", stdout))
+        die("no /dev/null");
     signal(SIGTERM, end);
     signal(SIGINT, end);
     signal(SIGPIPE, SIG_IGN);

@@ -17,6 +17,7 @@
 
 #define FREQUENCY 16000000
 #define ECHOES_MOST 256
+#define INTERRUPTS 57
 
 struct options {
     const char *elf;
@@ -50,9 +51,11 @@ uint16_t symbol(const char *name); // address in the chip's memory
 void reset_board(avr_t *avr);
 void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool));
 void set_pin(avr_t *avr, char port, int bit, bool high);
+const uint32_t *longest_interrupts(void); // cycles of each vector's handler, INTERRUPTS of them
 
 /* ranging.c */
 void ranging_start(avr_t *avr, double temperature);
+bool ranging_listens(void); // INIT is high
 
 /* turntable.c */
 void turntable_start(avr_t *avr, double degrees);

@@ -88,6 +88,8 @@ static void sent(struct avr_irq_t *irq, uint32_t value, void *parameter)
 {
     (void)irq;
     avr_t *avr = parameter;
+    if (ranging_listens())
+        die("the firmware sends while it listens");
     if (line.send_size == 0 || line.send_size == sizeof line.sending)
         flush();
     line.sending[line.send_size++] = speeds_differ(avr) ? garbled((uint8_t)value) : (uint8_t)value;

@@ -4,7 +4,8 @@
  *   to the parent    U name of the pseudo-terminal
  *                    P degrees f64, sweep u16, ping u8: what is heard there?
  *   from the parent  E count u32, count times f64, rate f64, start f64, samples u32, that many f32
- *                    R reset the board · S slip: microsteps f64 · W wedge: seconds f64 · Q quit
+ *                    R reset the board · S slip: microsteps f64 · W wedge: seconds f64
+ *                    C how long did interrupt handlers take? answered with C, cycles u32 of each vector
  */
 #include <errno.h>
 #include <poll.h>
@@ -99,9 +100,9 @@ static bool take(avr_t *avr, struct heard *heard)
     case 'W':
         turntable_wedge(avr, read_double());
         return false;
-    case 'Q':
-        line_end();
-        exit(0);
+    case 'C':
+        send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));
+        return false;
     default:
         die("a message that is none");
         return false;

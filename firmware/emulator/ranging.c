@@ -134,6 +134,8 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
     board.pending = now;
 }
 
+bool ranging_listens(void) { return board.transmitting; }
+
 void ranging_start(avr_t *avr, double temperature)
 {
     board.temperature = temperature;

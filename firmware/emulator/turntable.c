@@ -77,6 +77,8 @@ static void step_changed(avr_t *avr, bool high)
 {
     if (!high || !motor.powered)
         return;
+    if (ranging_listens())
+        die("the firmware steps while it listens");
     motor.field += motor.forwards ? 1 : -1;
     start_looking(avr);
 }
