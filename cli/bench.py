@@ -45,7 +45,7 @@ def monitor(url: ScannerUrl) -> None:
     """Greet the scanner, which stops it, and show decoded frames and rejected bytes as they come, until Ctrl-C."""
     from sonarhw.link import Link
 
-    with sigterm_raises(), resolve(url) as target, Link(target) as link:
+    with sigterm_raises(), resolve(url) as find, Link(find()) as link:
         _show(link)
 
 

@@ -3,7 +3,7 @@
 Takes the URL as it was typed; hands on one that pyserial opens, or the opened scanner, for as long as the block lasts.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ ScannerUrl = Annotated[
     str, typer.Argument(help="Serial port, socket://HOST:PORT, fake:ROOM?place=NAME&seed=1, or a log.", metavar="URL")
 ]
 RECONNECT = 30.0  # s
+Find = Callable[[], str]
 LOOPBACK = "127.0.0.1:0"
 FAKE = "fake:"
 _FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
@@ -39,21 +40,26 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
     """
     from sonarhw.scanner import Scanner
 
-    with resolve(url) as target, Scanner.open(target, reconnect=reconnect) as scanner:
+    with resolve(url) as find, Scanner.open(find(), reconnect=reconnect, find=find) as scanner:
         yield scanner
 
 
 @contextmanager
-def resolve(url: str) -> Iterator[str]:
-    """A URL that pyserial opens; what `fake:` and log files need runs in this process meanwhile."""
+def resolve(url: str) -> Iterator[Find]:
+    """What tells the URL that pyserial is to open now; what `fake:` and log files need runs in this process meanwhile.
+
+    A device may come back under another name: ask again before each opening.
+    """
+    from sonarhw.ports import Whereabouts
+
     if url.startswith(FAKE):
-        with _fake(url) as target:
-            yield target
+        with _fake(url) as find:
+            yield find
     elif Path(url).suffix == ".mcap":
-        with _replay(Path(url)) as target:
-            yield target
+        with _replay(Path(url)) as find:
+            yield find
     else:
-        yield url
+        yield Whereabouts(url)
 
 
 def read_pace(text: str) -> "Pace":
@@ -126,7 +132,7 @@ def read_fake_url(url: str) -> FakeUrl:
 
 
 @contextmanager
-def _fake(url: str) -> Iterator[str]:
+def _fake(url: str) -> Iterator[Find]:
     from sonarhw.endpoint import serve
 
     wish = read_fake_url(url)
@@ -134,7 +140,7 @@ def _fake(url: str) -> Iterator[str]:
     device, echoes = fake_device(wish.room_file, wish.place, wish.board, wish.seed, wish.faults)
     echoes.prepare()
     with serve(device, tcp=LOOPBACK, pace=wish.pace) as endpoint:
-        yield endpoint.url
+        yield lambda: endpoint.url
 
 
 def _check_place(url: str, wish: FakeUrl) -> None:
@@ -153,10 +159,10 @@ def read_seed(text: str) -> int:
 
 
 @contextmanager
-def _replay(path: Path) -> Iterator[str]:
+def _replay(path: Path) -> Iterator[Find]:
     from cli.log_input import open_log
     from sonarhw.endpoint import serve
     from sonarhw.replay import ReplayDevice
 
     with serve(ReplayDevice(open_log(path)), tcp=LOOPBACK) as endpoint:
-        yield endpoint.url
+        yield lambda: endpoint.url

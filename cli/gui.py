@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.connect import FAKE, read_fake_url, resolve
+from cli.connect import FAKE, Find, read_fake_url, resolve
 from cli.demo_room import demo_room, demo_url
 from cli.options import DEFAULT_BOARD, PlaceName
 from sonarhw.errors import InputError
@@ -84,15 +84,15 @@ class _Way:
     def __init__(self, url: str, during: ExitStack) -> None:
         self._url = url
         self._during = during
-        self._target: str | None = None
+        self._find: Find | None = None
 
     def open(self) -> "Scanner":
         """The scanner, greeted. Raises LinkError, DeviceError."""
         from sonarhw.scanner import Scanner
 
-        if self._target is None:
-            self._target = self._during.enter_context(resolve(self._url))
-        return Scanner.open(self._target)
+        if self._find is None:
+            self._find = self._during.enter_context(resolve(self._url))
+        return Scanner.open(self._find(), find=self._find)
 
 
 def _scene(wish: _Wish) -> "Scene":

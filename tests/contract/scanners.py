@@ -33,8 +33,8 @@ Scanner = Callable[[], AbstractContextManager[str]]
 @contextmanager
 def in_this_process() -> Iterator[str]:
     """The fake behind a `fake:` URL."""
-    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as url:
-        yield url
+    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as find:
+        yield find()
 
 
 @contextmanager
