@@ -47,6 +47,10 @@ class EmulatedBoard:
         """Press the reset button."""
         self._tell(b"R", b"")
 
+    def hang(self) -> None:
+        """Let the firmware run in a circle, which its watchdog ends."""
+        self._tell(b"H", b"")
+
     def slip(self, microsteps: float) -> None:
         """Turn the table back by hand, against the motor."""
         self._tell(b"S", struct.pack("<d", microsteps))

@@ -100,11 +100,9 @@ void set_pin(avr_t *avr, char port, int bit, bool high)
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
 }
 
-// The reset button. What drives the pins does not notice, but simavr forgets the levels.
-void reset_board(avr_t *avr)
+// The chip has begun anew, and simavr has forgotten its clock, its timers and what drives the pins.
+static void after_reset(avr_t *avr)
 {
-    avr_reset(avr);
-    avr_regbit_set(avr, avr->reset_flags.extrf);
     for (int port = 'A'; port <= 'L'; port++)
         for (int bit = 0; bit < 8; bit++)
             if (driven[port].mask & 1u << bit) {
@@ -112,6 +110,23 @@ void reset_board(avr_t *avr)
                 set_pin(avr, (char)port, bit, !high);
                 set_pin(avr, (char)port, bit, high);
             }
+    ranging_reset(avr);
+    turntable_reset(avr);
+    line_reset();
+}
+
+void reset_board(avr_t *avr)
+{
+    avr_reset(avr);
+    avr_regbit_set(avr, avr->reset_flags.extrf);
+    after_reset(avr);
+}
+
+void hang_board(avr_t *avr)
+{
+    static uint8_t jump_to_itself[] = {0xFF, 0xCF};
+    avr_loadcode(avr, jump_to_itself, sizeof jump_to_itself, avr->flashend - 1);
+    avr->pc = avr->flashend - 1;
 }
 
 static void read_eeprom(avr_t *avr)
@@ -258,6 +273,10 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
         int state = avr_run(avr);
         if (state == cpu_Done || state == cpu_Crashed)
             die("the firmware crashed");
+        if (avr->pc == 0) {
+            after_reset(avr);
+            return;
+        }
         time_interrupts(avr, before);
     }
 }

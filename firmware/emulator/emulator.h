@@ -48,23 +48,27 @@ double seconds(const avr_t *avr); // of the board's time
 
 /* emulator.c */
 uint16_t symbol(const char *name); // address in the chip's memory
-void reset_board(avr_t *avr);
+void reset_board(avr_t *avr); // the button
+void hang_board(avr_t *avr); // what only a watchdog ends
 void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool));
 void set_pin(avr_t *avr, char port, int bit, bool high);
 const uint32_t *longest_interrupts(void); // cycles of each vector's handler, INTERRUPTS of them
 
 /* ranging.c */
 void ranging_start(avr_t *avr, double temperature);
+void ranging_reset(avr_t *avr);
 bool ranging_listens(void); // INIT is high
 
 /* turntable.c */
 void turntable_start(avr_t *avr, double degrees);
+void turntable_reset(avr_t *avr);
 double turntable_degrees(void);
 void turntable_slip(double microsteps);
 void turntable_wedge(avr_t *avr, double seconds);
 
 /* line.c */
 void line_start(avr_t *avr, const char *link, bool any_baud);
+void line_reset(void);
 void line_poll(avr_t *avr);
 void line_end(void);
 const char *line_name(void);

@@ -107,6 +107,12 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)
     return when + byte_cycles(avr);
 }
 
+void line_reset(void)
+{
+    line.received_at = line.received_size = 0;
+    line.feeding = false;
+}
+
 void line_poll(avr_t *avr)
 {
     correct_pace(avr);

@@ -4,7 +4,7 @@
  *   to the parent    U name of the pseudo-terminal
  *                    P degrees f64, sweep u16, ping u8: what is heard there?
  *   from the parent  E count u32, count times f64, rate f64, start f64, samples u32, that many f32
- *                    R reset the board · S slip: microsteps f64 · W wedge: seconds f64
+ *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
  *                    C how long did interrupt handlers take? answered with C, cycles u32 of each vector
  */
 #include <errno.h>
@@ -93,6 +93,9 @@ static bool take(avr_t *avr, struct heard *heard)
         return true;
     case 'R':
         reset_board(avr);
+        return false;
+    case 'H':
+        hang_board(avr);
         return false;
     case 'S':
         turntable_slip(read_double());

@@ -134,6 +134,12 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
     board.pending = now;
 }
 
+void ranging_reset(avr_t *avr)
+{
+    board.transmitting = board.blanked = board.inhibited = false;
+    set_echo(avr, false);
+}
+
 bool ranging_listens(void) { return board.transmitting; }
 
 void ranging_start(avr_t *avr, double temperature)

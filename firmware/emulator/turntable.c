@@ -97,6 +97,13 @@ static void enable_changed(avr_t *avr, bool high)
         start_looking(avr);
 }
 
+void turntable_reset(avr_t *avr)
+{
+    motor.free_again = 0;
+    motor.swinging = false;
+    start_looking(avr);
+}
+
 void turntable_slip(double microsteps)
 {
     motor.rotor -= microsteps;

@@ -176,8 +176,20 @@ def test_a_board_that_is_reset_in_a_scan_is_homed_again_and_the_scan_has_every_a
             if len(readings) == 5:
                 board.reset()
         assert scanner.info.boot == 2
+        assert scanner.device_statistics().reset_cause == ResetCause.BUTTON
         assert scanner.statistics.resets == 1
     assert sorted(reading.number for reading in readings) == [*range(18)]
+
+
+def test_firmware_that_hangs_is_started_again_by_its_watchdog_and_the_scan_goes_on() -> None:
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        readings = []
+        for reading in scanner.scan(sector(0, 60, 5)):
+            readings.append(reading)
+            if len(readings) == 5:
+                board.hang()
+        assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
+    assert sorted(reading.number for reading in readings) == [*range(12)]
 
 
 def test_a_table_that_slipped_is_noticed_at_the_mark() -> None:
