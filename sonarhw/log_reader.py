@@ -67,7 +67,7 @@ def read_log(path: Path) -> Log:
             torn = _torn(damage)
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
-    metadata = head.metadata(torn)
+    metadata = head.metadata(torn, talks=bool(index.info or index.scans))
     scans = tuple(_recorded(scan, file) for scan in index.scans)
     return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn)
 
@@ -97,11 +97,11 @@ class _Head:
         if name == METADATA_NAME:
             self._fields = fields
 
-    def metadata(self, torn: str | None) -> LogMetadata:
-        """Where the log comes from. Raises NotALog where it is none."""
+    def metadata(self, torn: str | None, talks: bool) -> LogMetadata:
+        """Where the log comes from; `talks`: a scanner speaks in it. Raises NotALog where it is none."""
         if self._fields is not None:
             return _metadata(self._path, self._fields)
-        if torn and self._profile == PROFILE:
+        if torn and (self._profile == PROFILE or (self._profile is None and talks)):
             return LogMetadata("unknown", 0.0, product_version="unknown")
         if torn and self._profile is None:
             raise NotALog(f"{self._path}: nothing in it can be read: {torn}, before it says what it is")

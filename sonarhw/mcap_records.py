@@ -5,6 +5,7 @@ it goes on with the next chunk whose CRC-32 is right. Nothing here needs the ind
 more of it is in memory than a record.
 """
 
+import math
 import re
 import struct
 import threading
@@ -31,6 +32,7 @@ _HEAD_SIZE = _RECORD.size + _CHUNK.size
 _DATA_END_SIZE = _RECORD.size + 4
 _FOOTER_SIZE = _RECORD.size + 20
 _WINDOW = 1 << 20
+_NEAR = 1 << 20
 UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the last from a damaged length
 
 
@@ -86,12 +88,17 @@ class Damage:
 
 
 def is_mcap(file: OpenFile) -> bool:
-    """Whether a file begins as an MCAP file. Raises OSError."""
-    return file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
+    """Whether a file begins as an MCAP file, or has a chunk of one near its spoilt beginning. Raises OSError."""
+    if file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC:
+        return True
+    found = _next_chunk(file, 0, _NEAR)
+    return found is not None
 
 
 def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | Message | Damage]:
     """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
+    if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
+        yield Damage("its first bytes are not those of an MCAP file")
     at = sound = start  # all chunks in front of `sound` have been seen
     last = False  # none that can be read comes any more
     while at < file.size:
@@ -167,10 +174,10 @@ def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
     return found if at == len(data) else left_out("what it holds does not fill it")
 
 
-def _next_chunk(file: OpenFile, start: int) -> int | None:
-    """Offset of the next chunk at or behind `start` whose CRC-32 is right; None where there is none."""
+def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | None:
+    """Offset of the next chunk from `start` on whose CRC-32 is right; None where none begins before `stop`."""
     at = start
-    while at < file.size:
+    while at < min(file.size, stop):
         window = file.read(at, _WINDOW)
         found = _CHUNK_HEAD.search(window)
         while found:

@@ -222,8 +222,8 @@ def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
         Timer(3.0, signal.raise_signal, (signal.SIGINT,)).start()
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     (line,) = capsys.readouterr().err.splitlines()
-    told = rf"sonarhw: warning: {log}: the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; "
-    assert re.match(told, line)
+    told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
+    assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
 
 
 def test_a_log_carries_its_board_to_where_nobody_has_the_profile(

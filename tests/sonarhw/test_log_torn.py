@@ -182,6 +182,21 @@ def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, t
     assert log.metadata == METADATA
 
 
+@pytest.mark.parametrize("lost", [8, 40, "up to the first chunk", "up to the first reading"])
+def test_a_log_whose_beginning_is_lost_keeps_its_readings(whole: Path, tmp_path: Path, lost: int | str) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    first = next(start for start, _, reading in spans if reading)
+    size = lost if isinstance(lost, int) else spans[0][0] if lost == "up to the first chunk" else first
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(bytes(size) + content[size:])
+    log = read_log(path)
+    assert log.torn is not None
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
+    assert log.metadata.made_by in ("unknown", METADATA.made_by)
+
+
 def test_ranges_outlive_the_settings_they_were_told_with(whole: Path, tmp_path: Path) -> None:
     # Info, Settings and Started lie in chunks of their own in front of the readings
     content, spans = whole.read_bytes(), chunk_spans(whole)
