@@ -34,7 +34,8 @@ def info(
         while watch:
             time.sleep(1.0)
             device = _device_statistics(scanner)
-            typer.echo(f"{scanner.state:<14}{_books(scanner.statistics)}{_device_books(device)}")
+            clock = f"; its clock differs by {scanner.clock_drift * 1e6:+.0f} millionths"
+            typer.echo(f"{scanner.state:<14}{_books(scanner.statistics)}{_device_books(device)}{clock}")
 
 
 def _try_the_link(scanner: "Scanner") -> "Statistics | None":

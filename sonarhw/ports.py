@@ -77,10 +77,11 @@ class Whereabouts:
         if "://" in self._url:
             return self._url
         ports = serial_ports()
-        if os.path.exists(self._url):
-            self._usb = _usb_of(self._url, ports) or self._usb
+        here = _usb_of(self._url, ports)
+        if here or os.path.exists(self._url) or not self._usb:
+            self._usb = here or self._usb
             return self._url
-        return (self._usb and where_now(self._usb, ports)) or self._url
+        return where_now(self._usb, ports) or self._url
 
 
 def _usb_of(device: str, ports: list[Port]) -> Usb | None:

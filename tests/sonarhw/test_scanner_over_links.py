@@ -7,6 +7,7 @@ import re
 import socket
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack
@@ -276,6 +277,14 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
         books = scanner.statistics
         assert (books.losses, books.resets) == (1, 1)
         scanner.close()
+
+
+def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Path) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
+    with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.baud == board.line.baud == 1_000_000
+        assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
+        check_scan(list(scanner.scan(ORDER)))
 
 
 def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:

@@ -8,9 +8,11 @@ import pytest
 
 from sonarhw.board import BoardIdentity
 from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.messages import Configure, ConfigureTurntable, Outcome, ReadingMessage, StartScan, Turn
+from sonarhw.frames import Frame, encode_frame
+from sonarhw.link import BOOTLOADER
+from sonarhw.messages import Configure, ConfigureTurntable, Heartbeat, Outcome, ReadingMessage, StartScan, Turn
 from sonarhw.readings import Reading
-from sonarhw.session import Connection
+from sonarhw.session import Connection, Session
 from tests.sonarhw.joined import dropping, flipping, without
 from tests.sonarhw.lost_and_found import PLUGGED, World
 from tests.sonarhw.plain_echoes import echo_time
@@ -345,3 +347,28 @@ def test_a_device_left_at_a_higher_speed_is_found() -> None:
 def test_a_line_whose_speed_nobody_can_set_is_left_alone() -> None:
     world = World(FAST).meet()
     assert world.board.line.baud == 250_000
+
+
+# a bootloader
+
+
+def test_nothing_is_said_to_what_may_be_a_bootloader_for_two_seconds() -> None:
+    session = Session("the port", chance=random.Random(1))
+    session.connect(0.0)
+    session.opened(0.0, quiet=BOOTLOADER)
+    said_at = []
+    for tenth in range(40):
+        session.advance(tenth / 10)
+        if session.outgoing():
+            said_at.append(tenth / 10)
+    assert said_at[0] == pytest.approx(2.0)
+    assert said_at[1] == pytest.approx(2.5)
+
+
+def test_a_device_that_speaks_already_is_greeted_at_once() -> None:
+    session = Session("the port", chance=random.Random(1))
+    session.connect(0.0)
+    session.opened(0.0, quiet=BOOTLOADER)
+    beat = Heartbeat(0, 0, 0, 2000)
+    session.receive(encode_frame(Frame(beat.TYPE, 5, 0, beat.pack())), 0.3)
+    assert session.outgoing()
