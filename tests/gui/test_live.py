@@ -124,7 +124,7 @@ def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
     with vanishing(Board(echoes, 1, scene.board.blanking)) as (url, vanish):
-        window = open_with(source=lambda: Scanner.open(url), autostart=True)
+        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True)
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
         vanish()
         until(qtbot, lambda: ended(window))
