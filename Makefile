@@ -27,7 +27,7 @@ firmware: setup
 board: firmware
 	$(BIN)/python -m cli.board
 
-test: setup
+test: setup firmware
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
@@ -35,8 +35,11 @@ test: setup
 	xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24' $(BIN)/pytest
 
 # the long tests in full, and the figures that name seconds: some hours
-soak: setup
-	$(BIN)/pytest tests/soak --soak --timeout 36000
+soak: setup firmware
+	setup/debian_packages.sh clang libclang-rt-dev
+	$(MAKE) --no-print-directory -C firmware build/libfuzzer
+	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
+	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The Debian packages that make demo and make test need: installed where we may, otherwise named in one line. The first
-# line of them is for the firmware and its emulated board.
+# line of them is for the firmware and its emulated board. Named as arguments, others are installed instead.
 # Elsewhere than on Debian and its children there is nothing to do here.
 set -eu
 
@@ -11,7 +11,7 @@ libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-
 command -v dpkg-query >/dev/null || exit 0
 
 missing=""
-for package in $PACKAGES; do
+for package in ${*:-$PACKAGES}; do
     dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed ||
         missing="$missing $package"
 done
