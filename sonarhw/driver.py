@@ -6,16 +6,16 @@ sign of life, silence and resets are errors. One driver lasts as long as one gre
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 from sonarhw.arrivals import KEPT, Arrivals
 from sonarhw.assembly import ReadingAssembler
 from sonarhw.device_clock import DeviceClock
 from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
 from sonarhw.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
-from sonarhw.link_statistics import LinkStatistics
+from sonarhw.link_statistics import LinkStatistics, smoothed
 from sonarhw.messages import (
     PROTOCOL_MAJOR,
     Accepted,
@@ -98,7 +98,8 @@ class Driver:
         self.info: Info | None = None
         self.kept = KEPT  # readings the device holds ready to be sent again
         self.device_statistics: Statistics | None = None
-        self._statistics = LinkStatistics()
+        self._counted: Counter[str] = Counter()
+        self._round_trip: float | None = None  # s, smoothed
         self._lost_before = 0  # readings lost in earlier scans
         self.heartbeat: Heartbeat | None = None
         self.assembler = ReadingAssembler(clock)
@@ -158,7 +159,8 @@ class Driver:
     @property
     def statistics(self) -> LinkStatistics:
         """What has passed over the link until now."""
-        return replace(self._statistics, lost_readings=self._lost_before + self._arrivals.lost)
+        lost = self._lost_before + self._arrivals.lost
+        return LinkStatistics(**self._counted, lost_readings=lost, round_trip=self._round_trip)
 
     @property
     def scan_complete(self) -> bool:
@@ -293,7 +295,7 @@ class Driver:
                 self.kept = max(1, min(message.readings_kept, KEPT))
             case Statistics():
                 self.device_statistics = message
-                self._statistics = self._statistics.with_round_trip(now - command.sent_at)
+                self._round_trip = smoothed(self._round_trip, now - command.sent_at)
             case Started():
                 # a replayed log plays what it holds, whatever was ordered
                 self._arrivals.total = message.first + message.readings
@@ -431,7 +433,9 @@ class Driver:
         if now >= self._heard + SILENCE:
             raise NoAnswer(f"{self.where}: not a byte for {SILENCE:g} s; is the scanner powered and still connected?")
         if now >= self._sound + NOTHING_SOUND:
-            raise NoAnswer(f"{self.where}: nothing sensible for {NOTHING_SOUND:g} s; `sonarhw monitor` shows what comes")
+            raise NoAnswer(
+                f"{self.where}: nothing sensible for {NOTHING_SOUND:g} s; `sonarhw monitor` shows it"
+            )
 
     def _count_gap(self, sequence: int) -> None:
         gap = 0 if self._device_sequence is None else (sequence - self._device_sequence - 1) % 0x10000
@@ -439,7 +443,7 @@ class Driver:
         self._count(frames_received=1, missing_frames=gap if gap < 0x8000 else 0)
 
     def _count(self, **more: int) -> None:
-        self._statistics = self._statistics.more(**more)
+        self._counted.update(more)
 
 
 def raise_if_refused(command: Command, where: str) -> None:

@@ -27,11 +27,6 @@ class LinkStatistics:
     resets: int = 0  # times the device started anew
     round_trip: float | None = None  # s from a question to its answer, smoothed
 
-    def with_round_trip(self, newest: float) -> "LinkStatistics":
-        """These books with one more round trip, s."""
-        usual = self.round_trip
-        return replace(self, round_trip=newest if usual is None else usual + _SMOOTHED * (newest - usual))
-
     def more(self, **counts: int) -> "LinkStatistics":
         """These books with so much more in them."""
         return replace(self, **{name: getattr(self, name) + count for name, count in counts.items()})
@@ -44,3 +39,8 @@ class LinkStatistics:
             if item.name != "round_trip"
         }
         return LinkStatistics(**counts, round_trip=self.round_trip if later.round_trip is None else later.round_trip)
+
+
+def smoothed(usual: float | None, newest: float) -> float:
+    """The usual round trip, s, after one more."""
+    return newest if usual is None else usual + _SMOOTHED * (newest - usual)
