@@ -54,7 +54,14 @@ def over_tcp() -> Iterator[str]:
 @contextmanager
 def behind_ser2net() -> Iterator[str]:
     """The fake on a pseudo-terminal, which ser2net serves over the network."""
-    with on_a_pseudo_terminal() as device, TemporaryDirectory() as folder:
+    with on_a_pseudo_terminal() as device, ser2net(device) as url:
+        yield url
+
+
+@contextmanager
+def ser2net(device: str) -> Iterator[str]:
+    """A serial port on the network."""
+    with TemporaryDirectory() as folder:
         port = _free_port()
         config = Path(folder) / "ser2net.yaml"
         config.write_text(_SER2NET.format(port=port, device=device))

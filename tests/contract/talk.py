@@ -44,6 +44,7 @@ ANSWERS = (
     LinkTested,
 )
 PATIENCE = 30.0  # s of real time; the slowest thing asked for is a home
+HELLO_AGAIN = 0.5  # s
 SIGN_OF_LIFE = 0.5  # s from one to the next
 M = TypeVar("M", bound=Message)
 
@@ -150,12 +151,20 @@ class Talk:
         messages = self.until(lambda heard: any(True for _ in _finished(heard, number)), since)
         return answer, messages, next(_finished(messages, number))
 
-    def greet(self, *, rubbish: bytes = b"") -> Info:
-        """Say Hello; the Info. What belonged to an earlier conversation is forgotten."""
-        self.write(rubbish)
-        info = self.ask(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), Info)
+    def greet(self) -> Info:
+        """Say Hello until there is an Info. What belonged to an earlier conversation is forgotten."""
+        numbers, deadline = [], time.monotonic() + PATIENCE
+        while not (infos := [info for number in numbers for info in _answers(self.messages(), number)]):
+            assert time.monotonic() < deadline, f"no Info within {PATIENCE:g} s"
+            # a board may be starting, or still be at the speed of the line that somebody else has set
+            numbers += self.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
+            again = time.monotonic() + HELLO_AGAIN
+            while time.monotonic() < again and not any(True for _ in _answers(self.messages(), numbers[-1])):
+                self.listen()
+        info = infos[-1]
+        assert isinstance(info, Info)
         # before its Info a device may still send what it had to say to somebody else
-        last = max(at for at, heard in enumerate(self.heard) if heard.message == info)
+        last = max(at for at, heard in enumerate(self.heard) if heard.message is info)
         self.heard, self.rejected = self.heard[last:], []
         return info
 
