@@ -23,7 +23,7 @@ from mcap_protobuf.schema import register_schema
 from sonarhw.arrivals import KEPT
 from sonarhw.disk_room import DiskRoom
 from sonarhw.errors import LogError
-from sonarhw.frames import Frame, decode_block
+from sonarhw.frames import frame_type
 from sonarhw.laser_scan import laser_scan
 from sonarhw.log_contents import (
     FRAMES_RECEIVED,
@@ -117,14 +117,13 @@ class LogWriter:
 
     def _take(self, recorded: RecordedFrame) -> list[Reading]:
         self._time = recorded.time
-        frame = decode_block(recorded.wire[:-1])
-        kind = frame.type if recorded.received and isinstance(frame, Frame) else None
+        kind = frame_type(recorded.wire[:-1]) if recorded.received else None
         if kind == Started.TYPE:
             self._commit()  # what belongs to the scan before
             self._scanning = True
         # the time as it will be read
         placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
-        readings = self._follower.follow(frame, placed, self._file.tell())
+        readings = self._follower.take(placed, self._file.tell())
         self._file.readings += len(readings)
         if kind == Started.TYPE and self._scans != self._follower.begun:
             self._scans = self._follower.begun

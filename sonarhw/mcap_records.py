@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -61,8 +61,7 @@ class OpenFile:
             return self._window[start : start + size]
 
 
-@dataclass(frozen=True)
-class Record:
+class Record(NamedTuple):
     """One record of an MCAP file; a chunk's CRC-32 is right."""
 
     at: int  # offset in the file; of a record inside a chunk, that of the chunk
@@ -70,8 +69,7 @@ class Record:
     content: bytes
 
 
-@dataclass(frozen=True)
-class Message:
+class Message(NamedTuple):
     """One message of an MCAP file."""
 
     at: int  # offset of the chunk it lies in
@@ -164,13 +162,13 @@ def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
     while at + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, at)
         at += _RECORD.size
-        content = data[at : at + length]
-        at += length
-        if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
-            channel, _, time, _ = _MESSAGE.unpack_from(content)
-            found.append(Message(chunk.at, channel, time, content[_MESSAGE.size :]))
+        end = at + length
+        if opcode == Opcode.MESSAGE and at + _MESSAGE.size <= end <= len(data):
+            channel, _, time, _ = _MESSAGE.unpack_from(data, at)
+            found.append(Message(chunk.at, channel, time, data[at + _MESSAGE.size : end]))
         else:
-            found.append(Record(chunk.at, opcode, content))
+            found.append(Record(chunk.at, opcode, data[at:end]))
+        at = end
     return found if at == len(data) else left_out("what it holds does not fill it")
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from sonarhw.assembly import ReadingAssembler
 from sonarhw.device_clock import DeviceClock
-from sonarhw.frames import Frame, Rejected, decode_block
+from sonarhw.frames import Frame, decode_block, frame_payload, frame_type
 from sonarhw.log_contents import RecordedFrame
 from sonarhw.messages import (
     Finished,
@@ -94,19 +94,18 @@ class Follower:
 
         Damaged frames and unknown messages say nothing.
         """
-        return self.follow(decode_block(recorded.wire[:-1]), recorded, place)
-
-    def follow(self, frame: Frame | Rejected, recorded: RecordedFrame, place: int) -> list[Reading]:
-        """The same for a frame that was decoded already."""
         self.frames += 1
+        block = recorded.wire[:-1]
+        # most of a log is traces; the chunk that a frame lies in was checked
+        if recorded.received and frame_type(block) == TraceChunk.TYPE:
+            self._find_trace(frame_payload(block), place)
+            return []
+        frame = decode_block(block)
         if not isinstance(frame, Frame):
             return []
         if recorded.received:
             self._newest_us = frame.time_us
             self._clock.heard(frame.time_us, recorded.time)
-            if frame.type == TraceChunk.TYPE:
-                self._find_trace(frame, place)
-                return []
         try:
             message = unpack_message(frame.type, frame.payload)
         except MessageError:
@@ -195,11 +194,11 @@ class Follower:
             self._newest = reading.number, place
         return fresh
 
-    def _find_trace(self, frame: Frame, place: int) -> None:
+    def _find_trace(self, payload: bytes, place: int) -> None:
         """Note where a part of a trace lies: of the newest reading, or of one whose message is still to come."""
-        if len(frame.payload) < _NUMBER.size:
+        if len(payload) < _NUMBER.size:
             return
-        (number,) = _NUMBER.unpack_from(frame.payload)
+        (number,) = _NUMBER.unpack_from(payload)
         if self._newest and self._newest[0] == number:
             self._scans[-1].readings.extend_trace(number, self._newest[1], place)
         elif not self._scans or number not in self._scans[-1].readings:
