@@ -1,11 +1,12 @@
 """The way to the scanner: any URL that pyserial opens, with errors a person can act on.
 
-Takes bytes to write; hands on the bytes that have come. One thread may read while another writes.
+Takes bytes to write; hands on the bytes that have come. One thread may read while another writes, or wakes it.
 """
 
 import errno
 import os
 import select
+import socket
 import time
 from contextlib import suppress
 from urllib.parse import urlsplit
@@ -19,7 +20,7 @@ from sonarhw.ports import holders
 BAUD = 250_000  # after every start of a device; exact on a chip of 16 MHz
 BOOTLOADER = 2.0  # s in which a board that opening the port has reset listens for a new program
 WRITE_WITHIN = 2.0  # s
-READ_PATIENCE = 0.02  # s; how long a read waits for the first byte
+READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
 MOST = 4096  # bytes a read returns
 _WITH_HOST = ("socket", "rfc2217")  # what pyserial opens by host and port
 _KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
@@ -45,6 +46,8 @@ class Link:
         except (SerialException, OSError, ValueError) as error:
             raise _why_not_open(url, error) from error
         self._selectable = os.name == "posix" and _has_descriptor(self._port)
+        self._woken, self._waker = socket.socketpair()
+        self._waker.setblocking(False)
         self._baud = BAUD
         if "://" not in url:
             _keep_dtr_when_closed(self._port)
@@ -100,19 +103,27 @@ class Link:
     def _gone(self, error: Exception) -> LinkLost:
         return LinkLost(f"{self.url}: the link went away: {_reason(error)}; plug it in again")
 
+    def wake(self) -> None:
+        """End the wait of a read in another thread: there is something to write."""
+        with suppress(OSError):
+            self._waker.send(b"x")
+
     def close(self) -> None:
         """Close the link. Never raises."""
         # pyserial leaves the socket open where the peer has gone first
-        socket = getattr(self._port, "_socket", None)
+        peer = getattr(self._port, "_socket", None)
         with suppress(SerialException, OSError):
             self._port.close()
-        if socket is not None:
-            with suppress(OSError):
-                socket.close()
+        for end in (peer, self._woken, self._waker):
+            if end is not None:
+                with suppress(OSError):
+                    end.close()
 
     def _wait(self) -> None:
         if self._selectable:
-            select.select([self._port.fileno()], [], [], READ_PATIENCE)
+            ready, _, _ = select.select([self._port.fileno(), self._woken.fileno()], [], [], READ_PATIENCE)
+            if self._woken.fileno() in ready:
+                self._woken.recv(MOST)
             return
         waited = 0.0
         while not self._port.in_waiting and waited < READ_PATIENCE:

@@ -65,6 +65,7 @@ class Scanner:
         self._stop_wanted = threading.Event()
         self._defect: BaseException | None = None  # what ended the thread
         self._scan: Job | None = None
+        self._link: Link | None = None
         self._in_use = threading.Lock()
         session.connect(self._now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
@@ -292,7 +293,9 @@ class Scanner:
     def _begin(self, job: Job) -> Job:
         with self._changed:
             self._check_thread()
-            return self._session.start(job, self._now())
+            self._session.start(job, self._now())
+            self._wake()
+            return job
 
     def _next_readings(self, job: Job) -> list[Reading]:
         """What has come, at least one reading; empty when the scan is over."""
@@ -310,6 +313,7 @@ class Scanner:
         with self._changed:
             if not job.done:
                 self._session.stop(job, self._now())
+                self._wake()
             while not job.done and time.monotonic() < until and self._thread.is_alive():
                 self._changed.wait(_TICK)
 
@@ -337,16 +341,20 @@ class Scanner:
     def _now(self) -> float:
         return self._epoch + time.monotonic()
 
+    def _wake(self) -> None:
+        if self._link:
+            self._link.wake()
+
     # the thread
 
     def _converse(self) -> None:
-        link: Link | None = None
         try:
             while not self._closing.is_set():
-                link = self._dial() if link is None else self._exchange(link)
+                self._link = self._exchange(self._link) if self._link else self._dial()
         except BaseException as defect:  # noqa: BLE001 - raised again in the thread that uses the scanner
             self._defect = defect
         finally:
+            link, self._link = self._link, None
             if link:
                 link.close()
             with self._changed:

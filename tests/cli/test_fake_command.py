@@ -110,6 +110,14 @@ def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
     assert "degrees" in unspeakable.stderr
 
 
+def test_info_watches_the_link_until_it_is_interrupted(url: str) -> None:
+    with started("info", url, "--watch") as info:
+        shown = lines(info, 14)
+        info.send_signal(signal.SIGINT)
+        assert end(info) == (130, "")
+    assert re.match(r"ready +\d+ frames, 0 missing, .*; its clock differs by [+-]\d+ millionths", shown[-1])
+
+
 def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
     with started("monitor", url) as monitor:
         shown = "".join(lines(monitor, 3))

@@ -56,7 +56,7 @@ def terminal() -> Iterator[str]:
 
 
 def test_dtr_is_low_and_the_port_claimed_before_it_is_opened(spied: SpiedPort) -> None:
-    Link("/dev/ttyUSB0")
+    Link("/dev/ttyUSB0").close()
     names = [name for name, _ in spied.done]
     assert ("dtr", False) in spied.done
     assert names.index("dtr") < names.index("open")
@@ -67,19 +67,20 @@ def test_dtr_is_low_and_the_port_claimed_before_it_is_opened(spied: SpiedPort) -
 def test_a_port_with_modem_lines_may_have_reset_its_board_and_a_pseudo_terminal_has_not(
     spied: SpiedPort, terminal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert Link("/dev/ttyUSB0").quiet == BOOTLOADER
+    with Link("/dev/ttyUSB0") as link:
+        assert link.quiet == BOOTLOADER
     monkeypatch.undo()
     with Link(terminal) as link:
         assert link.quiet == 0.0
 
 
 def test_the_speed_is_changed_once_what_was_written_has_gone(spied: SpiedPort) -> None:
-    link = Link("/dev/ttyUSB0")
-    spied.done.clear()
-    link.set_baud(BAUD)
-    assert spied.done == []
-    link.set_baud(1_000_000)
-    assert spied.done == [("flush", None), ("baudrate", 1_000_000)]
+    with Link("/dev/ttyUSB0") as link:
+        spied.done.clear()
+        link.set_baud(BAUD)
+        assert spied.done == []
+        link.set_baud(1_000_000)
+        assert spied.done == [("flush", None), ("baudrate", 1_000_000)]
 
 
 def test_the_speed_reaches_the_terminal(terminal: str) -> None:
