@@ -9,6 +9,7 @@ import select
 import socket
 import time
 from contextlib import suppress
+from typing import cast
 from urllib.parse import urlsplit
 
 import serial
@@ -16,6 +17,7 @@ from serial.serialutil import SerialException
 
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
 from sonarhw.ports import holders
+from sonarhw.rfc2217_port import Rfc2217Port
 
 BAUD = 250_000  # after every start of a device; exact on a chip of 16 MHz
 BOOTLOADER = 2.0  # s in which a board that opening the port has reset listens for a new program
@@ -35,9 +37,7 @@ class Link:
         _check_url(url)
         self.url = url
         try:
-            # pyserial's rfc2217 knows no such timeout
-            patience = None if url.startswith("rfc2217://") else WRITE_WITHIN
-            self._port = serial.serial_for_url(url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=patience)
+            self._port = _closed_port(url)
             # a rising DTR resets many boards
             self._port.dtr = False
             if os.name == "posix" and "://" not in url:
@@ -129,6 +129,14 @@ class Link:
         while not self._port.in_waiting and waited < READ_PATIENCE:
             time.sleep(_POLL)
             waited += _POLL
+
+
+def _closed_port(url: str) -> serial.Serial:
+    if url.startswith("rfc2217://"):
+        port = cast(serial.Serial, Rfc2217Port(None, baudrate=BAUD, timeout=0))  # it knows no timeout of writing
+        port.port = url
+        return port
+    return serial.serial_for_url(url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=WRITE_WITHIN)
 
 
 def _check_url(url: str) -> None:
