@@ -148,11 +148,11 @@ class Dialogue:
         if info.minor >= 1:
             yield from self._ask_capabilities()
             yield from self._speed_up()
+        self.info = info
         if self._turntable:
             yield from self.ask(self._turntable)
         if self._configured:
             self.settings = yield from self._asked(self._configured, Settings)
-        self.info = info
         kept_zero = info.minor >= 1 and bool(info.homed) and (known is None or info.boot == known.boot)
         if known is None:
             self._homed = kept_zero

@@ -267,12 +267,24 @@ class Session:
     def _live(self, quiet: float, patience: float) -> Script[None]:
         yield from self.dialogue.greet(quiet, patience)
         self._phase = Connection.PREPARING
-        yield from self.dialogue.prepare(self._jobs[0] if self._jobs else None)
+        yield from self._prepare(self._jobs[0] if self._jobs else None)
         self._phase, self._met = Connection.READY, True
         self._lost_at, self._pauses = None, iter(PAUSES)
         while True:
             yield Wait(lambda: bool(self._jobs))
             yield from self._work(self._jobs[0])
+
+    def _prepare(self, job: Job | None) -> Script[None]:
+        try:
+            yield from self.dialogue.prepare(job)
+        except (NoAnswer, DeviceReset):
+            raise
+        except DeviceError as error:
+            if not self._met:
+                raise
+            # it is there again, but does not find its zero or no longer takes its settings
+            if job:
+                self._end(job, error=error)
 
     def _work(self, job: Job) -> Script[None]:
         if job.stop_wanted:

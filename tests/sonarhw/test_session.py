@@ -265,6 +265,22 @@ def test_a_turntable_that_does_not_move_is_a_fault_and_no_loss() -> None:
     assert world.session.statistics.losses == 0
 
 
+def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session_goes_on() -> None:
+    world = World().meet()
+    scan = world.scan(ORDER)
+    world.until(lambda: len(scan.readings) == 5)
+    world.reset()
+    world.board.wedge(8.0)
+    reset = world.now
+    world.until(lambda: scan.done)
+    assert isinstance(scan.error, DeviceError)
+    assert "zero mark" in str(scan.error)
+    assert world.now - reset < 5.0
+    assert world.session.state is Connection.READY
+    world.until(lambda: world.now > reset + 9.0)
+    check([*world.run(world.session.scanning(ORDER)).readings])
+
+
 def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
     class FullDisk:
         def frame(self, received: bool, time: float, wire: bytes) -> None:
