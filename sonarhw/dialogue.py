@@ -48,6 +48,7 @@ from sonarhw.readings import Reading
 
 SEEK_BAUDS = (BAUD, 1_000_000, 500_000)  # where a device may be: fresh, of version 1.0, or left at a higher speed
 LINK_TESTS = 32
+MOVE_WITHIN = 120.0  # s for a home or a turn; the slowest turntable needs less
 _BACK_AT_OLD_BAUD = UNHEARD + 0.1  # s
 _FRUITLESS = 3  # orders for readings of which none brought any
 _DEFAULTS = Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=343_200)
@@ -291,10 +292,14 @@ class Dialogue:
         def enough() -> bool:
             return (job is not None and job.stop_wanted) or (scan is not None and scan.progress.complete)
 
-        yield Wait(lambda: over() or enough())
+        deadline = math.inf if scan else self.now + MOVE_WITHIN
+        yield Wait(lambda: over() or enough(), deadline)
         if command.finished is None:
             stop = self._send(Stop())
             yield Wait(lambda: over() and stop.settled)
+            if self.now >= deadline:
+                text = f"{self.where}: {command.name} took more than {MOVE_WITHIN:g} s and was stopped"
+                raise DeviceError(f"{text}; does something hold the turntable?")
         outcome = self._outcome(command)
         if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
             # nobody wanted that: it has not heard us for too long

@@ -7,6 +7,7 @@ import random
 import pytest
 
 from sonarhw.board import BoardIdentity
+from sonarhw.dialogue import MOVE_WITHIN
 from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
 from sonarhw.frames import Frame, encode_frame
 from sonarhw.link import BOOTLOADER
@@ -279,6 +280,16 @@ def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session
     assert world.session.state is Connection.READY
     world.until(lambda: world.now > reset + 9.0)
     check([*world.run(world.session.scanning(ORDER)).readings])
+
+
+def test_a_home_that_never_ends_is_stopped_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World().meet()
+    monkeypatch.setattr(world.board._turntable, "home", lambda now: now + 1e6)
+    home = world.session.start(world.session.homing(), world.now)
+    world.until(lambda: home.done, within=MOVE_WITHIN + 5)
+    assert isinstance(home.error, DeviceError)
+    assert "does something hold the turntable" in str(home.error)
+    assert not world.board.busy
 
 
 def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
