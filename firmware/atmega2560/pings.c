@@ -19,6 +19,7 @@ static uint32_t few_echoes[ECHOES_BESIDE_TRACE];
 static uint32_t *echoes;
 static uint32_t rearm_ticks;
 static volatile uint32_t wait_left; // ticks behind the one timer 3 counts now
+static volatile bool unblanks; // what timer 3 counts is the blanking
 
 // Call TIMER3_COMPA once, in some ticks. With interrupts off.
 static void wake_in(uint32_t ticks)
@@ -41,7 +42,9 @@ ISR(TIMER3_COMPA_vect)
     }
     TCCR3B = 0;
     TIMSK3 = 0;
-    PIN_HIGH(BINH);
+    if (unblanks)
+        PIN_HIGH(BINH);
+    unblanks = false;
     PIN_LOW(BLNK);
 }
 
@@ -50,10 +53,11 @@ ISR(TIMER4_CAPT_vect)
 {
     uint32_t ticks = clock_ticks_at(ICR4) - fired_low;
     uint8_t count = echo_count;
-    if (ticks >= 2 * BLANKING_LEAST_US && count < echoes_wanted) {
-        echoes[count] = ticks;
-        echo_count = ++count;
-    }
+    // so early it is the transmitter's own noise
+    if (ticks < 2 * BLANKING_LEAST_US || count == echoes_wanted)
+        return;
+    echoes[count] = ticks;
+    echo_count = ++count;
     if (count < echoes_wanted) {
         PIN_HIGH(BLNK);
         wake_in(rearm_ticks);
@@ -73,6 +77,7 @@ void ping_start(const struct ping_order *order)
         converter_prepare((uint16_t)(order->listen_us / 13));
     bool longer = order->blanking_us > BLANKING_US;
     uint32_t unblanked_ticks = order->blanking_us * 2;
+    unblanks = order->blanking_us != BLANKING_US;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         TIFR4 = _BV(ICF4);
@@ -86,7 +91,7 @@ void ping_start(const struct ping_order *order)
             converter_go();
         // INIT rises 5 cycles after the timer was read, and that half a tick after it counted
         fired_low = clock_ticks_at(before) + 1;
-        if (order->blanking_us != BLANKING_US)
+        if (unblanks)
             wake_in(unblanked_ticks);
     }
 }

@@ -1,7 +1,7 @@
 /* The 6500: what the firmware sees of it, and the envelope and the thermistor on the converter.
  *
  * An echo sets ECHO until INIT falls or BLNK rises; no echo counts before the blanking is over (2.38 ms, or when BINH
- * rises) or while BLNK is high.
+ * rises) or while BLNK is high. The transmitter's noise is seen on ECHO for a moment, as on the real one.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -13,6 +13,8 @@
 #include "emulator.h"
 
 #define BLANKING 0.00238 // s
+#define NOISE 0.0001 // s after INIT
+#define NOISE_LASTS 160 // cycles
 #define SUPPLY 5000 // mV
 #define SAMPLE_CYCLES 208 // from one conversion of a trace to the next; simavr takes a little longer
 #define HOLD_CYCLES 24 // from the start of a conversion until the input is held
@@ -51,6 +53,13 @@ static avr_cycle_count_t echo_comes(avr_t *avr, avr_cycle_count_t when, void *un
     return next > when ? next : when + 1;
 }
 
+static avr_cycle_count_t noise(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    set_echo(avr, !board.latched);
+    return board.latched ? when + NOISE_LASTS : 0;
+}
+
 static void ask(avr_t *avr)
 {
     // struct place of core/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
@@ -63,6 +72,7 @@ static void init_changed(avr_t *avr, bool high)
 {
     board.transmitting = high;
     avr_cycle_timer_cancel(avr, echo_comes, NULL);
+    avr_cycle_timer_cancel(avr, noise, NULL);
     set_echo(avr, false);
     if (!high)
         return;
@@ -70,6 +80,7 @@ static void init_changed(avr_t *avr, bool high)
     board.next = 0;
     board.conversions = 0;
     ask(avr);
+    avr_cycle_timer_register(avr, (avr_cycle_count_t)(NOISE * FREQUENCY), noise, NULL);
     if (board.heard.count) {
         avr_cycle_count_t first = cycles_of(board.heard.times[0]);
         avr_cycle_timer_register(avr, first > avr->cycle ? first - avr->cycle : 1, echo_comes, NULL);

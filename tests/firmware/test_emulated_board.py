@@ -24,8 +24,10 @@ from sonarhw.echo_source import Heard, Ping
 from sonarhw.emulated import EmulatedBoard, emulated_board
 from sonarhw.endpoint import serve
 from sonarhw.errors import DeviceError
-from sonarhw.messages import ResetCause
+from sonarhw.link import Link
+from sonarhw.messages import AskStatistics, Outcome, ReadingMessage, ResetCause, StartScan, Statistics
 from sonarhw.readings import Reading, Trace
+from tests.contract.talk import Talk
 from tests.firmware.conftest import FIRMWARE
 
 PACE = 3.0
@@ -190,6 +192,29 @@ def test_firmware_that_hangs_is_started_again_by_its_watchdog_and_the_scan_goes_
                 board.hang()
         assert scanner.device_statistics().reset_cause == ResetCause.WATCHDOG
     assert sorted(reading.number for reading in readings) == [*range(12)]
+
+
+class Interrupted(Echoes):
+    """Puts bytes on the line at the start of each ping, when they have to wait until it is over."""
+
+    line: Link
+
+    def hear(self, ping: Ping) -> Heard:
+        """What was laid down, and noise."""
+        self.line.write(b"\x55" * 400 + b"\0")
+        return super().hear(ping)
+
+
+def test_bytes_that_come_faster_than_they_are_taken_are_counted_and_do_no_harm() -> None:
+    echoes = Interrupted(0.020)
+    with emulated_board(echoes, pace=PACE) as board, Link(board.url) as echoes.line:
+        talk = Talk(echoes.line)
+        talk.greet()
+        talk.home()
+        _, messages, finished = talk.act(StartScan(0, 1_000_000, 3, 1, 1))
+        assert finished.outcome == Outcome.DONE
+        assert sum(isinstance(message, ReadingMessage) for message in messages) == 3
+        assert talk.ask(AskStatistics(), Statistics).overruns >= 3 * (400 - 128)
 
 
 def test_a_table_that_slipped_is_noticed_at_the_mark() -> None:
