@@ -62,7 +62,7 @@ class Scanner:
         self._epoch = time.time() - time.monotonic()
         self._changed = threading.Condition()  # guards the session; told of whenever it has gone on
         self._closing = threading.Event()
-        self._stop_wanted = threading.Event()
+        self._stop_wanted = False  # no Event: a signal handler may come while its lock is held
         self._defect: BaseException | None = None  # what ended the thread
         self._scan: Job | None = None
         self._link: Link | None = None
@@ -245,10 +245,10 @@ class Scanner:
 
         Raises NoAnswer or LinkLost where nothing ran and the device does not answer.
         """
-        self._stop_wanted.set()
+        self._stop_wanted = True
         if self._in_use.acquire(blocking=False):  # nobody is at work who would notice
             try:
-                self._stop_wanted.clear()
+                self._stop_wanted = False
                 self._perform(self._session.asking(Stop()))
             finally:
                 self._in_use.release()
@@ -321,7 +321,7 @@ class Scanner:
     def _using(self) -> Iterator[None]:
         if not self._in_use.acquire(blocking=False):
             raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
-        self._stop_wanted.clear()
+        self._stop_wanted = False
         try:
             yield
         finally:
@@ -427,8 +427,8 @@ class Scanner:
 
     def _heed_stop(self) -> None:
         job = self._session.job
-        if self._stop_wanted.is_set() and job is not None:
-            self._stop_wanted.clear()
+        if self._stop_wanted and job is not None:
+            self._stop_wanted = False
             self._session.stop(job, self._now())
 
 
