@@ -18,6 +18,7 @@ from sonarhw.emulated import emulated_board
 from tests.sonarhw.plain_echoes import PlainEchoes
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
+FIRMWARE = Path(__file__).parents[2] / "firmware"
 PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
 _SONARHW = (sys.executable, "-c", "from cli.app import main; main()")
 _SER2NET = """%YAML 1.1
@@ -73,7 +74,8 @@ def ser2net(device: str) -> Iterator[str]:
 
 @contextmanager
 def emulated() -> Iterator[str]:
-    """The firmware itself, on an emulated board."""
+    """The firmware itself, on an emulated board; both are built first."""
+    subprocess.run(["make", "-C", FIRMWARE, "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
     with emulated_board(PlainEchoes(), pace=2.0) as board:
         yield board.url
 
