@@ -105,7 +105,7 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
             again = None if last else _next_chunk(file, sound)
             if again is None:
                 break
-            yield Damage(f"bytes {at} to {again} are damaged and left out")
+            yield Damage(f"bytes {at if at < again else sound} to {again} are damaged and left out")
             at = sound = again
             continue
         end = at + _RECORD.size + len(record.content)

@@ -173,6 +173,17 @@ def test_what_was_left_out_is_told_with_its_place(whole: Path, tmp_path: Path) -
     assert read_log(path).torn == f"bytes {spans[6][0]} to {again} are damaged and left out"
 
 
+def test_a_damaged_length_between_chunks_leads_past_none(whole: Path, tmp_path: Path) -> None:
+    content, spans = bytearray(whole.read_bytes()), chunk_spans(whole)
+    at, inside = spans[5][1], spans[8][0] + 30  # a message index, and the middle of a later chunk
+    content[at + 1 : at + 9] = (inside - at - 9).to_bytes(8, "little")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    log = read_log(path)
+    assert log.torn == f"bytes {at} to {spans[6][0]} are damaged and left out"
+    assert len(log.readings) == COUNT
+
+
 def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, tmp_path: Path) -> None:
     content, (first, *_) = whole.read_bytes(), chunk_spans(whole)
     path = tmp_path / "damaged.mcap"
