@@ -143,6 +143,8 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
         try:
             _prepare(scanner, wish, board)
             if not interrupted.wanted:
+                scanner.home()
+            if not interrupted.wanted:
                 _take(scanner, wish, taken, interrupted)
         except (LinkError, NoAnswer) as error:
             kept = f"; {_are(taken.count)} kept in {wish.out}" if taken.count else ""
@@ -219,7 +221,6 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
         _warn(f"{scanner.url}: sends no traces; only echo times are recorded")
     scanner.configure(2 * reach / speed, board.blanking, wish.traces, speed)
     _warn_where_room_is_short(scanner, wish)
-    scanner.home()
 
 
 def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interruption) -> None:

@@ -271,7 +271,7 @@ class Scanner:
     def _answer(self, job: Job, expected: type[T]) -> T:
         with self._using():
             answer = self._perform(job)
-        if not isinstance(answer, expected):
+        if job.stop_wanted or not isinstance(answer, expected):
             raise DeviceError(f"{self.url}: was stopped before it answered; ask again")
         return answer
 
