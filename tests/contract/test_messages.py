@@ -393,7 +393,9 @@ def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_ane
                 since, heard = time.monotonic(), len(talk.heard)
         refused = talk.ask(Stop(), Refused)
         assert refused.code == Refusal.NO_HELLO
-        talk.greet()
+        # a hand may have turned it meanwhile
+        assert talk.greet().homed == 0
+        assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
 
 
 # a bad line
