@@ -21,7 +21,7 @@ demo: setup
 
 # the firmware, and an emulated board to run it on
 firmware: setup
-	$(MAKE) --no-print-directory -C firmware all emulator
+	$(MAKE) --no-print-directory -C firmware WERROR=-Werror all emulator host
 
 # that board in the demo room; its URL is the first line, Ctrl-C ends it
 board: firmware

@@ -6,7 +6,7 @@
 #include "pins.h"
 #include "turntable.h" // turntable_step
 
-// A step, at most every 2 222 cycles; STEP stays high for some 10 us of it. Budget 280 cycles, for the line holds three
+// A step, at most every 1 777 cycles; STEP stays high for some 10 us of it. Budget 280 cycles, for the line holds three
 // bytes before one is lost: 480 cycles at 1 000 000 baud.
 ISR(TIMER1_COMPA_vect)
 {

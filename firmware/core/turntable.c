@@ -250,7 +250,7 @@ static void next_leg(uint64_t now_us)
     switch (table.leg) {
     case SEEKING_ABOVE:
         if (home_side())
-            start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES), HOMING_SPEED);
+            start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES), SPEED);
         else
             give_up(TROUBLE_NO_MARK);
         break;

@@ -13,7 +13,8 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 @pytest.fixture(scope="session", autouse=True)
 def built() -> Path:
     """The folder with firmware, emulator and the library of the portable part, all of them new."""
-    made = subprocess.run(["make", "-C", FIRMWARE, "all", "emulator", "host"], capture_output=True, text=True)
+    make = ["make", "-C", FIRMWARE, "WERROR=-Werror", "all", "emulator", "host"]
+    made = subprocess.run(make, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr
     return FIRMWARE / "build"
 
