@@ -44,7 +44,7 @@ class FaultyDevice:
         self._agenda: list[tuple[float, int, Action]] = []
         self._order = itertools.count()
         self._pings = _Pings()
-        self._waiting = [event for event in faults.events if isinstance(event.when, AfterPings)]
+        self._waiting = [(event.when.count, event) for event in faults.events if isinstance(event.when, AfterPings)]
         self._wedged_until = self._babbles_until = self._stalled_until = -math.inf
         self._deaf_until = self._mute_until = -math.inf
         self._stalled = False
@@ -151,8 +151,9 @@ class FaultyDevice:
             self._send(data)
         if self._waiting and data:
             self._pings.count(data)
-            for event in [event for event in self._waiting if event.when.count <= self._pings.told]:  # type: ignore[union-attr]
-                self._waiting.remove(event)
+            due = [event for count, event in self._waiting if count <= self._pings.told]
+            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings.told]
+            for event in due:
                 self._strike(event, now)
 
     def _send(self, data: bytes) -> None:
@@ -233,7 +234,8 @@ class FaultyDevice:
             return
         back = self.plug + (event.kind is Kind.MOVE)
         self.plug = None
-        self._leaving.clear()
+        for bytes_on_the_way in (self._leaving, self._held_up, self._held_down):
+            bytes_on_the_way.clear()
 
         def put_back(_: float) -> None:
             self.plug = back
