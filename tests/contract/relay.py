@@ -4,8 +4,8 @@ import threading
 from collections import deque
 
 from sonarhw.faults import Faults
-from sonarhw.faulty import Noise
 from sonarhw.link import Link
+from sonarhw.noise import Noise
 
 _LOOK = 0.005  # s from one look at what has come to the next
 

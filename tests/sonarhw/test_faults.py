@@ -12,10 +12,10 @@ from sonarhw.driver import Driver
 from sonarhw.endpoint import Endpoint, serve
 from sonarhw.errors import Incompatible, InputError, LinkError, LinkLost, SonarError
 from sonarhw.faults import KNOWN, AfterPings, At, Event, Faults, Kind, NowAndThen, read_faults
-from sonarhw.faulty import Noise
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.link import Link
 from sonarhw.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
+from sonarhw.noise import Noise
 from sonarhw.scanner import Scanner
 from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.joined import Joined
