@@ -84,7 +84,8 @@ def _abilities(who: "DeviceInfo") -> list[tuple[str, str]]:
 
 
 def _link(scanner: "Scanner", device: "Statistics | None") -> list[tuple[str, str]]:
-    speed = f", {scanner.baud} baud" if scanner.baud and scanner.info.capabilities else ""
+    can = scanner.info.capabilities
+    speed = f", {scanner.baud} baud" if scanner.baud and can and can.fastest_baud else ""
     return [("link", f"{_books(scanner.statistics)}{speed}{_device_books(device)}")]
 
 

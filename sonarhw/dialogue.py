@@ -276,35 +276,41 @@ class Dialogue:
 
     def _act(self, message: Message, job: Job | None) -> Script[Outcome]:
         """Home, turn or scan to its end, or until it is stopped or enough."""
-        driver = self._conversation
         command = self._send(message)
         yield Wait(_settled(command))
         raise_if_refused(command, self.where)
         scan = job if isinstance(command.answer, Started) else None
-        if scan and isinstance(command.answer, Started):
-            self._begin(scan, command.answer, command.answered_at)
         if job:
             job.moving = True
+        if scan and isinstance(command.answer, Started):
+            self._begin(scan, command.answer, command.answered_at)
+        yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
+        outcome = self._outcome(command)
+        if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
+            # nobody wanted that: it has not heard us for too long
+            return (yield from self._act(message, job))
+        return outcome
+
+    def _follow(self, command: Command, job: Job | None, deadline: float) -> Script[None]:
+        """Until what a command began has ended; it is stopped where that is wanted, or at the deadline."""
+        driver = self._conversation
 
         def over() -> bool:
             return command.finished is not None and driver.scan_complete
 
-        def enough() -> bool:
-            return (job is not None and job.stop_wanted) or (scan is not None and scan.progress.complete)
-
-        deadline = math.inf if scan else self.now + MOVE_WITHIN
-        yield Wait(lambda: over() or enough(), deadline)
+        yield Wait(lambda: over() or self._is_enough(job), deadline)
         if command.finished is None:
             stop = self._send(Stop())
             yield Wait(lambda: over() and stop.settled)
             if self.now >= deadline:
                 text = f"{self.where}: {command.name} took more than {MOVE_WITHIN:g} s and was stopped"
                 raise DeviceError(f"{text}; does something hold the turntable?")
-        outcome = self._outcome(command)
-        if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
-            # nobody wanted that: it has not heard us for too long
-            return (yield from self._act(message, job))
-        return outcome
+
+    def _is_enough(self, job: Job | None) -> bool:
+        if job is None:
+            return False
+        older = self.info is not None and self.info.minor < 1  # it makes all readings, those that have come too
+        return job.stop_wanted or (older and job.progress.total > 0 and job.progress.complete)
 
     def _begin(self, job: Job, started: Started, at: float) -> None:
         if job.began is None:
