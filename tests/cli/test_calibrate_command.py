@@ -1,5 +1,6 @@
 """`sonarhw calibrate` against a served board: the profile it writes is one that loads and says what was put in."""
 
+import json
 import math
 from pathlib import Path
 
@@ -58,3 +59,19 @@ def test_a_missing_plate_is_told_and_leaves_no_profile(tmp_path: Path, capsys: p
     assert calibrated(out, "--distance", "3.0") == 2
     assert "the plate is heard at 0 headings" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_what_was_found_is_used_by_the_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    room = str(Path(__file__).parents[2] / "rooms" / "simple.toml")
+    profile, log = tmp_path / "bench.toml", tmp_path / "scan.mcap"
+    profile.write_text(f"{load_board('polaroid-6500').text}\nrange_offset = 0.01\nhome_angle_deg = 30.0\n")
+    told = []
+    for board in ("polaroid-6500", str(profile)):
+        assert run(["simulate", room, "--place", "figure7", "--step", "90", "--board", board]) == 0
+        told.append([float(line.split(",")[1]) for line in capsys.readouterr().out.splitlines()[1:]])
+    assert told[1] == pytest.approx([value + 0.01 for value in told[0]], abs=1e-8)
+    assert run(["simulate", room, "--place", "figure7", "--out", str(log)]) == 0
+    capsys.readouterr()
+    for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
+        assert run(["compare", str(log), "--room", room, "--place", "figure7", "--board", board, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["heading_deg"] == pytest.approx(heading)
