@@ -28,7 +28,7 @@ LISTEN = 0.0655  # s; a little longer than the firmware can
 _READY_WITHIN = 10.0  # s
 _ENDS_WITHIN = 5.0  # s
 _HEADER = struct.Struct("<cI")
-_PING = struct.Struct("<dHB")
+_PING = struct.Struct("<ddHB")
 
 
 class EmulatedBoard:
@@ -37,6 +37,7 @@ class EmulatedBoard:
     def __init__(self, process: "subprocess.Popen[bytes]", line: socket.socket, echoes: EchoSource) -> None:
         self._process, self._line, self._echoes = process, line, echoes
         self._writing = threading.Lock()
+        self.fired = 0.0  # when the ping under way, or the last one, began: s of the board's time
         self._cycles: queue.Queue[tuple[int, ...]] = queue.Queue()
         kind, name = self._message()
         if kind != b"U":
@@ -80,7 +81,7 @@ class EmulatedBoard:
             except (EOFError, OSError):
                 return
             if kind == b"P":
-                degrees, sweep, index = _PING.unpack(payload)
+                degrees, self.fired, sweep, index = _PING.unpack(payload)
                 heard = self._echoes.hear(Ping(np.radians(degrees), sweep, index, LISTEN, True))
                 self._tell(b"E", packed(heard))
             elif kind == b"C":

@@ -2,7 +2,7 @@
  *
  * A message is a letter, its size (u32) and that many bytes, little-endian.
  *   to the parent    U name of the pseudo-terminal
- *                    P degrees f64, sweep u16, ping u8: what is heard there?
+ *                    P degrees f64, seconds f64, sweep u16, ping u8: what is heard there, and then?
  *   from the parent  E count u32, count times f64, rate f64, start f64, samples u32, that many f32
  *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
  *                    C how long did interrupt handlers take? answered with C, cycles u32 of each vector
@@ -125,10 +125,12 @@ void parent_hear(avr_t *avr, const struct ping *ping, struct heard *heard)
         heard->count = heard->samples = 0;
         return;
     }
-    char bytes[11];
+    char bytes[19];
+    double now = seconds(avr);
     memcpy(bytes, &ping->degrees, 8);
-    memcpy(bytes + 8, &ping->sweep, 2);
-    bytes[10] = (char)ping->index;
+    memcpy(bytes + 8, &now, 8);
+    memcpy(bytes + 16, &ping->sweep, 2);
+    bytes[18] = (char)ping->index;
     send_message('P', bytes, sizeof bytes);
     while (!take(avr, heard))
         ;

@@ -32,6 +32,7 @@ from tests.firmware.conftest import FIRMWARE
 
 PACE = 3.0
 TWO_TICKS = 1e-6  # s
+TIMER_WRAP = 65_536 * 0.5e-6  # s
 TRACE_STORE = 4_800  # bytes
 OTHER_VARIABLES = 1_600
 FREE_STACK = 1_024
@@ -149,6 +150,14 @@ def test_no_echo_counts_before_the_blanking_that_was_set(blanking: float, heard:
     assert [round(time * 1e3) for time in reading.echo_times] == heard
 
 
+def test_the_noise_of_the_transmitter_is_no_echo() -> None:
+    with scanner_on(Echoes(0.007)) as (_, scanner):
+        for blanking in (0.0006, 0.00238, 0.005):
+            scanner.configure(blanking=blanking, echoes=1)
+            (reading,) = scanner.scan(sector(0, 5, 5))
+            assert reading.echo_times == pytest.approx([0.007], rel=0, abs=TWO_TICKS)
+
+
 def test_echoes_after_one_another_are_heard_by_arming_the_board_again() -> None:
     times = np.arange(3, 60) * 1e-3
     with scanner_on(Echoes(*times)) as (_, scanner):
@@ -164,10 +173,41 @@ def test_echoes_after_one_another_are_heard_by_arming_the_board_again() -> None:
 
 
 def test_an_echo_later_than_the_timer_counts_is_timed_all_the_same() -> None:
-    wrap = 65_536 * 0.5e-6
-    with scanner_on(Echoes(wrap - 1e-6, wrap + 0.5e-3, 0.0601)) as (_, scanner):
+    times = (TIMER_WRAP - 1e-6, TIMER_WRAP + 0.5e-3, 0.0601)
+    with scanner_on(Echoes(*times)) as (_, scanner):
         for reading in scanner.scan(sector(0, 20, 1)):
-            assert reading.echo_times == pytest.approx([wrap - 1e-6, wrap + 0.5e-3, 0.0601], rel=0, abs=TWO_TICKS)
+            assert reading.echo_times == pytest.approx(times, rel=0, abs=TWO_TICKS)
+
+
+class AtTheWrap(Echoes):
+    """One echo a ping, a little before or behind the moment at which the timer begins anew, each time later."""
+
+    board: EmulatedBoard
+    born = 0.0  # when the firmware's clock began, s of the board's time
+    step = 0.25e-6  # s
+
+    def hear(self, ping: Ping) -> Heard:
+        """A trace, for its interrupts, and the echo."""
+        since = self.board.fired - self.born
+        wrap = (since // TIMER_WRAP + 1) * TIMER_WRAP - since
+        self._times = (wrap + (len(self.pings) - 8) * self.step,)
+        return super().hear(ping)
+
+
+def test_an_echo_at_the_very_moment_the_timer_begins_anew_is_timed_all_the_same() -> None:
+    echoes = AtTheWrap()
+    with scanner_on(echoes) as (echoes.board, scanner):
+        scanner.configure(trace=True)
+        (first,) = scanner.scan(sector(0, 5, 5))
+        echoes.born = echoes.board.fired - first.time
+        echoes.pings.clear()
+        for reading in scanner.scan(sector(0, 40, 1)):
+            since = reading.time % TIMER_WRAP
+            if since > TIMER_WRAP - 0.0024:
+                continue  # the echo came in the blanking
+            expected = TIMER_WRAP - since + (reading.number - 8) * echoes.step
+            # fired_us, from which it is reckoned, is a whole number
+            assert reading.echo_times == pytest.approx([expected], rel=0, abs=TWO_TICKS + 1e-6)
 
 
 def test_a_board_that_is_reset_in_a_scan_is_homed_again_and_the_scan_has_every_angle_once() -> None:

@@ -148,6 +148,16 @@ def test_the_last_readings_are_kept_and_sent_again_unchanged(board: PortableBoar
     assert [*filter(lambda said: not isinstance(said, Heartbeat), again[1:])] == readings[-kept:]
 
 
+@pytest.mark.parametrize("echoes_ms", [[40], [3, 45], [32.767, 32.768], [1, 33.7675, 62.4], [61, 62]])
+def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_ms: list[float]) -> None:
+    board.greet_and_home()
+    board.hear([round(time * 1e6) for time in echoes_ms])
+    board.ask(Configure(62_400, 500, 0, 343_200))
+    readings = [m for m in board.ask(StartScan(0, 1, 3, 1, 1), 500_000) if isinstance(m, ReadingMessage)]
+    assert [list(reading.echoes) for reading in readings] == [[round(time * 1e6) for time in echoes_ms]] * 3
+    assert [m for m in board.ask(Resend(0, 3), 100_000) if isinstance(m, ReadingMessage)] == readings
+
+
 def test_a_part_of_a_scan_is_as_it_stands_in_the_whole(board: PortableBoard) -> None:
     board.greet_and_home()
     whole = [m for m in board.ask(StartScan(0, 5_000_000, 4, 2, 2), 2_000_000) if isinstance(m, ReadingMessage)]
