@@ -249,7 +249,9 @@ class Driver:
         self._count_gap(frame.sequence)
         self._device_time = frame.time_us
         wire = encode_frame(frame)
-        self._record(True, self._arrived, wire)
+        # before its Info a device may still say what belongs to a conversation that broke, and is heard by nobody
+        if self.info is not None or frame.type == Info.TYPE:
+            self._record(True, self._arrived, wire)
         try:
             message = unpack_message(frame.type, frame.payload)
         except MessageError:

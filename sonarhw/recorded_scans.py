@@ -12,6 +12,7 @@ from sonarhw.device_clock import DeviceClock
 from sonarhw.frames import Frame, decode_block, frame_payload, frame_type
 from sonarhw.log_contents import RecordedFrame
 from sonarhw.messages import (
+    Accepted,
     Finished,
     Hello,
     Info,
@@ -103,15 +104,16 @@ class Follower:
         frame = decode_block(block)
         if not isinstance(frame, Frame):
             return []
-        if recorded.received:
-            self._newest_us = frame.time_us
-            self._clock.heard(frame.time_us, recorded.time)
         try:
             message = unpack_message(frame.type, frame.payload)
         except MessageError:
             return []
         if message is None:
             return []
+        # an answer to nobody says nothing, its time neither; whether it is one is not known here
+        if recorded.received and not isinstance(message, Accepted | Refused):
+            self._newest_us = frame.time_us
+            self._clock.heard(frame.time_us, recorded.time)
         readings = self._from_device(frame, message) if recorded.received else self._from_host(frame, message)
         return self._keep(readings, place)
 

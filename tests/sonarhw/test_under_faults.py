@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
+from sonarhw.log import LogWriter, read_log
 from sonarhw.messages import Outcome, StartScan, Turn
 from sonarhw.readings import Reading
+from tests.sonarhw.example_logs import METADATA
 from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.plain_echoes import echo_time
 from tests.sonarhw.plugged import Plugged
@@ -84,6 +87,22 @@ def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace
     readings = plugged.scan(SECTOR, trace)
     assert sorted(reading.number for reading in readings) == list(range(80))
     assert_right(readings)
+
+
+@pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
+def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
+    path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
+    with LogWriter(path, METADATA) as log:
+        plugged.session.record(log)
+        shown = plugged.scan(SECTOR, trace=True)
+    recorded = read_log(path)
+    assert recorded.torn is None
+    kept = {reading.number: reading for reading in recorded.readings}
+    assert len(kept) == len(recorded.readings) == len(shown) == 80
+    for reading in shown:
+        assert (kept[reading.number].angle, kept[reading.number].echo_times) == (reading.angle, reading.echo_times)
+        # over a reset the clock of the board is continued by what was heard, of which a log has a part
+        assert kept[reading.number].time == pytest.approx(reading.time, abs=0.01)
 
 
 @pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
