@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from sim.board import Board, load_board
-from sim.prediction import PredictedScan, predict_scan
+from sim.predicted_scan import PredictedScan
+from sim.prediction import predict_scan
 from sim.reference import range_at
 from sim.room import Place, Room, load_room
 

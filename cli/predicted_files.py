@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from sim.prediction import PredictedScan
+    from sim.predicted_scan import PredictedScan
     from sonarhw.readings import Trace
 
 HEADER = "heading_deg,range_m,path_m,level_db,bounces,via"

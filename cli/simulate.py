@@ -42,7 +42,8 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.board import Board
-    from sim.prediction import PredictedScan, PredictionOptions
+    from sim.predicted_scan import PredictedScan
+    from sim.prediction import PredictionOptions
     from sim.room import Place
     from sonarhw.readings import FloatArray, ScanOrder
 
@@ -143,7 +144,8 @@ def _options(
     seed: int | None,
 ) -> "PredictionOptions":
     from sim.bends import EdgeStrength
-    from sim.prediction import PredictionOptions, Unit
+    from sim.mount import Unit
+    from sim.prediction import PredictionOptions
 
     return PredictionOptions(
         unit=Unit(unit.value),

@@ -6,7 +6,7 @@ Takes a comparison and the index of a reading; hands on one line for a person.
 import math
 
 from compare.match import Comparison, Kind, Matched
-from sim.prediction import PredictedScan
+from sim.predicted_scan import PredictedScan
 
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 

@@ -14,7 +14,8 @@ import numpy as np
 from sim.board import Board
 from sim.models import Model, predict_with
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
 from sim.room import Place, Room
 from sonarhw.readings import Reading
 

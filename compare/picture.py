@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from sim.by_heading import standpoints
-from sim.prediction import PredictedScan
+from sim.predicted_scan import PredictedScan
 from sim.room import Room
 from sonarhw.readings import FloatArray
 

@@ -11,7 +11,7 @@ import numpy as np
 from gui.scene import Scene
 from gui.shown import Shown
 from sim.air import Air
-from sim.prediction import Echo, PredictedScan
+from sim.predicted_scan import Echo, PredictedScan
 from sonarhw.readings import FloatArray, Reading, Trace
 
 _BELOW_THRESHOLD_DB = 12.0  # the axis ends there; the noise of a converter of 8 bits lies above

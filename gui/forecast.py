@@ -14,7 +14,8 @@ from gui.scene import Scene
 from gui.worker import Failure, Worker
 from sim.board import Board
 from sim.paths import MAX_BOUNCES, Paths
-from sim.prediction import PredictedScan, PredictionOptions, predict_scan
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room
 from sonarhw.readings import Reading
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compare.picture import points_at
 from sim.board import Board
-from sim.prediction import PredictedScan
+from sim.predicted_scan import PredictedScan
 from sim.room import Place, Room
 from sim.transducer import beam_gain
 from sonarhw.readings import FloatArray

@@ -15,7 +15,7 @@ from compare.match import Kind, Matched
 from gui.forecast import Compared
 from gui.palette import Unclassed
 from gui.scene import Scene
-from sim.prediction import PredictedScan
+from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading
 
 

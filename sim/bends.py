@@ -110,14 +110,16 @@ def _thread(
         while b < out_surfaces.shape[1] and out_surfaces[i, b] >= 0:
             surfaces[path, b] = out_surfaces[i, b]
             b += 1
-        points[path, : b + 2] = out_points[i, : b + 2]
+        for k in range(b + 2):
+            points[path, k, 0], points[path, k, 1] = out_points[i, k, 0], out_points[i, k, 1]
         back = 0
         while back < back_surfaces.shape[1] and back_surfaces[j, back] >= 0:
             back += 1
         for k in range(back):
             surfaces[path, b + k] = back_surfaces[j, back - 1 - k]
         for k in range(back + 1):
-            points[path, b + 2 + k] = back_points[j, back - k]
+            points[path, b + 2 + k, 0] = back_points[j, back - k, 0]
+            points[path, b + 2 + k, 1] = back_points[j, back - k, 1]
     return surfaces, points
 
 
@@ -128,6 +130,7 @@ def join_at_edges(
     pairs, gains = _join(
         (out.edges, out.lengths, out.gains, out.angles),
         (back.edges, back.lengths, back.gains, back.angles),
+        np.searchsorted(back.edges, out.edges),
         edges.openings / math.pi,
         bending.wavelength,
         max_length,
@@ -142,26 +145,34 @@ _Ways = tuple[IntArray, FloatArray, FloatArray, FloatArray]
 
 @njit(cache=True, error_model="numpy")
 def _join(
-    out: _Ways, back: _Ways, ns: FloatArray, wavelength: float, max_length: float, faintest: float, by_angle: bool
+    out: _Ways,
+    back: _Ways,
+    starts: NDArray[np.intp],
+    ns: FloatArray,
+    wavelength: float,
+    max_length: float,
+    faintest: float,
+    by_angle: bool,
 ) -> tuple[NDArray[np.intp], FloatArray]:
+    """Rows of both that make a path, (m, 2), and its gain (m,); `starts` (o,): the first row of `back` at each edge."""
     found = 0
-    pairs, gains = np.empty((256, 2), np.intp), np.empty(256)
-    starts = np.searchsorted(back[0], out[0])
-    for i in range(out[0].shape[0]):
-        for j in range(starts[i], back[0].shape[0]):
-            if back[0][j] != out[0][i] or out[1][i] + back[1][j] > max_length:
-                break
-            gain = out[2][i] * back[2][j] * edge_gain(out[1][i], back[1][j], wavelength)
-            if by_angle:
-                gain = min(out[2][i] * back[2][j], gain * keller(out[3][i], back[3][j], ns[out[0][i]]))
-            if gain < faintest:
-                continue
-            if found == gains.shape[0]:
-                pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                gains = np.concatenate((gains, np.empty_like(gains)))
-            pairs[found, 0], pairs[found, 1], gains[found] = i, j, gain
-            found += 1
-    return pairs[:found], gains[:found]
+    pairs, gains = np.empty((0, 2), np.intp), np.empty(0)
+    for filling in (False, True):
+        if filling:
+            pairs, gains, found = np.empty((found, 2), np.intp), np.empty(found), 0
+        for i in range(out[0].shape[0]):
+            for j in range(starts[i], back[0].shape[0]):
+                if back[0][j] != out[0][i] or out[1][i] + back[1][j] > max_length:
+                    break
+                gain = out[2][i] * back[2][j] * edge_gain(out[1][i], back[1][j], wavelength)
+                if by_angle:
+                    gain = min(out[2][i] * back[2][j], gain * keller(out[3][i], back[3][j], ns[out[0][i]]))
+                if gain < faintest:
+                    continue
+                if filling:
+                    pairs[found, 0], pairs[found, 1], gains[found] = i, j, gain
+                found += 1
+    return pairs, gains
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,14 +6,14 @@ serves them all (`sim.prediction`).
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.board import Board
 from sim.mount import FACE, Mount, Stand, with_body, with_faces
-from sim.paths import Paths
+from sim.paths import Paths, join_paths
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray
 
@@ -115,23 +115,3 @@ def _joined(room: Room, found: list[tuple[Paths, int, Leg]]) -> HeadingPaths:
         np.repeat(np.array([leg.sender.heading for _, _, leg in found], dtype=np.float64), counts)[order],
         lateness[order],
     )
-
-
-def join_paths(several: list[Paths]) -> Paths:
-    """All of them as one, in the order given; at least one."""
-    columns = ([getattr(paths, column.name) for paths in several] for column in fields(Paths))
-    return Paths(*(np.concatenate(_widened(column)) for column in columns))
-
-
-def _widened(arrays: list[NDArray[np.generic]]) -> list[NDArray[np.generic]]:
-    """The arrays with their second axis filled up to the longest: -1 is no surface, NaN no point."""
-    if arrays[0].ndim == 1:
-        return arrays
-    width = max(array.shape[1] for array in arrays)
-    return [_fill_up(array, width) for array in arrays]
-
-
-def _fill_up(array: NDArray[np.generic], width: int) -> NDArray[np.generic]:
-    nothing = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
-    missing = [(0, 0), (0, width - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
-    return np.pad(array, missing, constant_values=nothing)

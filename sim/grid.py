@@ -77,8 +77,14 @@ def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
 def list_points(cells: Cells, points: FloatArray, reach: float) -> Listing:
     """For each cell, the points (n, 2) that lie within `reach` (m) of it."""
     boxes = np.empty((points.shape[0], 4))
-    boxes[:, :2], boxes[:, 2:] = points - reach, points + reach
-    return _list_boxes(cells, boxes, np.empty((0, 4)))
+    for k in range(points.shape[0]):
+        _set_box(boxes, k, points[k, 0], points[k, 1], reach)
+    return _list_boxes(cells, boxes, boxes[:0])
+
+
+@njit(cache=True, error_model="numpy")
+def _set_box(boxes: FloatArray, k: int, x: float, y: float, reach: float) -> None:
+    boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x - reach, y - reach, x + reach, y + reach
 
 
 def listed_at(surfaces: Surfaces, x: float, y: float) -> IntArray:
@@ -95,8 +101,7 @@ def _list_surfaces(cells: Cells, walls: FloatArray, posts: FloatArray) -> Listin
         boxes[k, 0], boxes[k, 2] = min(walls[k, 0], walls[k, 2]), max(walls[k, 0], walls[k, 2])
         boxes[k, 1], boxes[k, 3] = min(walls[k, 1], walls[k, 3]), max(walls[k, 1], walls[k, 3])
     for k in range(posts.shape[0]):
-        x, y, radius = posts[k]
-        boxes[walls.shape[0] + k] = np.array((x - radius, y - radius, x + radius, y + radius))
+        _set_box(boxes, walls.shape[0] + k, posts[k, 0], posts[k, 1], posts[k, 2])
     return _list_boxes(cells, boxes, walls)
 
 
@@ -110,7 +115,8 @@ def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
     numbers = np.empty(0, np.int32)
     for filling in (False, True):
         if filling:
-            counts[:] = np.cumsum(counts)
+            for cell in range(1, counts.shape[0]):
+                counts[cell] += counts[cell - 1]
             numbers = np.empty(counts[-1], np.int32)
         for k in range(boxes.shape[0]):
             first, last = _span(cells.left, cells.side, cells.columns, boxes[k, 0], boxes[k, 2])

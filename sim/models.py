@@ -11,7 +11,8 @@ import numpy as np
 
 from sim.board import Board, Receiver
 from sim.paths import Paths
-from sim.prediction import PredictedScan, PredictionOptions, predict_scan, received_by, silent_scan, with_first_echoes
+from sim.predicted_scan import PredictedScan, silent_scan, with_first_echoes
+from sim.prediction import PredictionOptions, predict_scan, received_by
 from sim.rays import first_hit
 from sim.room import Place, Room
 from sim.sections import cut, standing_at

@@ -2,12 +2,13 @@
 
 Takes a place, which is where the turning axis stands, and a heading; hands on a `Stand`, from which sound leaves and at
 which it is heard, and the room with the carrier's body and the transducers' faces in it. `Mount` is a turntable's one
-head; `sim.ring` has several sensors round a body.
+head; `sim.ring` has several sensors round a body. What a face does to sound that passes is the `Unit`'s.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Self
 
 import numpy as np
@@ -26,6 +27,17 @@ CARRIER_REFLECTANCE = 0.95
 
 Length = Annotated[float, Field(ge=0, le=10)]
 Offset = Annotated[float, Field(ge=-10, le=10)]
+
+
+class Unit(StrEnum):
+    """What the transducer's own body does to sound that passes it."""
+
+    PASS = "pass"  # nothing: it is small, the front closes round it
+    BLOCK = "block"  # sound that meets its face ends there
+    REFLECT = "reflect"  # its face, from both sides, is one more wall: appendix A as printed
+
+
+FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REFLECTANCE}
 
 
 @dataclass(frozen=True)

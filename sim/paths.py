@@ -92,6 +92,26 @@ class Paths:
         return np.asarray(points[~np.isnan(points[:, 0])])
 
 
+def join_paths(several: list[Paths]) -> Paths:
+    """All of them as one, in the order given; at least one."""
+    columns = ([getattr(paths, column.name) for paths in several] for column in fields(Paths))
+    return Paths(*(np.concatenate(_widened(column)) for column in columns))
+
+
+def _widened(arrays: list[NDArray[np.generic]]) -> list[NDArray[np.generic]]:
+    """The arrays with their second axis filled up to the longest: -1 is no surface, NaN no point."""
+    if arrays[0].ndim == 1:
+        return arrays
+    width = max(array.shape[1] for array in arrays)
+    return [_fill_up(array, width) for array in arrays]
+
+
+def _fill_up(array: NDArray[np.generic], width: int) -> NDArray[np.generic]:
+    nothing = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
+    missing = [(0, 0), (0, width - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
+    return np.pad(array, missing, constant_values=nothing)
+
+
 def _horizontal(directions: FloatArray, elevations: FloatArray) -> FloatArray:
     return np.asarray(np.column_stack((np.cos(directions), np.sin(directions))) * np.cos(elevations)[:, None])
 

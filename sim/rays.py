@@ -162,8 +162,7 @@ def follow_fan(
                 if length + ahead > longest[target] + near:
                     continue
                 if found == candidates.shape[0]:
-                    candidates = np.concatenate((candidates, np.empty_like(candidates)))
-                    misses = np.concatenate((misses, np.empty_like(misses)))
+                    candidates, misses = _longer(candidates, misses)
                 candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
                 misses[found] = aside / near
                 found += _enter(candidates[: found + 1], misses, touched, slots)
@@ -187,6 +186,17 @@ def follow_fan(
             surface = following
             touched[ray, bounces] = following
     return touched, candidates[:found]
+
+
+@njit(cache=True, error_model="numpy")
+def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Both with room for twice as many; numba takes a second to compile a concatenation."""
+    count = misses.shape[0]
+    more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
+    for k in range(count):
+        more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
+        more_misses[k] = misses[k]
+    return more, more_misses
 
 
 @njit(cache=True, error_model="numpy")
@@ -271,7 +281,10 @@ def _hash(candidate: IntArray, touched: IntArray) -> int:
 def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
     if one[1] != other[1] or one[2] != other[2]:
         return False
-    return bool(np.all(touched[one[0], : one[1]] == touched[other[0], : one[1]]))
+    same = 0
+    while same < one[1] and touched[one[0], same] == touched[other[0], same]:
+        same += 1
+    return bool(same == one[1])
 
 
 def fan(rays: int, heading: float | None = None) -> FloatArray:

@@ -21,8 +21,7 @@ import numpy as np
 
 from sim.board import Board
 from sim.edges import inside_wedge
-from sim.mount import CARRIER_REFLECTANCE, ON_AXIS, with_faces
-from sim.prediction import Unit
+from sim.mount import CARRIER_REFLECTANCE, ON_AXIS, Unit, with_faces
 from sim.room import Place, Room
 from sim.transducer import beam_gain
 

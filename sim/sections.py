@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.by_heading import join_paths
 from sim.edges import find_edges
-from sim.paths import Paths, PathSearch, find_paths
+from sim.paths import Paths, PathSearch, find_paths, join_paths
 from sim.room import Place, Room
 from sim.scatter import scattered_paths
 from sim.vertical import vertical_paths

@@ -53,9 +53,9 @@ def solve_candidates(
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
         path = points[c, : bounces + 2]
-        path[0] = source
-        path[bounces + 1] = targets[target]
-        if bounces and sequence.max() >= walls.shape[0]:
+        path[0, 0], path[0, 1] = source[0], source[1]
+        path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
+        if _touches_post(sequence, walls.shape[0]):
             solved, divergences[c] = _refine(path, directions[ray], sequence, walls, posts)
         else:
             solved = _unfold(path, sequence, walls)
@@ -66,13 +66,21 @@ def solve_candidates(
 
 
 @njit(cache=True, error_model="numpy")
+def _touches_post(sequence: IntArray, walls: int) -> bool:
+    for surface in sequence:  # noqa: SIM110  numba compiles no generators
+        if surface >= walls:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
     bounces = sequence.shape[0]
     images = np.empty((bounces + 1, 2))
-    images[bounces] = path[bounces + 1]
+    images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
     for k in range(bounces - 1, -1, -1):
-        images[k] = _mirror(images[k + 1], walls[sequence[k]])
+        images[k, 0], images[k, 1] = _mirror(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
     for k in range(bounces):
         wall = walls[sequence[k]]
         ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -92,10 +100,10 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _mirror(point: FloatArray, wall: FloatArray) -> FloatArray:
+def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-    aside = ((point[0] - wall[0]) * ey - (point[1] - wall[1]) * ex) / (ex * ex + ey * ey)
-    return np.array((point[0] - 2.0 * aside * ey, point[1] + 2.0 * aside * ex))
+    aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
+    return x - 2.0 * aside * ey, y + 2.0 * aside * ex
 
 
 @njit(cache=True, error_model="numpy")

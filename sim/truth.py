@@ -12,16 +12,10 @@ from functools import lru_cache
 import numpy as np
 
 from sim.board import Board
+from sim.mount import Unit
 from sim.paths import Paths
-from sim.prediction import (
-    PredictedScan,
-    PredictionOptions,
-    Unit,
-    paths_serve_all_headings,
-    predict_scan,
-    search_for,
-    weigh_paths,
-)
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, paths_serve_all_headings, predict_scan, search_for, weigh_paths
 from sim.rays import first_hit
 from sim.room import Place, Room, with_post
 from sim.sections import paths_from

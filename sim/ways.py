@@ -98,15 +98,15 @@ def _with_straight_ways(candidates: IntArray, targets: int) -> IntArray:
 def shortest_first(ways: Ways) -> Ways:
     """Sorted by length, and each path once: through a vertex several sequences describe one path."""
     order = np.argsort(ways.lengths, kind="stable")
-    once = _ordered_once(ways.lengths, ways.edges, ways.surfaces, ways.points, order)
-    return ways.select(once)
+    kept = _order_and_keep(ways.lengths, ways.edges, ways.surfaces, ways.points, order)
+    return ways.select(order[kept])
 
 
 @njit(cache=True)
-def _ordered_once(
+def _order_and_keep(
     lengths: FloatArray, edges: IntArray, surfaces: IntArray, points: FloatArray, order: NDArray[np.intp]
-) -> NDArray[np.intp]:
-    """`order` by length, with equals in order of the room file and without those that are one with an earlier one."""
+) -> NDArray[np.bool_]:
+    """Put equals within `order`, which is by length, in order of the room file; whether each is new behind those."""
     # equals, to a nanometre, are few: put each where it belongs among them
     for k in range(1, order.shape[0]):
         j = k
@@ -119,7 +119,7 @@ def _ordered_once(
         while kept[k] and j >= 0 and lengths[order[k]] - lengths[order[j]] <= _SAME:
             kept[k] = not (kept[j] and _are_one(order[k], order[j], edges, points))
             j -= 1
-    return order[kept]
+    return kept
 
 
 @njit(cache=True)

@@ -11,7 +11,8 @@ from scipy.stats import exponnorm, kstest
 from sim.board import Receiver, load_board
 from sim.models import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, Model, predict_with
 from sim.mount import Mount
-from sim.prediction import PredictedScan, PredictionOptions
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions
 from sim.room import Place, load_room
 from sonarhw.readings import FloatArray
 from tests.sim.rooms_for_tests import polygon_room

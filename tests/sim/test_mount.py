@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from sim.board import Board, load_board, parse_board
-from sim.mount import CARRIER_REFLECTANCE, Mount
-from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
+from sim.mount import CARRIER_REFLECTANCE, Mount, Unit
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room, load_room
 from sim.transducer import beam_gain
 from sonarhw.errors import InputError

@@ -6,7 +6,7 @@ import pytest
 
 from sim import one_heading, reference
 from sim.board import load_board
-from sim.prediction import Unit
+from sim.mount import Unit
 from sim.room import load_room
 
 PLACES = [("simple", "figure9"), ("simple", "figure7"), ("right_corner", "figure12"), ("arena", "p0")]

@@ -9,7 +9,9 @@ import pytest
 
 from sim.board import board_names, load_board
 from sim.models import Model, predict_with
-from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
+from sim.mount import Unit
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import load_room
 from sim.transducer import beam_gain
 from sim.weighing import beam, beam_table

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from sim.board import load_board
-from sim.prediction import PredictedScan, PredictionOptions, Unit, predict_scan
+from sim.mount import Unit
+from sim.predicted_scan import PredictedScan
+from sim.prediction import PredictionOptions, predict_scan
 from sim.reference import range_at
 from sim.room import Room, load_room
 

@@ -8,7 +8,8 @@ import pytest
 
 from sim.board import load_board
 from sim.mount import Mount
-from sim.prediction import PredictedScan, predict_scan
+from sim.predicted_scan import PredictedScan
+from sim.prediction import predict_scan
 from sim.ring import Ring
 from sim.room import Place, Room
 from sim.transducer import beam_gain

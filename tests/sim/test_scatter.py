@@ -8,8 +8,10 @@ import pytest
 from scipy.integrate import quad
 
 from sim.board import board_names, load_board
+from sim.levels import path_amplitudes
 from sim.paths import Paths, PathSearch, find_paths
-from sim.prediction import PredictedScan, path_amplitudes, predict_scan
+from sim.predicted_scan import PredictedScan
+from sim.prediction import predict_scan
 from sim.room import Place, Room, parse_room
 from sim.scatter import PATCH, scattered_paths
 

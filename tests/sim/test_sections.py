@@ -10,8 +10,9 @@ import pytest
 from sim.air import Air
 from sim.board import Board, load_board
 from sim.models import Model, predict_with
+from sim.mount import Unit
 from sim.paths import Paths, PathSearch, find_paths
-from sim.prediction import PredictionOptions, Unit, predict_scan
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room, load_room, parse_room
 from sim.sections import cut, paths_from, standing_at
 from sim.transducer import beam_gain
