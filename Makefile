@@ -39,7 +39,7 @@ soak: setup firmware
 	setup/debian_packages.sh clang libclang-rt-dev
 	$(MAKE) --no-print-directory -C firmware build/libfuzzer
 	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
-	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py --soak --timeout 36000
+	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py tests/firmware/test_long.py --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 

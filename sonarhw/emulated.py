@@ -7,14 +7,13 @@ Takes an echo source; owns the process in which the firmware runs and answers it
 `url` is the firmware itself: every byte comes from its code.
 """
 
-import os
 import queue
 import socket
 import struct
 import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -75,17 +74,21 @@ class EmulatedBoard:
 
     def serve(self) -> None:
         """Answer pings until the board has gone. Raises what the echo source does."""
-        while True:
-            try:
-                kind, payload = self._message()
-            except (EOFError, OSError):
-                return
+        while (message := self._next()) is not None:
+            kind, payload = message
             if kind == b"P":
                 degrees, self.fired, sweep, index = _PING.unpack(payload)
                 heard = self._echoes.hear(Ping(np.radians(degrees), sweep, index, LISTEN, True))
-                self._tell(b"E", packed(heard))
+                with suppress(BrokenPipeError):  # it may have been switched off meanwhile
+                    self._tell(b"E", packed(heard))
             elif kind == b"C":
                 self._cycles.put(struct.unpack(f"<{len(payload) // 4}I", payload))
+
+    def _next(self) -> tuple[bytes, bytes] | None:
+        try:
+            return self._message()
+        except (EOFError, OSError):
+            return None
 
     def _tell(self, kind: bytes, payload: bytes) -> None:
         with self._writing:
@@ -126,36 +129,45 @@ def emulated_board(
     """The firmware built in `built`, running until the block ends.
 
     `stands_deg` is where the table stands at power-on; `eeprom` a file that keeps what outlives a power cut. Raises
-    InputError where firmware or emulator is not built, LinkError where it does not start, and at the end of the block
-    what went wrong in the echo source.
+    InputError where firmware or emulator is not built, LinkError where it does not start or ended by itself (it does so
+    where the firmware sends or steps while it listens), and at the end of the block what went wrong in the echo source.
     """
     for needed in (built / "emulator", built / "sonar.elf"):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
-    ours, its = socket.socketpair()
-    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--parent", str(its.fileno())]
-    arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace)), "--stands", str(stands_deg)]
+    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--stands", str(stands_deg)]
+    arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
     arguments += ["--eeprom", eeprom] if eeprom else []
     arguments += ["--link", pty] if pty else []
-    with subprocess.Popen(arguments, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL) as process, ours:
-        its.close()
-        ours.settimeout(_READY_WITHIN)
+    with _started(arguments) as (process, line):
         try:
-            board = EmulatedBoard(process, ours, echoes)
+            board = EmulatedBoard(process, line, echoes)
         except (EOFError, OSError) as error:
-            process.kill()
             raise LinkError("the emulated board did not start; what it said stands above") from error
-        ours.settimeout(None)
+        line.settimeout(None)
         with _served(board):
+            yield board
+        if process.wait(_ENDS_WITHIN):
+            raise LinkError(f"the emulated board ended with {process.returncode}; what it said stands above")
+
+
+@contextmanager
+def _started(arguments: list[str | Path]) -> Iterator[tuple["subprocess.Popen[bytes]", socket.socket]]:
+    """The process and the line to it; ended with the block."""
+    ours, its = socket.socketpair()
+    ours.settimeout(_READY_WITHIN)
+    command = [*arguments, "--parent", str(its.fileno())]
+    with ours, subprocess.Popen(command, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL) as process:
+        its.close()
+        try:
+            yield process, ours
+        finally:
+            process.terminate()
             try:
-                yield board
-            finally:
-                board.end()
-                try:
-                    process.wait(_ENDS_WITHIN)
-                except subprocess.TimeoutExpired:
-                    process.kill()
+                process.wait(_ENDS_WITHIN)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
 @contextmanager
@@ -174,11 +186,7 @@ def _served(board: EmulatedBoard) -> Iterator[None]:
     try:
         yield
     finally:
+        board.end()
         thread.join(_ENDS_WITHIN)
     if failures:
         raise failures[0]
-
-
-def is_built(built: Path = BUILT) -> bool:
-    """Whether there is a board to run."""
-    return all(os.access(built / name, os.R_OK) for name in ("emulator", "sonar.elf"))

@@ -21,7 +21,7 @@ class LinkStatistics:
     missing_frames: int = 0  # gaps in the device's sequence numbers
     repeated_commands: int = 0
     resends: int = 0  # Resend commands
-    lost_readings: int = 0  # made, but no longer kept when they were asked for
+    lost_readings: int = 0  # made, but no longer kept when they were asked for; they are measured again
     losses: int = 0  # times the device was lost: unplugged, silent or reset
     reopened: int = 0  # times its port had to be opened again
     resets: int = 0  # times the device started anew

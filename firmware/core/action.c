@@ -10,7 +10,7 @@
 #include "turntable.h" // turntable
 #include "voice.h" // say_reading
 
-#define KEY_MOST 24 // bytes of an order's payload by which it is known again
+#define KEY_MOST 24 // bytes of an order's payload by which it is known again, and its size; no order of ours has more
 
 enum phase { AIMING, TURNING_THERE, READY, LISTENING, SENDING_TRACE };
 
@@ -23,7 +23,7 @@ static struct {
     bool running;
     uint16_t sequence;
     uint8_t key[KEY_MOST];
-    uint8_t key_size;
+    uint8_t size; // of its payload
     enum outcome outcome;
     enum turntable_trouble trouble;
     uint32_t next; // number of the next reading, for its Finished
@@ -75,10 +75,12 @@ uint32_t action_pings(void) { return pings; }
 
 /* The order that is remembered. */
 
+static uint8_t key_size(const struct command_frame *order) { return order->size < KEY_MOST ? order->size : KEY_MOST; }
+
 bool action_is(const struct command_frame *order)
 {
     return action.type && order->type == action.type && order->sequence == action.sequence &&
-           order->size == action.key_size && !memcmp(order->payload, action.key, action.key_size);
+           order->size == action.size && !memcmp(order->payload, action.key, key_size(order));
 }
 
 void action_forget(void) { action.type = 0; }
@@ -120,8 +122,8 @@ static void begin(const struct command_frame *order)
     action.type = order->type;
     action.running = true;
     action.sequence = order->sequence;
-    action.key_size = order->size < KEY_MOST ? order->size : KEY_MOST;
-    memcpy(action.key, order->payload, action.key_size);
+    action.size = order->size;
+    memcpy(action.key, order->payload, key_size(order));
     action.trouble = TROUBLE_NONE;
     say_begun();
 }

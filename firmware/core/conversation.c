@@ -79,6 +79,7 @@ static void miss_host(void)
 {
     action_stop();
     action_forget();
+    action_send_again(0, 0);
     turntable_release();
     greeted = false;
     baud.next = FIRST_BAUD;

@@ -35,6 +35,8 @@ void die(const char *why)
     exit(1);
 }
 
+bool asked_to_end(void) { return ending; }
+
 double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
 
 uint16_t symbol(const char *name)
@@ -287,8 +289,10 @@ int main(int count, char **words)
     // simavr writes what it loads to standard output, which is the parent's
     if (!freopen("/dev/null", "w", stdout))
         die("no /dev/null");
-    signal(SIGTERM, end);
-    signal(SIGINT, end);
+    // without SA_RESTART: a parent that answers no more must not keep it
+    const struct sigaction ends = {.sa_handler = end};
+    sigaction(SIGTERM, &ends, NULL);
+    sigaction(SIGINT, &ends, NULL);
     signal(SIGPIPE, SIG_IGN);
     avr_t *avr = make_chip();
     avr->sleep = never_sleep;

@@ -44,6 +44,7 @@ struct heard {
 };
 
 void die(const char *why);
+bool asked_to_end(void); // by a signal
 double seconds(const avr_t *avr); // of the board's time
 
 /* emulator.c */

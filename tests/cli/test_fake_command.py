@@ -10,6 +10,7 @@ import pytest
 from cli.app import run
 from sonarhw.board import Board
 from sonarhw.endpoint import serve
+from sonarhw.faults import KNOWN
 from sonarhw.log import read_log
 from tests.cli.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
 from tests.sonarhw.plain_echoes import PlainEchoes
@@ -35,6 +36,12 @@ def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -
     assert len(recorded.readings) == 12
     assert recorded.info is not None
     assert (recorded.info.serial, recorded.info.board) == ("FAKE-0000", "polaroid-6500")
+
+
+def test_the_help_of_the_fake_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fake", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert [name for name in KNOWN if name not in said] == []
 
 
 def test_a_fake_whose_cable_comes_back_under_another_name_says_which(tmp_path: Path) -> None:

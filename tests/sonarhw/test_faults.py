@@ -19,7 +19,7 @@ from sonarhw.noise import Noise
 from sonarhw.scanner import Scanner
 from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.joined import Joined
-from tests.sonarhw.plain_echoes import echo_time
+from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
 MICROSTEP = math.tau / 3200
@@ -45,6 +45,11 @@ def test_every_example_of_the_document_is_a_schedule() -> None:
     specs = re.findall(r'--faults (\S+)$|read_faults\("(.*?)"\)|`(\w+=\S+@\S+)`', DOCUMENT, flags=re.MULTILINE)
     assert len(specs) == 3
     assert all(read_faults("".join(groups)) != Faults() for groups in specs)
+
+
+def test_the_python_of_the_document_runs() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, flags=re.DOTALL)
+    exec(code, {"my_echoes": PlainEchoes()})
 
 
 def test_a_schedule_is_what_its_text_says() -> None:
