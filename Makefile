@@ -1,11 +1,11 @@
-# make setup | demo | test: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | test | soak | firmware | board: each does all the set-up it needs, and is quick the second time.
 
 PYTHON ?= python3
 BIN := .venv/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test clean
+.PHONY: setup demo test soak firmware board clean
 
 setup: .venv/installed
 
@@ -19,12 +19,29 @@ setup: .venv/installed
 demo: setup
 	$(BIN)/sonarhw demo
 
-test: setup
+# the firmware, and an emulated board to run it on
+firmware: setup
+	$(MAKE) --no-print-directory -C firmware WERROR=-Werror all emulator host
+
+# that board in the demo room; its URL is the first line, Ctrl-C ends it
+board: firmware
+	$(BIN)/python -m cli.board
+
+test: setup firmware
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24' $(BIN)/pytest
 
+# the long tests in full, and the figures that name seconds: some hours
+soak: setup firmware
+	setup/debian_packages.sh clang libclang-rt-dev
+	$(MAKE) --no-print-directory -C firmware build/libfuzzer
+	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
+	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py tests/firmware/test_long.py --soak --timeout 36000
+	$(BIN)/python -m benchmarks.wire
+	$(BIN)/python -m benchmarks.live 600
+
 clean:
-	rm -rf .venv build dist *.egg-info demo-result
+	rm -rf .venv build dist *.egg-info demo-result firmware/build

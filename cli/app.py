@@ -11,7 +11,22 @@ from typing import Annotated
 
 import typer
 
-from cli import bench, compare, demo, fake, figures, gui, import_csv, info, paths, ports, replay, scan, simulate
+from cli import (
+    bench,
+    calibrate,
+    compare,
+    demo,
+    fake,
+    figures,
+    gui,
+    import_csv,
+    info,
+    paths,
+    ports,
+    replay,
+    scan,
+    simulate,
+)
 from cli import log as log_command
 from sonarhw.errors import SonarError
 
@@ -32,6 +47,7 @@ app.command("home")(bench.home)
 app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
+app.command("calibrate")(calibrate.calibrate)
 app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)

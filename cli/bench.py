@@ -2,17 +2,18 @@
 
 import math
 import time
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from cli.connect import ScannerUrl, connect, resolve
 from cli.interruption import sigterm_raises
 from cli.options import MOST_DEGREES
-from sonarhw.errors import CommandRefused, InputError
+from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sonarhw.frames import Frame, Rejected
+    from sonarhw.link import Link
 
 _SHOWN = 24  # bytes of a rejected stretch
 
@@ -28,18 +29,10 @@ def turn(
     degrees: Annotated[float, typer.Argument(help="Turntable angle, counter-clockwise.", metavar="DEG")],
 ) -> None:
     """Turn to an angle, finding the zero first where the turntable does not know it."""
-    from sonarhw.messages import Refusal
-
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     with sigterm_raises(), connect(url) as scanner:
-        try:
-            scanner.turn(math.radians(degrees))
-        except CommandRefused as refused:
-            if refused.code != Refusal.NOT_HOMED:
-                raise
-            scanner.home()
-            scanner.turn(math.radians(degrees))
+        scanner.turn(math.radians(degrees))
 
 
 def stop(url: ScannerUrl) -> None:
@@ -50,18 +43,30 @@ def stop(url: ScannerUrl) -> None:
 
 def monitor(url: ScannerUrl) -> None:
     """Greet the scanner, which stops it, and show decoded frames and rejected bytes as they come, until Ctrl-C."""
-    from sonarhw.frames import DELIMITER, Frame, FrameDecoder, encode_frame
     from sonarhw.link import Link
-    from sonarhw.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Hello
 
-    hello = Frame(Hello.TYPE, 0, 0, Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR).pack())
-    with sigterm_raises(), resolve(url) as target, Link(target) as link:
-        link.write(DELIMITER + encode_frame(hello))
-        decoder, began = FrameDecoder(), time.monotonic()
-        while True:
-            for item in decoder.feed(link.read()):
-                seconds = time.monotonic() - began
-                typer.echo(f"{seconds:10.3f}  {_described(item) if isinstance(item, Frame) else _rejected(item)}")
+    with sigterm_raises(), resolve(url) as find, Link(find()) as link:
+        _show(link)
+
+
+def _show(link: "Link") -> NoReturn:
+    from sonarhw.driver import SIGN_OF_LIFE
+    from sonarhw.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+    from sonarhw.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, AskStatistics, Hello, Info, Message
+
+    decoder, began = FrameDecoder(), time.monotonic()
+    sequence, next_word, greeted = 0, began + link.quiet, False
+    while True:
+        now = time.monotonic()
+        if now >= next_word:
+            # a scanner that hears nothing lets go of its motor and falls silent
+            word: Message = AskStatistics() if greeted else Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR)
+            link.write(DELIMITER + encode_frame(Frame(word.TYPE, sequence, 0, word.pack())))
+            sequence, next_word = (sequence + 1) % 0x10000, now + SIGN_OF_LIFE
+        for item in decoder.feed(link.read()):
+            greeted = greeted or (isinstance(item, Frame) and item.type == Info.TYPE)
+            seconds = time.monotonic() - began
+            typer.echo(f"{seconds:10.3f}  {_described(item) if isinstance(item, Frame) else _rejected(item)}")
 
 
 def _described(frame: "Frame") -> str:

@@ -1,6 +1,7 @@
 """`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
@@ -10,7 +11,6 @@ import typer
 from cli.log_input import LogFile, open_log
 from cli.numbers import counted
 from cli.options import (
-    DEFAULT_BOARD,
     Force,
     PlaceName,
     ReceiverChoice,
@@ -69,6 +69,7 @@ def compare_log(
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from compare.fit import fit_scan
     from compare.match import compare_readings
+    from compare.recorded_board import board_of_log
     from sim.board import load_board
     from sim.models import Model
     from sim.prediction import PredictionOptions
@@ -78,12 +79,12 @@ def compare_log(
     log = open_log(log_file)
     room = room or _recorded_room(log_file, log.metadata)
     here = room.place(place if place is not None else _recorded_place(log.metadata, room))
-    chosen = load_board(board or log.metadata.board or DEFAULT_BOARD)
+    chosen = load_board(board) if board else board_of_log(log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     believed = Model(model.value)
-    heading, offset = here.heading, 0.0
+    heading, offset = here.heading + math.radians(chosen.home_angle_deg), 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
         found = fit_scan(log.readings, room, here, chosen, free, model=believed, options=options)

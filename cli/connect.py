@@ -3,9 +3,9 @@
 Takes the URL as it was typed; hands on one that pyserial opens, or the opened scanner, for as long as the block lasts.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qsl
@@ -17,38 +17,49 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.truth import RoomEchoes
-    from sonarhw.board import Board as FakeBoard
+    from sonarhw.device import Device
     from sonarhw.endpoint import Pace
+    from sonarhw.faults import Faults
     from sonarhw.scanner import Scanner
 
 ScannerUrl = Annotated[
     str, typer.Argument(help="Serial port, socket://HOST:PORT, fake:ROOM?place=NAME&seed=1, or a log.", metavar="URL")
 ]
+RECONNECT = 30.0  # s
+Find = Callable[[], str]
 LOOPBACK = "127.0.0.1:0"
 FAKE = "fake:"
-_FAKE_KEYS = ("place", "board", "seed", "pace")
+_FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
 
 
 @contextmanager
-def connect(url: str) -> "Iterator[Scanner]":
-    """The scanner at `url`, greeted. Raises InputError for a URL that says nothing, LinkError, DeviceError."""
+def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
+    """The scanner at `url`, greeted; lost, it may come back within `reconnect` s.
+
+    Raises InputError for a URL that says nothing, LinkError, DeviceError.
+    """
     from sonarhw.scanner import Scanner
 
-    with resolve(url) as target, Scanner.open(target) as scanner:
+    with resolve(url) as find, Scanner.open(find(), reconnect=reconnect, find=find) as scanner:
         yield scanner
 
 
 @contextmanager
-def resolve(url: str) -> Iterator[str]:
-    """A URL that pyserial opens; what `fake:` and log files need runs in this process meanwhile."""
+def resolve(url: str) -> Iterator[Find]:
+    """What tells the URL that pyserial is to open now; what `fake:` and log files need runs in this process meanwhile.
+
+    A device may come back under another name: ask again before each opening.
+    """
+    from sonarhw.ports import Whereabouts
+
     if url.startswith(FAKE):
-        with _fake(url) as target:
-            yield target
+        with _fake(url) as find:
+            yield find
     elif Path(url).suffix == ".mcap":
-        with _replay(Path(url)) as target:
-            yield target
+        with _replay(Path(url)) as find:
+            yield find
     else:
-        yield url
+        yield Whereabouts(url)
 
 
 def read_pace(text: str) -> "Pace":
@@ -61,7 +72,9 @@ def read_pace(text: str) -> "Pace":
         return check_pace(text)  # type: ignore[arg-type]  # whether it is one of the two words is what is checked
 
 
-def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tuple[FakeBoard, RoomEchoes]":
+def fake_device(
+    room_file: Path, place: str | None, board: str, seed: int, faults: "Faults"
+) -> "tuple[Device, RoomEchoes]":
     """A fake board that hears the room in `room_file`, and its ears, on which `prepare` is to be called.
 
     Raises InputError where room, place or board is wrong.
@@ -73,10 +86,17 @@ def fake_board(room_file: Path, place: str | None, board: str, seed: int) -> "tu
     here, profile = room.place(place), load_board(board)
     from sim.truth import RoomEchoes
     from sonarhw.board import Board, BoardIdentity
+    from sonarhw.faults import NO_FAULTS
+    from sonarhw.faulty import FaultyDevice, afflicted
 
     echoes = RoomEchoes(room, here, profile, seed)
-    identity = BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name)
-    return Board(echoes, seed, profile.listens_from, identity, ready=lambda: echoes.ready), echoes
+    identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
+
+    def switched_on(boots: int) -> Board:
+        me = replace(identity, boot=1 + boots)
+        return Board(echoes, seed, profile.listens_from, me, ready=lambda: echoes.ready)
+
+    return switched_on(0) if faults == NO_FAULTS else FaultyDevice(switched_on, faults, seed), echoes
 
 
 @dataclass(frozen=True)
@@ -88,10 +108,13 @@ class FakeUrl:
     board: str
     seed: int
     pace: "Pace"
+    faults: "Faults"
 
 
 def read_fake_url(url: str) -> FakeUrl:
     """The wishes in `fake:ROOM?place=NAME&seed=1`. Raises InputError for one that is not known or makes no sense."""
+    from sonarhw.faults import read_faults
+
     room_file, _, query = url.removeprefix(FAKE).partition("?")
     if not room_file:
         raise InputError(f"{url}: names no room; expected fake:ROOM.toml?place=NAME")
@@ -104,19 +127,20 @@ def read_fake_url(url: str) -> FakeUrl:
         board=wishes.get("board", DEFAULT_BOARD),
         seed=read_seed(wishes.get("seed", "0")),
         pace=read_pace(wishes.get("pace", "real")),
+        faults=read_faults(wishes.get("faults", "")),
     )
 
 
 @contextmanager
-def _fake(url: str) -> Iterator[str]:
+def _fake(url: str) -> Iterator[Find]:
     from sonarhw.endpoint import serve
 
     wish = read_fake_url(url)
     _check_place(url, wish)
-    board, echoes = fake_board(wish.room_file, wish.place, wish.board, wish.seed)
+    device, echoes = fake_device(wish.room_file, wish.place, wish.board, wish.seed, wish.faults)
     echoes.prepare()
-    with serve(board, tcp=LOOPBACK, pace=wish.pace) as endpoint:
-        yield endpoint.url
+    with serve(device, tcp=LOOPBACK, pace=wish.pace) as endpoint:
+        yield lambda: endpoint.url
 
 
 def _check_place(url: str, wish: FakeUrl) -> None:
@@ -135,10 +159,10 @@ def read_seed(text: str) -> int:
 
 
 @contextmanager
-def _replay(path: Path) -> Iterator[str]:
+def _replay(path: Path) -> Iterator[Find]:
     from cli.log_input import open_log
     from sonarhw.endpoint import serve
     from sonarhw.replay import ReplayDevice
 
     with serve(ReplayDevice(open_log(path)), tcp=LOOPBACK) as endpoint:
-        yield endpoint.url
+        yield lambda: endpoint.url

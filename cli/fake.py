@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.connect import fake_board, read_pace
+from cli.connect import fake_device, read_pace
 from cli.interruption import sigterm_raises
 from cli.options import DEFAULT_BOARD, BoardName, PlaceName, RoomFile
 from sonarhw.errors import InputError
@@ -24,22 +24,31 @@ def fake(
     tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
     pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
+    faults: Annotated[
+        str, typer.Option(help="What goes wrong, such as drop=1/5000,reset@r20; see docs/faults.md.", metavar="SPEC")
+    ] = "",
 ) -> None:
-    """Serve a scanner that is not there; the first line of standard output is its URL."""
+    """Serve a scanner that is not there; the first line of standard output is its URL.
+
+    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, deaf, mute, reset, nonsense,
+    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable; each of these with @SECONDS, @rPINGS or
+    @~SECONDS (again and again). A cable that comes back under another name prints its new URL.
+    """
     from sim.board import load_board
     from sim.room import load_room
     from sonarhw.endpoint import Endpoint, open_door
+    from sonarhw.faults import read_faults
 
     if pty is not None and tcp is not None:
         raise InputError("--pty and --tcp: a scanner has one line; give one of them")
     load_board(board)
     load_room(room_file).place(place)
-    chosen_pace = read_pace(pace)
+    chosen_pace, schedule = read_pace(pace), read_faults(faults)
     with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
         typer.echo(door.url)
         # clients may connect from here on; the slow part comes behind the URL
-        device, echoes = fake_board(room_file, place, board, seed)
-        endpoint = Endpoint(device, door, chosen_pace)
+        device, echoes = fake_device(room_file, place, board, seed, schedule)
+        endpoint = Endpoint(device, door, chosen_pace, moved=typer.echo)
         with _prepared_behind(echoes.prepare, endpoint.stop):
             endpoint.run()
 

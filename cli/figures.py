@@ -24,7 +24,7 @@ def figures(
     _check(folder, [text, *pictures], force)
     make_folder(folder)
     held = []
-    with progress(len(EXHIBITS), "Drawing") as advance:
+    with progress(len(EXHIBITS), lambda: "Drawing") as advance:
         for exhibit, out in zip(EXHIBITS, pictures, strict=True):
             held += [claim.holds for claim in claims(exhibit)]
             _write(out, picture(exhibit))

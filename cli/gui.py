@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.connect import FAKE, read_fake_url, resolve
+from cli.connect import FAKE, Find, read_fake_url, resolve
 from cli.demo_room import demo_room, demo_url
 from cli.options import DEFAULT_BOARD, PlaceName
 from sonarhw.errors import InputError
@@ -84,15 +84,15 @@ class _Way:
     def __init__(self, url: str, during: ExitStack) -> None:
         self._url = url
         self._during = during
-        self._target: str | None = None
+        self._find: Find | None = None
 
     def open(self) -> "Scanner":
         """The scanner, greeted. Raises LinkError, DeviceError."""
         from sonarhw.scanner import Scanner
 
-        if self._target is None:
-            self._target = self._during.enter_context(resolve(self._url))
-        return Scanner.open(self._target)
+        if self._find is None:
+            self._find = self._during.enter_context(resolve(self._url))
+        return Scanner.open(self._find(), find=self._find)
 
 
 def _scene(wish: _Wish) -> "Scene":
@@ -120,25 +120,20 @@ def _fake_scene(url: str, wish: _Wish) -> "Scene":
 
 
 def _log_scene(log: "Log", wish: _Wish) -> "Scene":
+    from compare.recorded_board import board_of_log
     from gui.scene import scene_of_log
     from sim.board import load_board
 
+    board = board_of_log(log.metadata) if wish.board is None else load_board(wish.board)
     if wish.room is not None:
-        return _scene(replace(wish, place=wish.place or _same_place(log.metadata, wish.room), board=_board(log, wish)))
-    scene = scene_of_log(log.metadata)
-    if wish.board is not None:
-        scene = replace(scene, board=load_board(wish.board))
+        place = wish.place or _same_place(log.metadata, wish.room)
+        return replace(_scene(replace(wish, place=place, board=None)), board=board)
+    scene = replace(scene_of_log(log.metadata), board=board)
     if wish.place is None:
         return scene
     if scene.room is None:
         raise InputError(f"--place {wish.place}: the log carries no room; give one with --room")
     return replace(scene, place=scene.room.place(wish.place))
-
-
-def _board(log: "Log", wish: _Wish) -> str:
-    from gui.scene import board_of_log
-
-    return wish.board or board_of_log(log.metadata).name
 
 
 def _same_place(metadata: "LogMetadata", room_file: Path) -> str | None:

@@ -149,6 +149,7 @@ def write_log(scan: "PredictedScan", wish: TraceWish | None, room_file: str, out
         room_text=scan.room.text,
         place=scan.place.name,
         board=scan.board.name,
+        board_text=scan.board.text,
     )
     write_scan(out, metadata, readings, overwrite=force)
 

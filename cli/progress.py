@@ -6,14 +6,22 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress(total: int, doing: str) -> Iterator[Callable[[], None]]:
-    """What is to be called `total` times, once for each part that is done."""
+def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None]]:
+    """What is to be called `total` times, once for each part that is done; `doing` says in a word what goes on."""
     if not sys.stderr.isatty():
         yield lambda: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(doing, total=total)
+    class Doing(ProgressColumn):
+        """Asked anew each time the bar is drawn."""
+
+        def render(self, task: Task) -> Text:
+            return Text(doing())
+
+    columns = (Doing(), BarColumn(), TextColumn("{task.completed:g}/{task.total:g}"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
         yield lambda: bar.advance(task)

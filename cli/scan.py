@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.connect import ScannerUrl, connect
+from cli.connect import RECONNECT, ScannerUrl, connect
 from cli.interruption import Interruption, interruption, sigterm_raises
 from cli.numbers import counted
 from cli.options import (
@@ -27,12 +27,12 @@ from cli.options import (
 )
 from cli.output import standard_output
 from cli.progress import progress
-from sonarhw.errors import DeviceError, InputError, LinkError, NoAnswer
+from sonarhw.errors import InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
 if TYPE_CHECKING:
     from sim.board import Board
-    from sonarhw.log import LogMetadata
+    from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.scanner import Scanner
 
 DEFAULT_TEMPERATURE = 20.0  # °C
@@ -69,6 +69,9 @@ def scan(
     temperature: Annotated[float | None, typer.Option(help="Air, °C; default: the scanner's own, else 20.")] = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
     show: Annotated[bool, typer.Option("--print", help="Write each reading to standard output as CSV.")] = False,
+    reconnect: Annotated[
+        float, typer.Option(help="Wait this long for a lost scanner to come back, seconds.", metavar="S", min=0)
+    ] = RECONNECT,
     force: Force = False,
 ) -> None:
     """Scan and record a log; with --print each reading is also written out as it arrives."""
@@ -76,7 +79,7 @@ def scan(
     checked_out(out, (LOG,), force, url, room, board)
     _check(wish)
     metadata = _metadata(room, place)
-    with sigterm_raises(), connect(url) as scanner:
+    with sigterm_raises(), connect(url, reconnect) as scanner:
         _record(scanner, wish, metadata)
 
 
@@ -130,25 +133,33 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
     from sonarhw.log import LogWriter
 
     board = _board(scanner, wish)
-    metadata = replace(metadata, board=board.name)
+    metadata = replace(metadata, board=board.name, board_text=board.text)
     taken = _Taken()
     with (
         interruption(scanner.stop) as interrupted,
-        _no_log_without_readings(wish.out, taken),
-        LogWriter(wish.out, metadata, overwrite=wish.force) as log,
+        LogWriter(wish.out, metadata, overwrite=wish.force, warn=_warn) as log,
+        _no_log_without_readings(log, taken, interrupted),
     ):
         scanner.record(log)
         try:
             _prepare(scanner, wish, board)
+            if not interrupted.wanted:
+                scanner.home()
             if not interrupted.wanted:
                 _take(scanner, wish, taken, interrupted)
         except (LinkError, NoAnswer) as error:
             kept = f"; {_are(taken.count)} kept in {wish.out}" if taken.count else ""
             raise type(error)(f"{error}{kept}") from error
     typer.echo(f"{counted(taken.count, 'reading')}, {taken.echoes} with an echo, in {wish.out}", err=True)
-    lost = scanner.statistics.lost_readings
-    if lost:
-        typer.echo(f"sonarhw: warning: lost on the link: {counted(lost, 'reading')}; see what `info` counts", err=True)
+    _warn_of_the_link(scanner)
+
+
+def _warn_of_the_link(scanner: "Scanner") -> None:
+    books = scanner.statistics
+    if books.reopened or books.resets:  # a moment's silence alone is no matter
+        _warn(f"the scanner was lost {counted(books.losses, 'time')} on the way and came back; is the cable sound?")
+    elif books.lost_readings:
+        _warn(f"measured again, for the link had lost them: {counted(books.lost_readings, 'reading')}")
 
 
 def _are(readings: int) -> str:
@@ -164,15 +175,33 @@ class _Taken:
 
 
 @contextmanager
-def _no_log_without_readings(out: Path, taken: _Taken) -> Iterator[None]:
-    """Remove the log again where scanner or link ended the scan before its first reading: the next try is free."""
-    was_there = out.exists()
+def _no_log_without_readings(log: "LogWriter", taken: _Taken, interrupted: Interruption) -> Iterator[None]:
+    """Where a scan ends before its first reading, leave nothing: the next try is free, an old log is as it was."""
+    failed = True
     try:
         yield
-    except (DeviceError, LinkError):
-        if not was_there and taken.count == 0:
-            out.unlink(missing_ok=True)
-        raise
+        failed = interrupted.wanted
+    finally:
+        if failed and taken.count == 0:
+            log.drop()
+
+
+def _warn(line: str) -> None:
+    typer.echo(f"sonarhw: warning: {line}", err=True)
+
+
+def _warn_where_room_is_short(scanner: "Scanner", wish: _Wish) -> None:
+    """Say before the scan begins that the disk will be full before it ends."""
+    from sonarhw.disk_room import free_bytes, log_size
+
+    settings = scanner.settings
+    samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
+    need, free = log_size(wish.order.readings, samples), free_bytes(wish.out)
+    if free is not None and free < need:
+        _warn(
+            f"{wish.out}: the scan takes some {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
+            f"enough for {free / need:.0%} of it; make room"
+        )
 
 
 def _board(scanner: "Scanner", wish: _Wish) -> "Board":
@@ -190,13 +219,15 @@ def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
     speed = speed_of_sound(temperature)
     reach = board.max_range if wish.max_range is None else wish.max_range
     if wish.traces and not scanner.info.trace_rate:
-        typer.echo(f"sonarhw: warning: {scanner.url}: sends no traces; only echo times are recorded", err=True)
+        _warn(f"{scanner.url}: sends no traces; only echo times are recorded")
     scanner.configure(2 * reach / speed, board.listens_from, wish.traces, speed)
-    scanner.home()
+    _warn_where_room_is_short(scanner, wish)
 
 
 def _take(scanner: "Scanner", wish: _Wish, taken: _Taken, interrupted: Interruption) -> None:
-    with progress(wish.order.readings, "Scanning") as advance, _printed(wish, scanner, interrupted) as show:
+    # what the scanner is doing: a lost one is waited for
+    bar = progress(wish.order.readings, lambda: scanner.state.value)
+    with bar as advance, _printed(wish, scanner, interrupted) as show:
         for reading in scanner.scan(wish.order):
             taken.count += 1
             taken.echoes += bool(reading.echo_times)

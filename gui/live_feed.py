@@ -5,7 +5,7 @@ Takes the way to a scanner; hands on readings, how things stand, and once, when 
 
 from gui.live_scan import LiveScan, LiveStatus, Phase, ScannerOpener, ScanWish
 from gui.scene import Scene
-from sonarhw.errors import SonarError
+from sonarhw.errors import LogError, SonarError
 from sonarhw.readings import Reading
 
 _IDLE = LiveStatus(Phase.DONE)
@@ -60,13 +60,15 @@ class LiveFeed:
             self._scan.join()
 
     def take(self) -> tuple[int, str]:
-        """How many readings are new, and what to tell of an end that was none wanted (else empty)."""
+        """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
         if self._scan is None:
             return 0, ""
         status = self._scan.status  # before the readings, so that none comes after the end
         fresh = tuple(self._scan.take())
         if fresh:
             self.readings += fresh
+        if self._scan.warnings:
+            return len(fresh), self._scan.warnings.popleft()
         if not status.ended or self._end_told:
             return len(fresh), ""
         self._end_told = True
@@ -79,5 +81,6 @@ def _told(status: LiveStatus) -> str:
         return ""
     if not isinstance(status.error, SonarError | OSError):
         raise status.error
-    kept = f"; {status.made} readings are kept in {status.recording}" if status.recording else ""
+    told = status.recording is None or isinstance(status.error, LogError)
+    kept = "" if told else f"; {status.made} readings are kept in {status.recording}"
     return f"{status.error}{kept}"

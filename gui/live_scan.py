@@ -70,6 +70,7 @@ class LiveScan:
 
     def __init__(self, opener: ScannerOpener, scene: Scene, wish: ScanWish) -> None:
         self.status = LiveStatus()
+        self.warnings: deque[str] = deque()  # to be taken out by who tells them
         self._opener = opener
         self._scene = scene
         self._wish = wish
@@ -117,7 +118,7 @@ class LiveScan:
         with self._opener() as scanner:
             if self._stop_wanted.is_set():
                 return Phase.STOPPED
-            log, path = start_recording(self._wish.folder, self._scene)
+            log, path = start_recording(self._wish.folder, self._scene, self.warnings.append)
             with log:
                 self._scanner = scanner
                 scanner.record(log)

@@ -5,6 +5,7 @@ Takes a scene; hands on an open log.
 
 import re
 import time
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
@@ -20,8 +21,11 @@ def recordings_folder() -> Path:
     return user_data_path("sonarhw", appauthor=False) / "recordings"
 
 
-def start_recording(folder: Path, scene: Scene) -> tuple[LogWriter, Path]:
-    """A new log in `folder`, named by the moment and the room. Raises LogError where none can be made there."""
+def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
+    """A new log in `folder`, named by the moment and the room; `warn` is told when the disk is nearly full.
+
+    Raises LogError where none can be made there.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -35,8 +39,9 @@ def start_recording(folder: Path, scene: Scene) -> tuple[LogWriter, Path]:
         room_text=scene.room.text if scene.room else "",
         place=scene.standing.name,
         board=scene.board.name,
+        board_text=scene.board.text,
     )
-    return LogWriter(path, metadata), path
+    return LogWriter(path, metadata, warn=warn), path
 
 
 def _plain(scene: Scene) -> str:

@@ -5,12 +5,12 @@ Takes what a person chose or what a log carries; hands on a frozen `Scene`.
 
 from dataclasses import dataclass
 
-from sim.board import Board, board_names, load_board
+from compare.recorded_board import board_of_log
+from sim.board import Board
 from sim.room import Place, Room, parse_room
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
 
-DEFAULT_BOARD = "polaroid-6500"
 _NOWHERE = Place("", (0.0, 0.0))
 
 
@@ -49,8 +49,3 @@ def scene_of_log(metadata: LogMetadata) -> Scene:
     room = parse_room(metadata.room_text, f"the room in the log ({metadata.room_file or 'no name'})")
     place = room.place(metadata.place) if metadata.place else first_place(room)
     return Scene(room, place, board, metadata.room_file)
-
-
-def board_of_log(metadata: LogMetadata) -> Board:
-    """The board that a log names, where it ships with the product; else the default."""
-    return load_board(metadata.board if metadata.board in board_names() else DEFAULT_BOARD)

@@ -4,7 +4,7 @@ Takes the name of a profile that ships with the product, or a file; hands on a f
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib.resources import files
 from itertools import pairwise
@@ -80,6 +80,8 @@ class BoardFile(TomlModel):
     clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
     mount: Mount = ON_AXIS
     ring: Ring | None = None
+    range_offset: float = 0.0  # m; `sonarhw calibrate` finds these two
+    home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
     @field_validator("gain_steps")
     @classmethod
@@ -124,6 +126,7 @@ class Board:
     blanking: float  # nothing is heard before this time
     max_range: float
     threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
+    text: str = field(default="", compare=False, repr=False)  # the profile, so that a log can carry it
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
     absorption: bool = True  # whether air other than the ideal gain expects makes a difference
     receiver: Receiver = Receiver.FIRST_ECHO  # the one it is used with where nobody asks for another
@@ -138,6 +141,8 @@ class Board:
     clock_error: float = 0.0  # 0.01: its clock runs 1 % fast, its times end early and it counts too many
     mount: Mount = ON_AXIS
     ring: Ring | None = None  # the sensors it has instead of one on a turntable
+    range_offset: float = 0.0  # what this board tells beyond the true range
+    home_angle_deg: float = 0.0  # where the turntable's zero points, counter-clockwise from where it should
 
     @property
     def carrier(self) -> Mount | Ring:
@@ -175,7 +180,8 @@ class Board:
 
     def reported(self, distances: FloatArray) -> FloatArray:
         """The ranges the board would report for true ones, m, same shape; NaN stays NaN."""
-        return np.round(distances / self.rounding) * self.rounding if self.rounding else distances
+        told = distances + self.range_offset if self.range_offset else distances
+        return np.round(told / self.rounding) * self.rounding if self.rounding else told
 
 
 def load_board(wanted: str) -> Board:
@@ -193,7 +199,7 @@ def parse_board(text: str, where: str) -> Board:
     file = parse_toml(text, where, BoardFile)
     values = file.model_dump()
     chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
-    made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring}
+    made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring, "text": text}
     return Board(**values | made)
 
 

@@ -1,6 +1,6 @@
 """Messages from a device become readings: the one decoder behind the live link, the log and the replay.
 
-Takes messages in the order they came; hands on each reading once, with its trace where one was sent.
+Takes messages in the order they came, with their times; hands on each reading once, with its trace where one was sent.
 """
 
 import math
@@ -8,6 +8,7 @@ from collections import deque
 
 import numpy as np
 
+from sonarhw.device_clock import DeviceClock
 from sonarhw.messages import (
     NO_TEMPERATURE,
     Finished,
@@ -18,10 +19,12 @@ from sonarhw.messages import (
     Settings,
     Started,
     TraceChunk,
+    TraceKind,
 )
 from sonarhw.readings import FloatArray, Reading, Trace
 
 FULL_SCALE = 255
+WIDE = 16  # bits of a sample that takes two bytes; all set is 257 × 255
 _REMEMBERED = 256  # pings known by their time; a device sends none again that is older than 64
 _TRACES_HELD = 4  # traces whose reading may still be sent again
 
@@ -46,6 +49,7 @@ class _PartialTrace:
 
     def __init__(self, chunk: TraceChunk) -> None:
         self._period, self._start = chunk.period_ns * 1e-9, chunk.start_ns * 1e-9
+        self._carrier = chunk.kind == TraceKind.CARRIER
         self._samples: FloatArray = np.full(chunk.total, np.nan)
 
     @property
@@ -53,12 +57,21 @@ class _PartialTrace:
         return not np.isnan(self._samples).any()
 
     def add(self, chunk: TraceChunk) -> None:
-        values = np.frombuffer(chunk.samples, np.uint8) / FULL_SCALE
+        values = _sample_values(chunk)
         if chunk.offset + len(values) <= len(self._samples):
             self._samples[chunk.offset : chunk.offset + len(values)] = values
 
     def trace(self) -> Trace:
-        return Trace(self._samples, 1 / self._period, self._start)
+        return Trace(self._samples, 1 / self._period, self._start, self._carrier)
+
+
+def _sample_values(chunk: TraceChunk) -> FloatArray:
+    """Samples of a chunk: an envelope from 0 to 1, a carrier from −1 to 1."""
+    wide = chunk.bits == WIDE
+    whole = len(chunk.samples) // 2 * 2 if wide else len(chunk.samples)
+    levels = np.frombuffer(chunk.samples[:whole], "<u2" if wide else "u1").astype(np.float64)
+    values: FloatArray = levels / (FULL_SCALE * 257 if wide else FULL_SCALE)
+    return 2 * values - 1 if chunk.kind == TraceKind.CARRIER else values
 
 
 class ReadingAssembler:
@@ -68,16 +81,31 @@ class ReadingAssembler:
     lost, is handed on once and no more. Samples of a trace that never came are NaN.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: DeviceClock | None = None) -> None:
+        """`clock` maps the device's time to the host's; it may have known the device before."""
         self.settings: Settings | None = None
+        self._clock = clock or DeviceClock()
         self._seen: deque[int] = deque(maxlen=_REMEMBERED)
         self._newest = -1  # device clock of the newest ping, µs
         self._scan = -1  # sequence number of the StartScan
         self._waiting: ReadingMessage | None = None
         self._traces: dict[int, _PartialTrace] = {}
 
-    def feed(self, message: Message) -> list[Reading]:
-        """The readings that this message completes, in the order they were made known."""
+    def feed(self, message: Message, sent_us: int | None = None, arrived: float | None = None) -> list[Reading]:
+        """The readings that this message completes, in the order they were made known.
+
+        `sent_us` is the device time in its frame, `arrived` the host's time when it came, s.
+        """
+        # a reading of before a reset has its time from before it
+        ended: list[Reading] = []
+        if isinstance(message, Info):
+            ended = self.flush()
+            self._clock.greeted(message.boot)
+        if sent_us is not None and arrived is not None:
+            self._clock.heard(sent_us, arrived)
+        return ended + self._take(message)
+
+    def _take(self, message: Message) -> list[Reading]:
         match message:
             case Settings():
                 self.settings = message
@@ -137,14 +165,16 @@ class ReadingAssembler:
 
     def _reading(self, message: ReadingMessage) -> Reading:
         partial = self._traces.pop(message.number, None)
+        time = self._clock.continued(message.fired_us)
         return Reading(
             number=message.number,
             sweep=message.sweep,
             ping=message.ping,
             angle=radians_of(message.angle),
-            time=message.fired_us * 1e-6,
+            time=time,
             echo_times=tuple(nanoseconds * 1e-9 for nanoseconds in message.echoes),
             speed_of_sound=self.settings.speed_of_sound / 1000 if self.settings else math.nan,
             temperature_c=degrees_c(message.temperature),
             trace=partial.trace() if partial else None,
+            host_time=self._clock.host_time(time),
         )

@@ -9,6 +9,13 @@ from typing import Protocol
 class Device(Protocol):
     """Something that answers as a scanner."""
 
+    plug: int | None
+    """Which socket of the host its cable is in, counted from 0; None while it is in none."""
+
+    hurry: float
+    """How many times faster than real its time passes: a host, which lives in real time, may be silent for so much
+    longer; infinite: for ever."""
+
     @property
     def busy(self) -> bool:
         """Whether it homes, turns or scans; an idle device has only heartbeats to send."""

@@ -34,6 +34,12 @@ class Door(Protocol):
     def write(self, data: bytes) -> int | None:
         """Write what fits now; how many bytes that was, None where the client has just gone."""
 
+    def pull(self) -> None:
+        """The cable is out: the client is cut off and none is let in."""
+
+    def plug_in(self, socket_number: int) -> None:
+        """The cable is in again: at the first URL for socket 0, at another one for each other. Raises LinkError."""
+
     def close(self) -> None:
         """Shut the door."""
 
@@ -54,11 +60,13 @@ class TcpDoor:
             reason = os.strerror(error.errno) if error.errno else str(error)
             raise LinkError(f"{address}: cannot listen there: {reason}; try 127.0.0.1:0") from error
         self._client: socket.socket | None = None
-        self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
+        self._host, self._port = host, self._listener.getsockname()[1]
+        self.url = f"socket://{host}:{self._port}"
 
     def readers(self) -> list[int]:
         """Descriptors that become readable when there is something to do."""
-        return [(self._client or self._listener).fileno()]
+        descriptor = (self._client or self._listener).fileno()
+        return [descriptor] if descriptor >= 0 else []
 
     def writer(self) -> int | None:
         """Descriptor of the client; None without one."""
@@ -95,10 +103,24 @@ class TcpDoor:
             self._lose()
             return None
 
-    def close(self) -> None:
+    def pull(self) -> None:
         """Shut client and listener."""
         self._lose()
         self._listener.close()
+
+    def plug_in(self, socket_number: int) -> None:
+        """Listen again, on the first port or on one that is free. Raises LinkError where it was taken meanwhile."""
+        try:
+            self._listener = socket.create_server(
+                (self._host, self._port if socket_number == 0 else 0), backlog=_CLIENTS_WAITING
+            )
+        except OSError as error:
+            raise LinkError(f"{self.url}: cannot listen there again: {error.strerror or error}") from error
+        self.url = f"socket://{self._host}:{self._listener.getsockname()[1]}"
+
+    def close(self) -> None:
+        """Shut client and listener."""
+        self.pull()
 
     def _lose(self) -> None:
         if self._client is not None:
@@ -113,29 +135,16 @@ class PtyDoor:
         """Open one; `link` leads to it until the door is shut. Raises InputError where `link` cannot be made."""
         if os.name != "posix":
             raise InputError("this system has no pseudo-terminals; use --tcp 127.0.0.1:0")
-        import tty
-
-        self._master, slave = os.openpty()
-        self._descriptors: tuple[int, ...] = (self._master, slave)
-        tty.setraw(slave)
-        os.set_blocking(self._master, False)
-        self._path = os.ttyname(slave)
-        self._link = link
-        try:
-            if link:
-                _make_link(link, self._path)
-        except InputError:
-            self._close_descriptors()
-            raise
-        self.url = str(link) if link else self._path
+        self._first_link = link
+        self._open(link)
 
     def readers(self) -> list[int]:
         """Descriptors that become readable when there is something to do."""
-        return [self._master]
+        return [self._master] if self._descriptors else []
 
     def writer(self) -> int | None:
         """Descriptor to write to."""
-        return self._master
+        return self._master if self._descriptors else None
 
     def read(self) -> bytes | None:
         """What the client sent."""
@@ -151,6 +160,15 @@ class PtyDoor:
         except BlockingIOError:
             return 0
 
+    def pull(self) -> None:
+        """Take the terminal away, and its link."""
+        self.close()
+
+    def plug_in(self, socket_number: int) -> None:
+        """A new terminal, behind the first link or, as LINK-1 and so on, behind another. Raises InputError."""
+        link = self._first_link
+        self._open(link.with_name(f"{link.name}-{socket_number}") if link and socket_number else link)
+
     def close(self) -> None:
         """Remove the link, where it is still ours, and close. Twice does no harm."""
         if self._link:
@@ -158,6 +176,23 @@ class PtyDoor:
                 if os.readlink(self._link) == self._path:
                     self._link.unlink()
         self._close_descriptors()
+
+    def _open(self, link: Path | None) -> None:
+        import tty
+
+        self._master, slave = os.openpty()
+        self._descriptors: tuple[int, ...] = (self._master, slave)
+        tty.setraw(slave)
+        os.set_blocking(self._master, False)
+        self._path = os.ttyname(slave)
+        self._link = link
+        try:
+            if link:
+                _make_link(link, self._path)
+        except InputError:
+            self._close_descriptors()
+            raise
+        self.url = str(link) if link else self._path
 
     def _close_descriptors(self) -> None:
         for descriptor in self._descriptors:

@@ -39,7 +39,7 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
     """
     # everything is encoded before the file is made: what no frame can carry leaves none behind
     pieces = _encode(metadata, readings)
-    with LogWriter(path, metadata, overwrite=overwrite) as writer:
+    with LogWriter(path, metadata, overwrite=overwrite, live=False) as writer:
         for frames, reading in pieces:
             for time, wire in frames:
                 writer.frame(True, metadata.started + time, wire)

@@ -12,7 +12,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
@@ -36,14 +36,14 @@ class Clock:
     def __init__(self, pace: Pace) -> None:
         self.now = 0.0
         self.free = pace == "max"
-        self._speed = pace if isinstance(pace, float | int) else 1.0
+        self.speed = pace if isinstance(pace, float | int) else 1.0
         self._last = time.monotonic()
 
     def tick(self, held: bool) -> None:
         """Let real time pass; `held`: it does not count."""
         real = time.monotonic()
         if not held:
-            self.now += min(real - self._last, _LONGEST_STEP) * self._speed
+            self.now += min(real - self._last, _LONGEST_STEP) * self.speed
         self._last = real
 
     def skip_to(self, event: float) -> None:
@@ -52,7 +52,7 @@ class Clock:
 
     def real_until(self, event: float) -> float:
         """Real time until `event`, s."""
-        return max(0.0, event - self.now) / self._speed
+        return max(0.0, event - self.now) / self.speed
 
 
 def check_pace(pace: Pace) -> Pace:
@@ -65,15 +65,25 @@ def check_pace(pace: Pace) -> Pace:
 class Endpoint:
     """A device behind a door: `run` serves it in the caller's thread until `stop`."""
 
-    def __init__(self, device: Device, door: Door, pace: Pace = "real") -> None:
-        self.url = door.url
+    def __init__(
+        self, device: Device, door: Door, pace: Pace = "real", moved: Callable[[str], None] = lambda url: None
+    ) -> None:
+        """`moved` is told the new URL where the device's cable comes back under another name."""
         self._device = device
         self._door = door
+        self._moved = moved
+        self._plug = device.plug
         self._clock = Clock(check_pace(pace))
+        device.hurry = math.inf if self._clock.free else max(1.0, self._clock.speed)
         self._pending = b""
         self._stopping = False
         self._waker, self._wake = socket.socketpair()
         self._wake.setblocking(False)
+
+    @property
+    def url(self) -> str:
+        """Where clients find the device, or found it last."""
+        return self._door.url
 
     def stop(self) -> None:
         """End serving; callable from any thread and from a signal handler."""
@@ -88,10 +98,24 @@ class Endpoint:
                 self._clock.tick(held=bool(self._pending))
                 if not self._pending:
                     self._pending = self._device.advance(self._clock.now)
+                self._follow_the_cable()
                 self._converse(self._wait_for())
         finally:
             self._waker.close()
             self._wake.close()
+
+    def _follow_the_cable(self) -> None:
+        before, self._plug = self._plug, self._device.plug
+        if self._plug == before:
+            return
+        if before is not None:
+            self._door.pull()
+            self._pending = b""
+        if self._plug is not None:
+            url = self._door.url
+            self._door.plug_in(self._plug)
+            if self._door.url != url:
+                self._moved(self._door.url)
 
     def _wait_for(self) -> float:
         """How long nothing needs to be done, s of real time."""

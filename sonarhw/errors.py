@@ -5,9 +5,12 @@
     │   └── NotALog            a file that cannot be read as a log, or is damaged beyond reading   exit 2
     ├── LinkError              the way to the scanner is shut
     │   ├── LinkBusy           somebody else holds the port                                        exit 1
-    │   └── LinkLost           it was open and went away                                           exit 1
+    │   ├── LinkForbidden      this person may not open the port                                   exit 1
+    │   └── LinkLost           it was open, went away, and did not come back                       exit 1
     ├── DeviceError            something answers, but not as a scanner should
     │   ├── NoAnswer           a deadline passed                                                   exit 1
+    │   ├── DeviceReset        it started anew; the driver greets it again and goes on             exit 1
+    │   ├── WrongDevice        another scanner than before answers                                 exit 1
     │   ├── Incompatible       it speaks another protocol version                                  exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
     ├── LogError               a log cannot be written                                             exit 1
@@ -41,8 +44,12 @@ class LinkBusy(LinkError):
     """Another process holds the port."""
 
 
+class LinkForbidden(LinkError):
+    """Whoever runs this may not open the port."""
+
+
 class LinkLost(LinkError):
-    """The link was open and went away."""
+    """The link was open, went away, and did not come back."""
 
 
 class DeviceError(SonarError):
@@ -51,6 +58,14 @@ class DeviceError(SonarError):
 
 class NoAnswer(DeviceError):
     """The device stayed silent past a deadline."""
+
+
+class DeviceReset(DeviceError):
+    """The device has started anew and forgotten the conversation; the driver begins another one and goes on."""
+
+
+class WrongDevice(DeviceError):
+    """Another scanner answers than the one before: its serial number differs."""
 
 
 class Incompatible(DeviceError):

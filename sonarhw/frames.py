@@ -65,6 +65,22 @@ def decode_block(block: bytes) -> Frame | Rejected:
     return Frame(kind, sequence, time_us, body[_HEADER.size : -_CRC.size])
 
 
+def frame_type(block: bytes) -> int | None:
+    """The type of an undamaged frame, read where stuffing has left it; None where the block is too short for one."""
+    if len(block) <= _SHORTEST:
+        return None
+    return 0 if block[0] == 1 else block[1]
+
+
+def frame_payload(block: bytes) -> bytes:
+    """The payload of a frame that is known to be undamaged; its CRC-32 is not looked at. Empty where it is none."""
+    try:
+        body: bytes = cobs.decode(block)
+    except cobs.DecodeError:
+        return b""
+    return body[_HEADER.size : -_CRC.size]
+
+
 class FrameDecoder:
     """Cuts a byte stream into frames. Never raises, whatever comes; holds at most one frame's bytes."""
 

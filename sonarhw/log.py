@@ -1,12 +1,12 @@
 """Logs, the door: `LogWriter` records, `read_log` reads a whole or torn log, `copy_log` writes one anew.
 
 The file is MCAP: uncompressed, one chunk a reading, the raw frames as the truth, decoded readings and one LaserScan a
-sweep beside them for other tools.
+sweep beside them for other tools, and at its end an index by which it is opened at once. Traces stay in the file.
 """
 
-from sonarhw.log_contents import Log, LogMetadata, RecordedFrame, RecordedScan
+from sonarhw.log_contents import Log, LogMetadata, RecordedFrame, RecordedFrames, RecordedScan
 from sonarhw.log_copy import copy_log
 from sonarhw.log_reader import read_log
 from sonarhw.log_writer import LogWriter
 
-__all__ = ["Log", "LogMetadata", "LogWriter", "RecordedFrame", "RecordedScan", "copy_log", "read_log"]
+__all__ = ["Log", "LogMetadata", "LogWriter", "RecordedFrame", "RecordedFrames", "RecordedScan", "copy_log", "read_log"]

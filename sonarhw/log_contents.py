@@ -3,8 +3,10 @@
 Takes nothing, hands on frozen dataclasses; bytes and files are in log_writer and log_reader.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Protocol
 
 from sonarhw.messages import Finished, Info, Settings
 from sonarhw.readings import Reading
@@ -17,6 +19,8 @@ FRAMES_RECEIVED = "/frames/rx"
 FRAMES_SENT = "/frames/tx"
 READINGS = "/readings"
 SWEEPS = "/scan"
+# in the order in which they are registered, from 1 on: where the record that says so is lost, this still holds
+TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS)
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,8 @@ class LogMetadata:
     room_file: str = ""  # name of the room file, empty where none was given
     room_text: str = ""  # the room file's text as it was then
     place: str = ""
-    board: str = ""  # board profile
+    board: str = ""  # name of the board profile
+    board_text: str = ""  # the board profile's text as it was then
     product_version: str = version("sonarhw")
     format_version: int = FORMAT_VERSION
 
@@ -42,14 +47,27 @@ class RecordedFrame:
     wire: bytes  # with delimiter
 
 
+class RecordedFrames(Protocol):
+    """All frames of a log, in order; they stay in the file, and every iteration reads them from there."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+
+    def __iter__(self) -> Iterator[RecordedFrame]:
+        """One after the other. Raises NotALog where the file can no longer be read."""
+
+    def pieces(self) -> Iterator[list[RecordedFrame]]:
+        """The same, those together that were written together."""
+
+
 @dataclass(frozen=True)
 class RecordedScan:
-    """The readings from one Started to the next."""
+    """The readings from one Started to the next; a scan that broke and went on is one."""
 
     began: float  # s on the clock of the readings
     expected: int | None  # readings announced by Started; None where the log does not hold it
     settings: Settings | None
-    readings: tuple[Reading, ...]  # by number
+    readings: tuple[Reading, ...]  # by number; their traces stay in the file until they are looked at
     finished: Finished | None  # None where the log ends before the scan does
 
 
@@ -60,11 +78,13 @@ class Log:
     metadata: LogMetadata
     info: Info | None  # the last one, where the device was greeted more than once
     settings: Settings | None  # the last in force
-    frames: tuple[RecordedFrame, ...]
+    frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
     torn: str | None  # where the file ends too early or is damaged, as a clause; None: it is whole
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """The readings of all scans, one scan after the other."""
+        if len(self.scans) == 1:
+            return self.scans[0].readings
         return tuple(reading for scan in self.scans for reading in scan.readings)

@@ -7,16 +7,12 @@ from pathlib import Path
 
 from sonarhw.log_contents import Log
 from sonarhw.log_writer import LogWriter
-from sonarhw.recorded_scans import Follower
 
 
 def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
     """Write all of `log` to `path`. Raises LogError where that exists (unless `overwrite`) or cannot be written."""
-    follower = Follower()
-    with LogWriter(path, log.metadata, overwrite=overwrite) as writer:
-        for frame in log.frames:
-            writer.frame(frame.received, frame.time, frame.wire)
-            for reading in follower.take(frame):
+    with LogWriter(path, log.metadata, overwrite=overwrite, live=False) as writer:
+        for frames in log.frames.pieces():
+            readings = [reading for frame in frames for reading in writer.take(frame)]
+            for reading in readings:
                 writer.reading(reading)
-        for reading in follower.end():
-            writer.reading(reading)

@@ -1,74 +1,188 @@
-"""Reads a log, whole or torn: the frames in the file, and the readings that the frames decode to.
+"""Opens a log, whole or torn: the readings that its frames decode to.
 
-Takes a file; hands on a `Log`. The raw frames are the truth: readings come from them through the same decoder as from
-a live link.
+Takes a file; hands on a `Log`. A closed and undamaged one is opened by its index, which takes no longer than checking
+that it is undamaged; any other is gone through frame by frame. Frames and traces stay in the file.
 """
 
-from collections.abc import Iterator
+import json
+import math
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+
+import numpy as np
 
 from sonarhw.errors import NotALog
 from sonarhw.log_contents import (
     FORMAT_VERSION,
-    FRAMES_RECEIVED,
-    FRAMES_SENT,
     METADATA_NAME,
     PROFILE,
+    READINGS,
     Log,
     LogMetadata,
-    RecordedFrame,
+    RecordedScan,
 )
-from sonarhw.mcap_records import McapContents, NotMcapError, read_mcap
+from sonarhw.log_frames import LogFrames, StoredTraces, known_topics, recorded_frame
+from sonarhw.log_index import NAME, IndexedScan, LogIndex, index_of, unpack_index
+from sonarhw.mcap_records import (
+    UNREADABLE,
+    Damage,
+    Ending,
+    Message,
+    OpenFile,
+    Record,
+    attachment,
+    channel_of,
+    is_mcap,
+    metadata_of,
+    profile_of,
+    read_ending,
+    read_records,
+)
+from sonarhw.reading_table import readings_of
 from sonarhw.recorded_scans import Follower
+
+_Speeds = dict[tuple[int, int], float]  # m/s, by number of the reading and device clock, µs
 
 
 def read_log(path: Path) -> Log:
-    """Everything readable in a log; `torn` of the result says where it ends too early.
+    """Everything readable in a log; `torn` of the result says where it ends too early or is damaged.
 
     Raises NotALog where the file cannot be read, is no log of this project, or is of a newer format.
     """
     try:
-        data = path.read_bytes()
+        file = OpenFile(path)
+        if not file.size:
+            raise NotALog(f"{path}: is empty; a log of this project was expected")
+        if not is_mcap(file):
+            raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected")
+        head = _Head(path)
+        ending = read_ending(file)
+        index = _closed(file, head, ending) if ending else None
+        torn = None
+        if index is None:
+            index, damage = _gone_through(file, head)
+            if ending and not ending.sound and not damage:
+                damage.append("its checksum does not match, though every chunk of frames is as it was written")
+            torn = _torn(damage)
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
-    if not data:
-        raise NotALog(f"{path}: is empty; a log of this project was expected")
+    metadata = head.metadata(torn, talks=bool(index.info or index.scans))
+    scans = tuple(_recorded(scan, file) for scan in index.scans)
+    return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn)
+
+
+def _recorded(scan: IndexedScan, file: OpenFile) -> RecordedScan:
+    traces = StoredTraces(file, scan.settings)
+    readings = readings_of(scan.columns, traces.trace)
+    return RecordedScan(scan.began, scan.expected, scan.settings, readings, scan.finished)
+
+
+class _Head:
+    """What a file says of itself, as far as it has been read."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._profile: str | None = None
+        self._fields: dict[str, str] | None = None
+
+    @property
+    def complete(self) -> bool:
+        return self._fields is not None
+
+    def take(self, record: Record) -> None:
+        """Look at a record. Raises what is in UNREADABLE."""
+        self._profile = profile_of(record) or self._profile
+        name, fields = metadata_of(record) or ("", None)
+        if name == METADATA_NAME:
+            self._fields = fields
+
+    def metadata(self, torn: str | None, talks: bool) -> LogMetadata:
+        """Where the log comes from; `talks`: a scanner speaks in it. Raises NotALog where it is none."""
+        if self._fields is not None:
+            return _metadata(self._path, self._fields)
+        if torn and (self._profile == PROFILE or (self._profile is None and talks)):
+            return LogMetadata("unknown", 0.0, product_version="unknown")
+        if torn and self._profile is None:
+            raise NotALog(f"{self._path}: nothing in it can be read: {torn}, before it says what it is")
+        raise NotALog(
+            f"{self._path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata"
+        )
+
+
+def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
+    """The index of a log that was closed and is undamaged; None where it has to be gone through."""
+    at = ending.attachments.get(NAME)
+    if at is None or not ending.checked:
+        return None
+    packed = attachment(file, at)
+    index = None if packed is None else unpack_index(packed, at)
+    if index and any(_has_no_speed(scan) for scan in index.scans):
+        return None
+    for item in read_records(file):
+        if index is None or head.complete:
+            return index
+        if isinstance(item, Record):
+            head.take(item)
+    return None
+
+
+def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[str]]:
+    """What the readable frames tell, and what could not be read."""
+    follower, topics = Follower(), known_topics()
+    damage: list[str] = []
+    speeds: _Speeds = {}
+    for item in read_records(file):
+        match item:
+            case Damage():
+                damage.append(item.text)
+            case Message():
+                if frame := recorded_frame(item, topics):
+                    follower.take(frame, item.at)
+                elif topics.get(item.channel) == READINGS and follower.settings is None:
+                    speeds.update(_decoded_speed(item.data))
+            case Record():
+                try:
+                    head.take(item)
+                    topics.update(channel_of(item))
+                except UNREADABLE:
+                    damage.append(f"the record that begins at byte {item.at} is left out: it is damaged")
+    index = index_of(follower)
+    return replace(index, scans=tuple(_with_speed(scan, speeds) for scan in index.scans)), damage
+
+
+def _decoded_speed(data: bytes) -> _Speeds:
+    """The speed of sound in a decoded reading."""
     try:
-        contents = read_mcap(data)
-    except NotMcapError:
-        raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected") from None
-    metadata = _metadata(path, contents)
-    frames = tuple(_frames(contents))
-    follower = Follower()
-    for frame in frames:
-        follower.take(frame)
-    follower.end()
-    return Log(metadata, follower.info, follower.settings, frames, follower.scans(), _torn(contents))
+        record = json.loads(data)
+        return {(record["number"], round(record["time"] * 1e6)): float(record["speed_of_sound"])}
+    except (ValueError, KeyError, TypeError, OverflowError):
+        return {}
 
 
-def _torn(contents: McapContents) -> str | None:
+def _has_no_speed(scan: IndexedScan) -> bool:
+    return bool(np.isnan(scan.columns["speed_of_sound"]).any())
+
+
+def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
+    """The scan with its speed of sound from the decoded readings, where its Settings were lost."""
+    if not _has_no_speed(scan):
+        return scan
+    columns = scan.columns
+    keys = zip(columns["number"].tolist(), np.rint(columns["time"] * 1e6).astype(int).tolist(), strict=True)
+    known = [speeds.get(key, math.nan) for key in keys]
+    filled = np.where(np.isnan(columns["speed_of_sound"]), known, columns["speed_of_sound"])
+    return replace(scan, columns={**columns, "speed_of_sound": filled})
+
+
+def _torn(damage: list[str]) -> str | None:
     # a disk may have spoilt thousands of records: the first says enough in a line
-    more = len(contents.damage) - 1
+    more = len(damage) - 1
     others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
-    return f"{contents.damage[0]}{others}" if contents.damage else None
+    return f"{damage[0]}{others}" if damage else None
 
 
-def _frames(contents: McapContents) -> Iterator[RecordedFrame]:
-    for message in contents.messages:
-        topic = contents.topics.get(message.channel)
-        if topic in (FRAMES_RECEIVED, FRAMES_SENT):
-            yield RecordedFrame(message.time * 1e-9, topic == FRAMES_RECEIVED, message.data)
-
-
-def _metadata(path: Path, contents: McapContents) -> LogMetadata:
-    fields = contents.metadata.get(METADATA_NAME)
-    if fields is None and contents.cut and contents.profile == PROFILE:
-        return LogMetadata("unknown", 0.0, product_version="unknown")
-    if fields is None and contents.cut and contents.profile is None:
-        raise NotALog(f"{path}: nothing in it can be read: {_torn(contents)}, before it says what it is")
-    if fields is None:
-        raise NotALog(f"{path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata")
+def _metadata(path: Path, fields: dict[str, str]) -> LogMetadata:
     try:
         format_version = int(fields["format_version"])
         if format_version > FORMAT_VERSION:
@@ -82,6 +196,7 @@ def _metadata(path: Path, contents: McapContents) -> LogMetadata:
             room_text=fields["room_text"],
             place=fields["place"],
             board=fields["board"],
+            board_text=fields.get("board_text", ""),  # logs of the first days have none
             product_version=fields["product_version"],
             format_version=format_version,
         )

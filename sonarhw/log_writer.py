@@ -2,14 +2,15 @@
 
 Takes frames and readings as a Recorder; hands on a file that is readable however the process ends. While a scan runs,
 frames wait for their reading and leave with it in one chunk; while none runs, each frame is written at once. So a
-killed process loses at most the frames of the reading in flight.
+killed process loses at most the frames of the reading in flight. Closing adds the index that opens an hour at once.
 """
 
 import json
 import math
-import os
+import threading
+from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
-from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self, cast
@@ -20,8 +21,9 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
 from sonarhw.arrivals import KEPT
+from sonarhw.disk_room import DiskRoom
 from sonarhw.errors import LogError
-from sonarhw.frames import Frame, decode_block
+from sonarhw.frames import frame_type
 from sonarhw.laser_scan import laser_scan
 from sonarhw.log_contents import (
     FRAMES_RECEIVED,
@@ -30,10 +32,15 @@ from sonarhw.log_contents import (
     PROFILE,
     READINGS,
     SWEEPS,
+    TOPICS,
     LogMetadata,
+    RecordedFrame,
 )
+from sonarhw.log_file import LogFile
+from sonarhw.log_index import MEDIA_TYPE, NAME, index_of, pack_index
 from sonarhw.messages import Finished, Info, Started
 from sonarhw.readings import Reading
+from sonarhw.recorded_scans import Follower
 
 _READING_SCHEMA = {
     "type": "object",
@@ -45,6 +52,7 @@ _READING_SCHEMA = {
         "angle_deg": {"type": "number", "description": "turntable angle, counter-clockwise"},
         "range_m": {"type": ["number", "null"]},
         "echo_times_s": {"type": "array", "items": {"type": "number"}},
+        "speed_of_sound": {"type": ["number", "null"], "description": "m/s"},
         "temperature_c": {"type": ["number", "null"]},
     },
 }
@@ -55,19 +63,37 @@ class LogWriter:
     """A log being written; a `sonarhw.recorder.Recorder` and a context manager.
 
     Raises LogError where the file exists (unless `overwrite`), cannot be made, or no longer takes what is written;
-    the file then keeps everything up to the last whole reading.
+    the file then keeps everything up to the last whole reading. A file that is overwritten stays as it was until the
+    first reading comes, or `close`. `live` is for what is being measured: each reading is pushed on to the disk, so
+    that a drive may be pulled out. `warn` is told in a line when the disk is nearly full. Any thread may use it.
     """
 
-    def __init__(self, path: Path, metadata: LogMetadata, *, overwrite: bool = False) -> None:
-        self._file = _WholeWrites(path, overwrite)
+    def __init__(
+        self,
+        path: Path,
+        metadata: LogMetadata,
+        *,
+        overwrite: bool = False,
+        live: bool = True,
+        warn: Callable[[str], None] | None = None,
+    ) -> None:
+        self._lock = threading.RLock()  # one thread records what another may close
+        self._file = LogFile(path, overwrite, live)
+        self._room = DiskRoom(path, warn) if warn else None
         self._scanning = False
-        self._sweeps: dict[int, list[Reading]] = {}  # not yet written, by number
+        self._scans = 0  # whose sweeps are written
+        self._follower = Follower()
+        self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
         self._time = metadata.started
-        self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE)
+        self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
         self._writer.start(PROFILE)
         self._writer.add_metadata(METADATA_NAME, metadata_record(metadata))
         self._channels = _register_channels(self._writer)
-        self._file.flush()
+        try:
+            self._commit()
+        except LogError:
+            self.drop()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -75,41 +101,77 @@ class LogWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if kind and not self._file.readings and self._file.overwriting:
+            self.drop()
+        else:
+            self.close()
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
         """Keep one frame's bytes with its delimiter; `time` in s since the epoch. Raises LogError."""
-        self._time = time
-        frame = decode_block(wire[:-1]) if received else None
-        if isinstance(frame, Frame) and frame.type == Started.TYPE:
-            self._end_sweeps()
+        self.take(RecordedFrame(time, received, wire))
+
+    def take(self, recorded: RecordedFrame) -> list[Reading]:
+        """Keep a frame; the readings, without traces, that it tells. Raises LogError."""
+        with self._lock:
+            return self._take(recorded)
+
+    def _take(self, recorded: RecordedFrame) -> list[Reading]:
+        self._time = recorded.time
+        kind = frame_type(recorded.wire[:-1]) if recorded.received else None
+        if kind == Started.TYPE:
+            self._commit()  # what belongs to the scan before
             self._scanning = True
-        self._add(FRAMES_RECEIVED if received else FRAMES_SENT, wire)
-        if isinstance(frame, Frame) and frame.type in (Finished.TYPE, Info.TYPE):
+        # the time as it will be read
+        placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
+        readings = self._follower.take(placed, self._file.tell())
+        self._file.readings += len(readings)
+        if kind == Started.TYPE and self._scans != self._follower.begun:
+            self._scans = self._follower.begun
+            self._end_sweeps()
+        self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
+        if kind in (Finished.TYPE, Info.TYPE):
             self._scanning = False
         if not self._scanning:
             self._commit()
+        return readings
 
     def reading(self, reading: Reading) -> None:
         """Keep one decoded reading and write it, with the frames before it, to disk. Raises LogError."""
-        self._sweeps.setdefault(reading.sweep, []).append(reading)
+        with self._lock:
+            self._reading(reading)
+
+    def _reading(self, reading: Reading) -> None:
+        self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
         for sweep, readings in [*self._sweeps.items()]:
             # until then the device may send one of them again
             if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT:
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
+        self._file.take_place()
         self._commit()
 
     def close(self) -> None:
         """Write the last sweep and the index, and close the file; a second call does nothing. Raises LogError."""
-        if self._file.closed:
-            return
+        with self._lock:
+            if not self._file.closed:
+                self._finish()
+
+    def _finish(self) -> None:
         try:
             self._end_sweeps()
+            self._commit()
+            self._file.take_place()
+            index = pack_index(index_of(self._follower), self._file.tell())
+            self._writer.add_attachment(0, round(self._time * 1e9), NAME, MEDIA_TYPE, index)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
         finally:
             self._file.close()
+
+    def drop(self) -> None:
+        """Close the log and leave nothing of it: no file, and one that was to be overwritten as it was."""
+        with self._lock:
+            self._file.drop()
 
     def _end_sweeps(self) -> None:
         for sweep in sorted(self._sweeps):
@@ -126,70 +188,8 @@ class LogWriter:
 
     def _commit(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]
-
-
-class _WholeWrites:
-    """The file under the MCAP writer: gathers what it writes and gives it to the system in one piece at `flush`."""
-
-    def __init__(self, path: Path, overwrite: bool) -> None:
-        self.path = path
-        self._pending = bytearray()
-        self._written = 0
-        try:
-            # a device or a pipe is always there, and nothing in it can be lost
-            device = path.exists() and not path.is_file() and not path.is_dir()
-            self._file = FileIO(path, "wb" if overwrite or device else "xb")
-        except FileExistsError as error:
-            raise LogError(f"{path}: exists already; choose another name or overwrite it on purpose") from error
-        except OSError as error:
-            raise LogError(f"{path}: cannot be written: {error.strerror}") from error
-
-    @property
-    def closed(self) -> bool:
-        """Whether nothing can be written any more."""
-        return self._file.closed
-
-    def write(self, data: bytes) -> int:
-        """Keep the bytes for the next `flush`."""
-        self._pending += data
-        return len(data)
-
-    def tell(self) -> int:
-        """Offset in the file of the next byte written."""
-        return self._written + len(self._pending)
-
-    def flush(self) -> None:
-        """Give everything to the system. On failure cut the file behind its last whole piece and raise LogError."""
-        try:
-            left = memoryview(bytes(self._pending))
-            while left:
-                left = left[self._file.write(left) :]
-            links = os.fstat(self._file.fileno()).st_nlink
-        except OSError as error:
-            self._give_up()
-            raise LogError(f"{self.path}: {self._what_is_left(error.strerror)}") from error
-        if links == 0:
-            self._give_up()
-            raise LogError(f"{self.path}: was deleted while it was being written; record into another folder")
-        self._written += len(self._pending)
-        self._pending.clear()
-
-    def close(self) -> None:
-        """Close the file; what was not flushed is dropped."""
-        self._file.close()
-
-    def _what_is_left(self, reason: str | None) -> str:
-        if not self._written:
-            return f"cannot be written: {reason}; nothing is recorded, choose another file"
-        return f"cannot be written any further: {reason}; the first {self._written} bytes are a readable log"
-
-    def _give_up(self) -> None:
-        try:
-            self._file.truncate(self._written)
-        except OSError:
-            pass  # then the reader finds where the last whole piece ends
-        finally:
-            self._file.close()
+        if self._room:
+            self._room.written(self._file.tell(), self._time)
 
 
 def metadata_record(metadata: LogMetadata) -> dict[str, str]:
@@ -203,6 +203,7 @@ def metadata_record(metadata: LogMetadata) -> dict[str, str]:
         "room_text": metadata.room_text,
         "place": metadata.place,
         "board": metadata.board,
+        "board_text": metadata.board_text,
     }
 
 
@@ -216,15 +217,17 @@ def reading_record(reading: Reading) -> dict[str, Any]:
         "angle_deg": math.degrees(reading.angle),
         "range_m": reading.range if reading.range is not None and math.isfinite(reading.range) else None,
         "echo_times_s": reading.echo_times,
+        "speed_of_sound": reading.speed_of_sound if math.isfinite(reading.speed_of_sound) else None,
         "temperature_c": reading.temperature_c,
     }
 
 
 def _register_channels(writer: Writer) -> dict[str, int]:
     decoded = writer.register_schema("sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode())
-    return {
-        FRAMES_RECEIVED: writer.register_channel(FRAMES_RECEIVED, _FRAME_ENCODING, schema_id=0),
-        FRAMES_SENT: writer.register_channel(FRAMES_SENT, _FRAME_ENCODING, schema_id=0),
-        READINGS: writer.register_channel(READINGS, MessageEncoding.JSON, decoded),
-        SWEEPS: writer.register_channel(SWEEPS, MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
+    encodings = {
+        FRAMES_RECEIVED: (_FRAME_ENCODING, 0),
+        FRAMES_SENT: (_FRAME_ENCODING, 0),
+        READINGS: (MessageEncoding.JSON, decoded),
+        SWEEPS: (MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
     }
+    return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}

@@ -1,134 +1,273 @@
 """Takes an MCAP file apart record by record, as far as it goes: the container under a log, whole or torn.
 
-Takes the bytes of a file; hands on its header, metadata and messages, and where it is cut or damaged. Nothing here
-needs the index at the end of the file.
+Takes a file; hands on its records, one after the other, and says where it is cut or damaged. Behind a damaged stretch
+it goes on with the next chunk whose CRC-32 is right. Nothing here needs the index at the end of the file, and never
+more of it is in memory than a record.
 """
 
+import math
+import re
 import struct
+import threading
+import weakref
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
+from typing import IO, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, Metadata
+from mcap.records import Attachment, AttachmentIndex, Channel, Footer, Header, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the last from a damaged length
+_CHUNK = struct.Struct("<QQQIIQ")  # start and end time, size, CRC-32, length of the compression's name, size again
+_NAME_AT = 32
+_CHUNK_HEAD = re.compile(rb"\x06.{4}\x00{4}.{20}\x00{4}.{4}\x00{4}.{4}\x00{4}", re.DOTALL)  # uncompressed, below 4 GiB
+_HEAD_SIZE = _RECORD.size + _CHUNK.size
+_DATA_END_SIZE = _RECORD.size + 4
+_FOOTER_SIZE = _RECORD.size + 20
+_WINDOW = 1 << 20
+_NEAR = 1 << 20
+UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the last from a damaged length
 
 
-@dataclass(frozen=True)
-class LoggedMessage:
+class OpenFile:
+    """A file that is read here and there, from any thread; closed when nobody needs it any more.
+
+    What another process puts in its place meanwhile is not seen.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open it. Raises OSError."""
+        self.path = path
+        self._file: IO[bytes] = path.open("rb", buffering=0)
+        weakref.finalize(self, self._file.close)
+        self.size = self._file.seek(0, 2)
+        self._lock = threading.Lock()
+        self._at, self._window = 0, b""
+
+    def read(self, at: int, size: int) -> bytes:
+        """`size` bytes from offset `at` on, fewer where the file ends. Raises OSError."""
+        with self._lock:
+            start = at - self._at
+            if not 0 <= start <= start + size <= len(self._window):
+                self._file.seek(at)
+                self._at, self._window, start = at, self._file.read(max(size, _WINDOW)), 0
+            return self._window[start : start + size]
+
+
+class Record(NamedTuple):
+    """One record of an MCAP file; a chunk's CRC-32 is right."""
+
+    at: int  # offset in the file; of a record inside a chunk, that of the chunk
+    opcode: int
+    content: bytes
+
+
+class Message(NamedTuple):
     """One message of an MCAP file."""
 
+    at: int  # offset of the chunk it lies in
     channel: int
     time: int  # ns since the epoch
     data: bytes
 
 
-@dataclass
-class McapContents:
-    """What could be read of an MCAP file, filled while it is read."""
+@dataclass(frozen=True)
+class Damage:
+    """A place that cannot be read, as a clause."""
 
-    profile: str | None = None  # None: the file ends before its header does
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    topics: dict[int, str] = field(default_factory=dict)  # by channel
-    messages: list[LoggedMessage] = field(default_factory=list)
-    damage: list[str] = field(default_factory=list)  # what could not be read, with its place; empty: all could
-
-    @property
-    def cut(self) -> bool:
-        """Whether anything could not be read."""
-        return bool(self.damage)
+    text: str
 
 
-class NotMcapError(ValueError):
-    """Bytes that do not begin as an MCAP file."""
+def is_mcap(file: OpenFile) -> bool:
+    """Whether a file begins as an MCAP file, or has a chunk of one near its spoilt beginning. Raises OSError."""
+    if file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC:
+        return True
+    found = _next_chunk(file, 0, _NEAR)
+    return found is not None
 
 
-class _Cut(Exception):
-    """The bytes end inside the record at offset `at`."""
-
-    def __init__(self, at: int) -> None:
-        super().__init__(at)
-        self.at = at
-
-
-def read_mcap(data: bytes) -> McapContents:
-    """Everything readable in the bytes of an MCAP file. Raises NotMcapError where they do not begin as one."""
-    if not data.startswith(MCAP0_MAGIC):
-        raise NotMcapError
-    contents = McapContents()
-    try:
-        _read_file(memoryview(data), contents)
-    except _Cut as cut:
-        inside = "" if cut.at == len(data) else f", in the record that begins at byte {cut.at}"
-        contents.damage.append(f"the file ends too early at byte {len(data)}{inside}")
-    return contents
-
-
-def _read_file(data: memoryview, contents: McapContents) -> None:
-    for at, opcode, content in _records(data, len(MCAP0_MAGIC)):
-        if opcode == Opcode.FOOTER:
-            if data[at + _RECORD.size + len(content) :] != MCAP0_MAGIC:
-                raise _Cut(at)
-            return
-        try:
-            _read_record(opcode, content, contents)
-        except _Damaged as damaged:
-            contents.damage.append(f"the record that begins at byte {at} is left out: {damaged}")
-        except _UNREADABLE:
-            contents.damage.append(f"the record that begins at byte {at} is left out: it is damaged")
-    raise _Cut(len(data))
-
-
-class _Damaged(Exception):
-    """A record that is all there but not as it was written."""
-
-
-def _records(data: memoryview, start: int) -> Iterator[tuple[int, int, memoryview]]:
-    """Offset, opcode and content of each record from `start` on; raises _Cut where the last is not whole."""
-    at = start
-    while at < len(data):
-        if at + _RECORD.size > len(data):
-            raise _Cut(at)
-        opcode, length = _RECORD.unpack_from(data, at)
-        end = at + _RECORD.size + length
-        # zeros are what a file system leaves of pages that did not reach the disk before the power failed
-        if end > len(data) or opcode == 0:
-            raise _Cut(at)
-        yield at, opcode, data[at + _RECORD.size : end]
+def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | Message | Damage]:
+    """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
+    if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
+        yield Damage("its first bytes are not those of an MCAP file")
+    at = sound = start  # all chunks in front of `sound` have been seen
+    last = False  # none that can be read comes any more
+    while at < file.size:
+        record = _record_at(file, at)
+        if record is None:
+            again = None if last else _next_chunk(file, sound)
+            if again is None:
+                break
+            yield Damage(f"bytes {at if at < again else sound} to {again} are damaged and left out")
+            at = sound = again
+            continue
+        end = at + _RECORD.size + len(record.content)
+        if record.opcode == Opcode.FOOTER:
+            if file.read(end, len(MCAP0_MAGIC) + 1) == MCAP0_MAGIC:
+                return
+            break
+        if record.opcode != Opcode.CHUNK:
+            yield record
+        elif isinstance(inside := _unpacked(record), Damage):
+            yield inside
+            # its length may be damaged too and lead past good chunks
+            again = None if last else _next_chunk(file, at + 1)
+            last = again is None
+            sound = end = again or end
+        else:
+            yield from inside
+            sound = end
         at = end
+    where = f", in the record that begins at byte {at}" if at < file.size else ""
+    yield Damage(f"the file ends too early at byte {file.size}{where}")
 
 
-def _read_record(opcode: int, content: memoryview, contents: McapContents) -> None:
-    stream = ReadDataStream(BytesIO(content))
-    if opcode == Opcode.CHUNK:
-        _read_chunk(Chunk.read(stream), contents)
-    elif opcode == Opcode.MESSAGE:
-        channel, _, time, _ = _MESSAGE.unpack_from(content)
-        contents.messages.append(LoggedMessage(channel, time, bytes(content[_MESSAGE.size :])))
-    elif opcode == Opcode.CHANNEL:
-        registered = Channel.read(stream)
-        contents.topics[registered.id] = registered.topic
-    elif opcode == Opcode.METADATA:
-        metadata = Metadata.read(stream)
-        contents.metadata[metadata.name] = metadata.metadata
-    elif opcode == Opcode.HEADER:
-        contents.profile = Header.read(stream).profile
+def _record_at(file: OpenFile, at: int) -> Record | None:
+    """The record at that offset; None where none begins there or it is not all there."""
+    head = file.read(at, _RECORD.size)
+    if len(head) < _RECORD.size:
+        return None
+    opcode, length = _RECORD.unpack(head)
+    # zeros are what a file system leaves of pages that did not reach the disk before the power failed
+    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or at + _RECORD.size + length > file.size:
+        return None
+    return Record(at, opcode, file.read(at + _RECORD.size, length))
 
 
-def _read_chunk(chunk: Chunk, contents: McapContents) -> None:
-    if chunk.compression:
-        raise _Damaged(f"it is compressed with {chunk.compression}, which logs of this project never are")
-    if chunk.uncompressed_crc and zlib.crc32(chunk.data) != chunk.uncompressed_crc:
-        raise _Damaged("its CRC-32 does not match")
-    try:
-        for _, opcode, content in _records(memoryview(chunk.data), 0):
-            _read_record(opcode, content, contents)
-    except _Cut:
-        raise _Damaged("what it holds does not fill it") from None
+def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
+    """What a chunk holds, or why that cannot be read."""
+
+    def left_out(why: str) -> Damage:
+        return Damage(f"the record that begins at byte {chunk.at} is left out: {why}")
+
+    if len(chunk.content) < _CHUNK.size:
+        return left_out("it is damaged")
+    _, _, size, crc, name, stored = _CHUNK.unpack_from(chunk.content)
+    if chunk.content[_NAME_AT : _NAME_AT + name] in (b"lz4", b"zstd"):
+        return left_out("it is compressed, which logs of this project never are")
+    if name or not size == stored == len(chunk.content) - _CHUNK.size:
+        return left_out("it is damaged")
+    data = chunk.content[_CHUNK.size :]
+    if crc and zlib.crc32(data) != crc:
+        return left_out("its CRC-32 does not match")
+    found: list[Record | Message] = []
+    at = 0
+    while at + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, at)
+        at += _RECORD.size
+        end = at + length
+        if opcode == Opcode.MESSAGE and at + _MESSAGE.size <= end <= len(data):
+            channel, _, time, _ = _MESSAGE.unpack_from(data, at)
+            found.append(Message(chunk.at, channel, time, data[at + _MESSAGE.size : end]))
+        else:
+            found.append(Record(chunk.at, opcode, data[at:end]))
+        at = end
+    return found if at == len(data) else left_out("what it holds does not fill it")
+
+
+def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | None:
+    """Offset of the next chunk from `start` on whose CRC-32 is right; None where none begins before `stop`."""
+    at = start
+    while at < min(file.size, stop):
+        window = file.read(at, _WINDOW)
+        found = _CHUNK_HEAD.search(window)
+        while found:
+            if _is_chunk(file, at + found.start()):
+                return at + found.start()
+            found = _CHUNK_HEAD.search(window, found.start() + 1)
+        at += max(1, len(window) - _HEAD_SIZE + 1)
+    return None
+
+
+def _is_chunk(file: OpenFile, at: int) -> bool:
+    record = _record_at(file, at)
+    return record is not None and not isinstance(_unpacked(record), Damage)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What a closed file says of itself at its end."""
+
+    checked: bool  # it carries checksums over all of itself
+    sound: bool  # those that it carries are right
+    attachments: dict[str, int]  # offset of each, by name
+
+
+def read_ending(file: OpenFile) -> Ending | None:
+    """The end of a file, checked against all of it; None where the file was not closed."""
+    footer_at = file.size - len(MCAP0_MAGIC) - _FOOTER_SIZE
+    if footer_at < len(MCAP0_MAGIC) or file.read(file.size - len(MCAP0_MAGIC), len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        return None
+    tail = file.read(footer_at, _FOOTER_SIZE)
+    footer = Footer.read(ReadDataStream(BytesIO(tail[_RECORD.size :])))
+    end = footer.summary_start - _DATA_END_SIZE
+    if tail[0] != Opcode.FOOTER or not len(MCAP0_MAGIC) <= end < footer_at:
+        return None
+    summary = file.read(footer.summary_start, footer_at - footer.summary_start)
+    data_end = file.read(end, _DATA_END_SIZE)
+    data_crc = int.from_bytes(data_end[_RECORD.size :], "little")
+    sound = footer.summary_crc in (0, zlib.crc32(tail[:-4], zlib.crc32(summary))) and (
+        data_end[0] == Opcode.DATA_END and data_crc in (0, _crc(file, end))
+    )
+    return Ending(bool(footer.summary_crc and data_crc), sound, _attachments(summary) if sound else {})
+
+
+def _crc(file: OpenFile, size: int) -> int:
+    crc = 0
+    for at in range(0, size, _WINDOW):
+        crc = zlib.crc32(file.read(at, min(_WINDOW, size - at)), crc)
+    return crc
+
+
+def _attachments(summary: bytes) -> dict[str, int]:
+    found: dict[str, int] = {}
+    at = 0
+    while at < len(summary):
+        opcode, length = _RECORD.unpack_from(summary, at)
+        at += _RECORD.size
+        if opcode == Opcode.ATTACHMENT_INDEX:
+            index = AttachmentIndex.read(ReadDataStream(BytesIO(summary[at : at + length])))
+            found[index.name] = index.offset
+        at += length
+    return found
+
+
+def attachment(file: OpenFile, at: int) -> bytes | None:
+    """The data of the attachment at that offset; None where there is none."""
+    record = _record_at(file, at)
+    if record is None or record.opcode != Opcode.ATTACHMENT:
+        return None
+    data: bytes = Attachment.read(_stream(record)).data
+    return data
+
+
+def profile_of(record: Record) -> str | None:
+    """The profile in a header; None of another record. Raises what is in UNREADABLE."""
+    return str(Header.read(_stream(record)).profile) if record.opcode == Opcode.HEADER else None
+
+
+def metadata_of(record: Record) -> tuple[str, dict[str, str]] | None:
+    """Name and fields of metadata; None of another record. Raises what is in UNREADABLE."""
+    if record.opcode != Opcode.METADATA:
+        return None
+    metadata = Metadata.read(_stream(record))
+    return metadata.name, metadata.metadata
+
+
+def channel_of(record: Record) -> dict[int, str]:
+    """Number and topic of a channel; empty of another record. Raises what is in UNREADABLE."""
+    if record.opcode != Opcode.CHANNEL:
+        return {}
+    channel = Channel.read(_stream(record))
+    return {channel.id: channel.topic}
+
+
+def _stream(record: Record) -> ReadDataStream:
+    return ReadDataStream(BytesIO(record.content))

@@ -1,119 +1,34 @@
 """The messages of the wire protocol: the one definition that code, document and tests share.
 
 A message is a frozen dataclass whose fields say how they lie on the wire; `pack` and `unpack` follow the fields in
-order, little-endian, without padding. The tables of firmware_protocol.md are held against this file by a test.
+order, little-endian, without padding. A field with a default came with version 1.1: an older sender leaves it out, an
+older receiver skips it. The tables of firmware_protocol.md are held against this file by a test.
 """
 
-import struct
-from dataclasses import dataclass, field, fields
-from enum import IntEnum
+from dataclasses import MISSING, dataclass, field, fields
+from enum import IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
+from sonarhw.wire_types import I16, I32, U8, U16, U32, U64, Numbers, Samples, Text, Wire
+from sonarhw.wire_types import MessageError as MessageError  # what packing and unpacking raise
+
 PROTOCOL_MAJOR = 1
-PROTOCOL_MINOR = 0
+PROTOCOL_MINOR = 1
 
 NO_TEMPERATURE = -32768  # centidegrees that mean: no thermometer
 MAX_ECHOES = 122  # of one reading; more do not fit a payload of 512 bytes
-
-
-class MessageError(ValueError):
-    """A payload that does not have the shape of its message type."""
-
-
-# how a field lies on the wire
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """One number."""
-
-    name: str
-    code: str  # of struct
-
-    def pack(self, value: Any) -> bytes:
-        """The bytes of one value; raises MessageError where it does not fit."""
-        try:
-            return struct.pack("<" + self.code, value)
-        except struct.error as error:
-            raise MessageError(f"{value!r} does not fit {self.name}: {error}") from error
-
-    def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
-        """The value at offset `at` and the offset behind it."""
-        try:
-            return struct.unpack_from("<" + self.code, payload, at)[0], at + struct.calcsize("<" + self.code)
-        except struct.error as error:
-            raise MessageError(f"payload of {len(payload)} bytes ends inside {self.name} at {at}") from error
-
-
-U8, U16, U32, U64 = Scalar("u8", "B"), Scalar("u16", "H"), Scalar("u32", "I"), Scalar("u64", "Q")
-I16, I32 = Scalar("i16", "h"), Scalar("i32", "i")
-
-
-def _take(payload: bytes, at: int, size: int, name: str) -> tuple[bytes, int]:
-    if at + size > len(payload):
-        raise MessageError(f"payload of {len(payload)} bytes ends inside {name} at {at}")
-    return payload[at : at + size], at + size
-
-
-@dataclass(frozen=True)
-class Text:
-    """UTF-8 behind its length in bytes (u8)."""
-
-    name: str = "text"
-
-    def pack(self, value: str) -> bytes:
-        """The bytes of the text; raises MessageError beyond 255."""
-        data = value.encode()
-        return U8.pack(len(data)) + data
-
-    def unpack(self, payload: bytes, at: int) -> tuple[str, int]:
-        """The text at offset `at` and the offset behind it."""
-        size, at = U8.unpack(payload, at)
-        data, at = _take(payload, at, size, self.name)
-        try:
-            return data.decode(), at
-        except UnicodeDecodeError as error:
-            raise MessageError(f"text at {at - size} is not UTF-8") from error
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """u32 values behind their count (u8)."""
-
-    name: str = "u32[]"
-
-    def pack(self, value: tuple[int, ...]) -> bytes:
-        """The bytes of all values; raises MessageError beyond 255."""
-        return U8.pack(len(value)) + b"".join(map(U32.pack, value))
-
-    def unpack(self, payload: bytes, at: int) -> tuple[tuple[int, ...], int]:
-        """The values at offset `at` and the offset behind them."""
-        count, at = U8.unpack(payload, at)
-        data, at = _take(payload, at, 4 * count, self.name)
-        return struct.unpack(f"<{count}I", data), at
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Bytes behind their count (u16)."""
-
-    name: str = "u8[]"
-
-    def pack(self, value: bytes) -> bytes:
-        """The bytes behind their count."""
-        return U16.pack(len(value)) + value
-
-    def unpack(self, payload: bytes, at: int) -> tuple[bytes, int]:
-        """The bytes at offset `at` and the offset behind them."""
-        count, at = U16.unpack(payload, at)
-        return _take(payload, at, count, self.name)
-
-
-Wire = Scalar | Text | Numbers | Samples
+MAX_TEXT = 60  # bytes of each text in Info
+MAX_TEST = 64  # bytes of a TestLink
+MAX_TESTED = 480  # bytes of a LinkTested
 
 
 def _on_wire(wire: Wire, meaning: str) -> Any:
     return field(metadata={"wire": wire, "meaning": meaning})
+
+
+def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
+    """A field that senders of 1.0 leave out; `default` is what is meant then."""
+    return field(default=default, metadata={"wire": wire, "meaning": f"{meaning} · 1.1, else {default}"})
 
 
 # the messages
@@ -125,18 +40,22 @@ class Message:
 
     TYPE: ClassVar[int]
 
-    def pack(self) -> bytes:
-        """The payload. Raises MessageError where a value does not fit its field."""
-        return b"".join(item.metadata["wire"].pack(getattr(self, item.name)) for item in fields(self))
+    def pack(self, minor: int = PROTOCOL_MINOR) -> bytes:
+        """The payload as version 1.`minor` has it. Raises MessageError where a value does not fit its field."""
+        spoken = (item for item in fields(self) if minor >= 1 or item.default is MISSING)
+        return b"".join(item.metadata["wire"].pack(getattr(self, item.name)) for item in spoken)
 
     @classmethod
     def unpack(cls: type["M"], payload: bytes) -> "M":
         """The message in a payload; bytes behind the last field belong to a newer minor version and are ignored.
 
-        Raises MessageError where the payload is too short or a text is not UTF-8.
+        A payload that ends before a field with a default comes from an older version. Raises MessageError where it
+        ends anywhere else or a text is not UTF-8.
         """
         values, at = [], 0
         for item in fields(cls):
+            if at == len(payload) and item.default is not MISSING:
+                break
             value, at = item.metadata["wire"].unpack(payload, at)
             values.append(value)
         return cls(*values)
@@ -160,6 +79,7 @@ class Outcome(IntEnum):
     DONE = 0
     STOPPED = 1
     FAULT = 2
+    LOST_STEPS = 3
 
 
 class Refusal(IntEnum):
@@ -171,6 +91,46 @@ class Refusal(IntEnum):
     BUSY = 4  # homing, turning or scanning: stop first
     NOT_HOMED = 5  # where is zero? home first
     NO_HELLO = 6  # say hello first
+
+
+class TraceKind(IntEnum):
+    """What a trace samples."""
+
+    NONE = 0
+    ENVELOPE = 1
+    CARRIER = 2
+
+
+class Approach(IntEnum):
+    """From which side the turntable comes to an angle."""
+
+    EITHER = 0
+    COUNTER_CLOCKWISE = 1
+    CLOCKWISE = 2
+
+
+class ResetCause(IntEnum):
+    """Why the device started."""
+
+    UNKNOWN = 0
+    POWER = 1
+    BUTTON = 2
+    BROWNOUT = 3
+    WATCHDOG = 4
+    SOFTWARE = 5
+
+
+class Feature(IntFlag):
+    """What a device can beyond turning and timing one echo."""
+
+    HOME_MARK = 1
+    LOST_STEPS = 2
+    THERMOMETER = 4
+    BLANKING = 8
+    REARM = 16
+    PULSES = 32
+    ENVELOPE = 64
+    CARRIER = 128
 
 
 # host to device
@@ -192,8 +152,13 @@ class Configure(Message):
     TYPE = 0x02
     listen_us: int = _on_wire(U32, "how long to listen after the start of transmission, µs")
     blanking_us: int = _on_wire(U32, "no echo counts before this time, µs")
-    trace: int = _on_wire(U8, "1: send the envelope of every ping, 0: echo times only")
+    trace: int = _on_wire(U8, "trace code: what to send of every ping besides its echo times")
     speed_of_sound: int = _on_wire(U32, "mm/s; kept and returned, so that a log alone gives ranges")
+    pulses: int = _since_1_1(U8, "cycles to transmit; 0: the board's own", 0)
+    echoes: int = _since_1_1(U8, "how many echoes of a ping to report at most, 1 to 122", MAX_ECHOES)
+    rearm_us: int = _since_1_1(U16, "from an echo until the board hears again, µs; 0: as soon as it can", 0)
+    trace_rate: int = _since_1_1(U32, "samples per second, Hz; 0: the device's own", 0)
+    trace_bits: int = _since_1_1(U8, "bits of a sample, 8 or 16; 0: the device's own", 0)
 
 
 @dataclass(frozen=True)
@@ -221,6 +186,8 @@ class StartScan(Message):
     headings: int = _on_wire(U16, "headings of one sweep, at least 1")
     sweeps: int = _on_wire(U16, "sweeps, at least 1; every second one runs backwards")
     pings: int = _on_wire(U8, "pings at each heading, at least 1")
+    first: int = _since_1_1(U32, "number of the first reading to make; those before it are left out", 0)
+    count: int = _since_1_1(U32, "how many readings to make; 0: all from the first on", 0)
 
 
 @dataclass(frozen=True)
@@ -237,6 +204,49 @@ class Resend(Message):
     TYPE = 0x07
     first: int = _on_wire(U32, "number of the first reading wanted")
     count: int = _on_wire(U8, "how many, 1 to 64")
+
+
+@dataclass(frozen=True)
+class AskCapabilities(Message):
+    """Ask what the device can. Answer: Capabilities."""
+
+    TYPE = 0x08
+
+
+@dataclass(frozen=True)
+class ConfigureTurntable(Message):
+    """How to turn from now on. Answer: TurntableSettings, with what is in force."""
+
+    TYPE = 0x09
+    speed: int = _on_wire(U32, "µdeg/s; 0: the device's own")
+    acceleration: int = _on_wire(U32, "µdeg/s²; 0: the device's own")
+    settle_us: int = _on_wire(U32, "from standing still to the next ping, µs")
+    approach: int = _on_wire(U8, "approach code: from which side to come to an angle, against backlash")
+
+
+@dataclass(frozen=True)
+class AskStatistics(Message):
+    """Ask what the device has counted; the host's sign of life. Answer: Statistics."""
+
+    TYPE = 0x0A
+
+
+@dataclass(frozen=True)
+class SetBaud(Message):
+    """Change the speed of the line. Answer: Accepted at the old speed, everything behind it at the new one."""
+
+    TYPE = 0x0B
+    baud: int = _on_wire(U32, "bits per second")
+
+
+@dataclass(frozen=True)
+class TestLink(Message):
+    """Ask for bytes back, to try the line. Answer: LinkTested."""
+
+    __test__ = False  # pytest: no test of ours
+    TYPE = 0x0C
+    size: int = _on_wire(U16, "how many bytes to send back, at most 480")
+    data: bytes = _on_wire(Samples(), "1 to 64 bytes")
 
 
 # device to host
@@ -256,6 +266,8 @@ class Info(Message):
     temperature: int = _on_wire(I16, "air at the board, 0.01 °C; −32768: no thermometer")
     trace_rate: int = _on_wire(U32, "samples per second of a trace, Hz; 0: no traces")
     microsteps: int = _on_wire(U32, "microsteps in a whole turn")
+    boot: int = _since_1_1(U32, "how often the device has started; 0: not counted", 0)
+    homed: int = _since_1_1(U8, "1: the turntable knows its zero, 0: it does not", 0)
 
 
 @dataclass(frozen=True)
@@ -286,15 +298,21 @@ class Settings(Message):
     blanking_us: int = _on_wire(U32, "as in Configure")
     trace: int = _on_wire(U8, "as in Configure")
     speed_of_sound: int = _on_wire(U32, "as in Configure")
+    pulses: int = _since_1_1(U8, "as in Configure, but never 0 where the device knows", 0)
+    echoes: int = _since_1_1(U8, "as in Configure", MAX_ECHOES)
+    rearm_us: int = _since_1_1(U16, "as in Configure", 0)
+    trace_rate: int = _since_1_1(U32, "as in Configure, but never 0 where traces are sent", 0)
+    trace_bits: int = _since_1_1(U8, "as in Configure, but never 0 where traces are sent", 0)
 
 
 @dataclass(frozen=True)
 class Started(Message):
-    """The scan has begun. Numbers of readings count from 0 again."""
+    """The scan has begun; readings of the one before are no longer kept."""
 
     TYPE = 0x85
     command: int = _on_wire(U16, "sequence number of the StartScan answered")
     readings: int = _on_wire(U32, "how many readings will come")
+    first: int = _since_1_1(U32, "number of the first one", 0)
 
 
 @dataclass(frozen=True)
@@ -304,7 +322,7 @@ class Finished(Message):
     TYPE = 0x86
     command: int = _on_wire(U16, "sequence number of the command that ended")
     outcome: int = _on_wire(U8, "outcome code")
-    readings: int = _on_wire(U32, "how many readings were made, 0 but for a scan")
+    readings: int = _on_wire(U32, "the number that the next reading would have had; 0 but for a scan")
     text: str = _on_wire(Text(), "what went wrong, empty where nothing did")
 
 
@@ -332,7 +350,9 @@ class TraceChunk(Message):
     total: int = _on_wire(U16, "samples in the whole trace")
     period_ns: int = _on_wire(U32, "from one sample to the next, ns")
     start_ns: int = _on_wire(U32, "from the start of transmission to sample 0, ns")
-    samples: bytes = _on_wire(Samples(), "envelope, 255 is full scale; at most 256 a chunk")
+    samples: bytes = _on_wire(Samples(), "at most 256 bytes a chunk; samples of 16 bits are little-endian")
+    kind: int = _since_1_1(U8, "trace code: 1 the envelope, 2 the carrier, which rests at half of full scale", 1)
+    bits: int = _since_1_1(U8, "bits of a sample, 8 or 16; all of them set is full scale", 8)
 
 
 @dataclass(frozen=True)
@@ -342,11 +362,82 @@ class Heartbeat(Message):
     TYPE = 0x89
     state: int = _on_wire(U8, "state code")
     angle: int = _on_wire(I32, "turntable angle, µdeg")
-    readings: int = _on_wire(U32, "readings made so far in this or the last scan")
+    readings: int = _on_wire(U32, "the number that the next reading of this or the last scan would have")
     temperature: int = _on_wire(I16, "air at the board, 0.01 °C; −32768: no thermometer")
+    boot: int = _since_1_1(U32, "as in Info: another number than there tells of a reset", 0)
+    homed: int = _since_1_1(U8, "as in Info", 0)
 
 
-FROM_HOST: tuple[type[Message], ...] = (Hello, Configure, Home, Turn, StartScan, Stop, Resend)
+@dataclass(frozen=True)
+class Capabilities(Message):
+    """What the device can. Answers AskCapabilities."""
+
+    TYPE = 0x8A
+    command: int = _on_wire(U16, "sequence number of the command")
+    features: int = _on_wire(U32, "sum of the feature codes that hold")
+    lowest_angle: int = _on_wire(I32, "how far the cable lets it turn clockwise, µdeg")
+    highest_angle: int = _on_wire(I32, "how far the cable lets it turn counter-clockwise, µdeg")
+    steps: int = _on_wire(U16, "full steps of the motor in a whole turn of the table; 0: not known")
+    fastest: int = _on_wire(U32, "highest speed, µdeg/s")
+    hardest: int = _on_wire(U32, "highest acceleration, µdeg/s²; 0: not known")
+    backlash: int = _on_wire(U32, "play of the gear, µdeg; 0: none or not known")
+    longest_listen_us: int = _on_wire(U32, "how long it can listen, µs")
+    shortest_blanking_us: int = _on_wire(U32, "µs")
+    shortest_rearm_us: int = _on_wire(U16, "µs")
+    most_pulses: int = _on_wire(U8, "cycles it can transmit; 0: not known")
+    most_echoes: int = _on_wire(U8, "echoes it can report of one ping")
+    ping_period_us: int = _on_wire(U32, "from the start of one ping to the next, at least, µs")
+    fastest_trace: int = _on_wire(U32, "Hz; 0: no traces")
+    longest_trace: int = _on_wire(U16, "samples")
+    fastest_baud: int = _on_wire(U32, "highest speed of its line; 0: the line has none of its own (TCP, USB CDC)")
+    readings_kept: int = _on_wire(U16, "how many readings it keeps to send again")
+
+
+@dataclass(frozen=True)
+class TurntableSettings(Message):
+    """How it turns. Answers ConfigureTurntable; where the device cannot do what was asked it says what it does."""
+
+    TYPE = 0x8B
+    command: int = _on_wire(U16, "sequence number of the command")
+    speed: int = _on_wire(U32, "µdeg/s, never 0")
+    acceleration: int = _on_wire(U32, "µdeg/s²; 0: not known")
+    settle_us: int = _on_wire(U32, "as in ConfigureTurntable")
+    approach: int = _on_wire(U8, "as in ConfigureTurntable")
+
+
+@dataclass(frozen=True)
+class Statistics(Message):
+    """What the device has counted since it started. Answers AskStatistics."""
+
+    TYPE = 0x8C
+    command: int = _on_wire(U16, "sequence number of the command")
+    frames: int = _on_wire(U32, "sound frames that came from the host")
+    rejected: int = _on_wire(U32, "blocks between two zeros that were no frame")
+    overruns: int = _on_wire(U32, "bytes that came faster than they were taken")
+    pings: int = _on_wire(U32, "pings made")
+    lost_steps: int = _on_wire(I32, "microsteps found missing at the zero mark, all together")
+    reset_cause: int = _on_wire(U8, "reset code: why it started last")
+    stack_free: int = _on_wire(U16, "bytes of the stack never used; 0: not measured")
+
+
+@dataclass(frozen=True)
+class LinkTested(Message):
+    """Bytes back. Answers TestLink."""
+
+    TYPE = 0x8D
+    command: int = _on_wire(U16, "sequence number of the command")
+    data: bytes = _on_wire(Samples(), "those of the TestLink over and over, as many as it asked for")
+
+
+FROM_HOST_1_0: tuple[type[Message], ...] = (Hello, Configure, Home, Turn, StartScan, Stop, Resend)
+FROM_HOST: tuple[type[Message], ...] = (
+    *FROM_HOST_1_0,
+    AskCapabilities,
+    ConfigureTurntable,
+    AskStatistics,
+    SetBaud,
+    TestLink,
+)
 FROM_DEVICE: tuple[type[Message], ...] = (
     Info,
     Accepted,
@@ -357,6 +448,10 @@ FROM_DEVICE: tuple[type[Message], ...] = (
     ReadingMessage,
     TraceChunk,
     Heartbeat,
+    Capabilities,
+    TurntableSettings,
+    Statistics,
+    LinkTested,
 )
 BY_TYPE: dict[int, type[Message]] = {kind.TYPE: kind for kind in FROM_HOST + FROM_DEVICE}
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sonarhw.assembly import FULL_SCALE, microdegrees_of
-from sonarhw.messages import MAX_ECHOES, NO_TEMPERATURE, ReadingMessage, TraceChunk
+from sonarhw.messages import MAX_ECHOES, NO_TEMPERATURE, ReadingMessage, TraceChunk, TraceKind
 from sonarhw.readings import Reading, Trace
 
 CHUNK = 256  # samples
@@ -36,12 +36,14 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
 
     A stretch that was lost on a line before (NaN) stays lost.
     """
-    levels = np.clip(np.rint(trace.samples[:0xFFFF] * FULL_SCALE), 0, FULL_SCALE)
+    samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
+    levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
+    kind = TraceKind.CARRIER if trace.carrier else TraceKind.ENVELOPE
     period, start = round(1e9 / trace.rate), round(trace.start * 1e9)
     for offset in range(0, len(levels), CHUNK):
         stretch = levels[offset : offset + CHUNK]
         if not np.isnan(stretch).any():
-            yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes())
+            yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes(), kind)
 
 
 def centidegrees_of(temperature_c: float | None) -> int:

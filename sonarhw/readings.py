@@ -4,7 +4,7 @@ A reading is what one ping gave; a scan order says which pings to make. Nothing 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -17,9 +17,10 @@ FloatArray: TypeAlias = NDArray[np.float64]
 class Trace:
     """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale."""
 
-    samples: FloatArray  # (n,), 0..1
+    samples: FloatArray  # (n,), 0..1; of a carrier −1..1
     rate: float  # Hz
     start: float  # s from the start of transmission to the first sample
+    carrier: bool = False  # the signal itself rather than its envelope
 
     @property
     def times(self) -> FloatArray:
@@ -35,11 +36,12 @@ class Reading:
     sweep: int
     ping: int  # counts from 0 at each heading
     angle: float  # turntable angle, rad
-    time: float  # s on the device's clock, start of transmission
+    time: float  # s on the device's clock, start of transmission; goes on where the device was reset
     echo_times: tuple[float, ...]  # s after the start of transmission, earliest first; empty: no echo
     speed_of_sound: float  # m/s
     temperature_c: float | None = None
     trace: Trace | None = None
+    host_time: float | None = field(default=None, compare=False)  # `time` on the host's clock, s since the epoch
 
     @property
     def echo_ranges(self) -> tuple[float, ...]:
@@ -89,3 +91,12 @@ def headings_between(start: float, stop: float, step: float) -> int:
         raise ValueError(f"no angle lies from {start:g} below {stop:g} in steps of {step:g}")
     # a hair less, so that 0 to 360 by 0.1 is 3600 and not 3601 where the division lands just above
     return math.ceil((stop - start) / step - 1e-9)
+
+
+def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
+    """One sweep over the angles A, A+S, … below B, in degrees as a person types them; 0 to 360 by 5 are 72.
+
+    Raises ValueError where there is no such angle.
+    """
+    headings = headings_between(start_deg, stop_deg, step_deg)
+    return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)

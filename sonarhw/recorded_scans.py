@@ -1,15 +1,18 @@
 """From recorded frames to scans: follows a recorded conversation the way the driver followed the live one.
 
-Takes frames in the order they were recorded; hands on readings as they become whole, and the scans they belong to.
+Takes frames in the order they were recorded, with where they lie; hands on readings as they become known, and the
+scans they belong to. Traces are not put together here, only found: an hour of them is more than a memory holds.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+import struct
+from dataclasses import dataclass, field, replace
 
 from sonarhw.assembly import ReadingAssembler
-from sonarhw.frames import Frame, FrameDecoder
-from sonarhw.log_contents import RecordedFrame, RecordedScan
+from sonarhw.device_clock import DeviceClock
+from sonarhw.frames import Frame, decode_block, frame_payload, frame_type
+from sonarhw.log_contents import RecordedFrame
 from sonarhw.messages import (
+    Accepted,
     Finished,
     Hello,
     Info,
@@ -20,123 +23,188 @@ from sonarhw.messages import (
     Settings,
     Started,
     StartScan,
+    TraceChunk,
     unpack_message,
 )
+from sonarhw.reading_table import ReadingTable, Span
 from sonarhw.readings import Reading
+
+_NUMBER = struct.Struct("<I")  # what a TraceChunk begins with; all of it would take as long as the rest of the log
+_TRACES_AHEAD = 4  # that may come before their reading, which was lost at first
 
 
 @dataclass
-class _OpenScan:
-    command: int  # sequence number of its StartScan
+class FollowedScan:
+    """A scan as far as it has been followed."""
+
+    command: int  # sequence number of its newest StartScan
+    order: StartScan | None  # None where the log holds no host
     since_us: int  # device clock; what was fired earlier belongs to the scan before
     settings: Settings | None
-    started_us: int | None = None
+    started: float | None = None  # s on the clock of the readings
     expected: int | None = None
-    readings: dict[int, Reading] = field(default_factory=dict)
+    readings: ReadingTable = field(default_factory=ReadingTable)
+    first: Reading | None = None  # the one with the lowest number
     finished: Finished | None = None
 
     @property
     def answered(self) -> bool:
-        return self.started_us is not None or bool(self.readings)
+        """Whether the device has said anything to the order."""
+        return self.started is not None or len(self.readings) > 0
 
-    def ended(self) -> RecordedScan:
-        readings = tuple(self.readings[number] for number in sorted(self.readings))
+    @property
+    def began(self) -> float:
+        """When it began, s on the clock of its readings."""
         # where the first Started was lost, the repeated one is younger than the first readings
-        known = [reading.time for reading in readings[:1]]
-        if self.started_us is not None:
-            known.append(self.started_us * 1e-6)
-        return RecordedScan(min(known), self.expected, self.settings, readings, self.finished)
+        known = [] if self.first is None else [self.first.time]
+        return min(known if self.started is None else [*known, self.started])
+
+    def goes_on_with(self, order: StartScan) -> bool:
+        """Whether that is an order for a part of this scan that is missing, or for all of it where nothing came."""
+        part = order.first > 0 or order.count > 0
+        return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
+
+
+def _whole(order: StartScan) -> StartScan:
+    return replace(order, first=0, count=0)
 
 
 class Follower:
     """Sorts what recorded frames say into scans.
 
     A scan begins with the host's StartScan, or with the device's Started where the log holds no host (imported and
-    simulated scans). Either may stand there twice: a command is repeated until its answer comes.
+    simulated scans). Either may stand there twice: a command is repeated until its answer comes. A scan that broke and
+    went on is one scan.
     """
 
     def __init__(self) -> None:
         self.info: Info | None = None
         self.settings: Settings | None = None
-        self._assembler = ReadingAssembler()
-        self._scans: list[_OpenScan] = []
+        self.frames = 0
+        self._clock = DeviceClock()
+        self._assembler = ReadingAssembler(self._clock)
+        self._scans: list[FollowedScan] = []
         self._hello: int | None = None  # sequence number of the newest
         self._greeted_at = 0  # number of scans when the conversation began
         self._newest_us = 0
+        self._newest: tuple[int, int] | None = None  # number of the newest reading and its place
+        self._ahead: dict[int, Span] = {}  # traces whose reading has not come, by number
 
-    def take(self, recorded: RecordedFrame) -> list[Reading]:
-        """The readings that this frame completes. Damaged frames and unknown messages say nothing."""
-        completed: list[Reading] = []
-        for frame, message in _messages(recorded):
-            if recorded.received:
-                self._newest_us = frame.time_us
-                completed += self._from_device(frame, message)
-            else:
-                completed += self._from_host(frame, message)
-        return completed
+    def take(self, recorded: RecordedFrame, place: int = 0) -> list[Reading]:
+        """The readings, without traces, that this frame tells; `place` is the offset of the chunk it lies in.
 
-    def end(self) -> list[Reading]:
-        """The reading still waiting for its trace, when no more frames come."""
-        return self._keep(self._assembler.flush())
+        Damaged frames and unknown messages say nothing.
+        """
+        self.frames += 1
+        block = recorded.wire[:-1]
+        # most of a log is traces; the chunk that a frame lies in was checked
+        if recorded.received and frame_type(block) == TraceChunk.TYPE:
+            self._find_trace(frame_payload(block), place)
+            return []
+        frame = decode_block(block)
+        if not isinstance(frame, Frame):
+            return []
+        try:
+            message = unpack_message(frame.type, frame.payload)
+        except MessageError:
+            return []
+        if message is None:
+            return []
+        # an answer to nobody says nothing, its time neither; whether it is one is not known here
+        if recorded.received and not isinstance(message, Accepted | Refused):
+            self._newest_us = frame.time_us
+            self._clock.heard(frame.time_us, recorded.time)
+        readings = self._from_device(frame, message) if recorded.received else self._from_host(frame, message)
+        return self._keep(readings, place)
 
-    def scans(self) -> tuple[RecordedScan, ...]:
+    @property
+    def begun(self) -> int:
+        """How many scans have been ordered; one that goes on is none."""
+        return len(self._scans)
+
+    def scans(self) -> list[FollowedScan]:
         """All scans so far, in the order they began; an order that the device never answered is none."""
-        return tuple(scan.ended() for scan in self._scans if scan.answered)
+        return [scan for scan in self._scans if scan.answered]
 
     def _from_host(self, frame: Frame, message: Message) -> list[Reading]:
         if isinstance(message, Hello) and frame.sequence != self._hello:
             self._hello, self._greeted_at = frame.sequence, len(self._scans)
         if isinstance(message, StartScan) and not self._is_current(frame.sequence):
-            return self._begin(frame.sequence)
+            if self._scans and self._scans[-1].goes_on_with(message):
+                self._go_on(frame.sequence)
+            else:
+                self._begin(frame.sequence, message)
         return []
 
     def _from_device(self, frame: Frame, message: Message) -> list[Reading]:
-        ended: list[Reading] = []
         match message:
             case Info():
                 self.info = message
             case Settings():
                 self.settings = message
+                # a reading is then whole without its trace
+                message = replace(message, trace=0)
             case Started():
                 if not self._is_current(message.command):
-                    ended = self._begin(message.command)
+                    self._begin(message.command)
                 scan = self._scans[-1]
-                if scan.started_us is None:
-                    scan.started_us, scan.expected = frame.time_us, message.readings
-                return ended
+                if scan.started is None:
+                    scan.started = self._clock.continued(frame.time_us)
+                scan.expected = max(scan.expected or 0, message.first + message.readings)
+                return []
             case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
                 self._scans.pop()
             case Finished() if self._is_current(message.command):
-                self._scans[-1].finished = message
+                scan = self._scans[-1]
+                # what only fills a gap made fewer than the scan has
+                if scan.finished is None or message.readings >= scan.finished.readings:
+                    scan.finished = message
             case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
                 return []
-        return self._keep(self._assembler.feed(message))
+        return self._assembler.feed(message)
 
     def _is_current(self, command: int) -> bool:
         return len(self._scans) > self._greeted_at and self._scans[-1].command == command
 
-    def _begin(self, command: int) -> list[Reading]:
-        # a new scan numbers its readings from 0, which the assembler learns from a Started
-        ended = self._keep(self._assembler.feed(Started(command, 0)))
-        self._scans.append(_OpenScan(command, self._newest_us, self.settings))
-        return ended
+    def _begin(self, command: int, order: StartScan | None = None) -> None:
+        self._forget_traces(command)
+        self._scans.append(FollowedScan(command, order, self._newest_us, self.settings))
 
-    def _keep(self, readings: list[Reading]) -> list[Reading]:
+    def _go_on(self, command: int) -> None:
+        self._forget_traces(command)
+        scan = self._scans[-1]
+        scan.command, scan.since_us = command, self._newest_us
+        self._greeted_at = len(self._scans) - 1
+
+    def _forget_traces(self, command: int) -> None:
+        # a new scan numbers its readings anew, which the assembler learns from a Started
+        self._assembler.feed(Started(command, 0))
+        self._newest, self._ahead = None, {}
+
+    def _keep(self, readings: list[Reading], place: int) -> list[Reading]:
         if not readings:
             return []
         if not self._scans:  # the log begins in the middle of a scan
-            self._scans.append(_OpenScan(-1, 0, self.settings))
-        fresh = [reading for reading in readings if reading.number not in self._scans[-1].readings]
-        self._scans[-1].readings.update((reading.number, reading) for reading in fresh)
+            self._scans.append(FollowedScan(-1, None, 0, self.settings))
+        scan = self._scans[-1]
+        fresh = [reading for reading in readings if reading.number not in scan.readings]
+        for reading in fresh:
+            if scan.first is None or reading.number < scan.first.number:
+                scan.first = reading
+            ahead = self._ahead.pop(reading.number, None)
+            scan.readings.add(reading, (ahead[0], place) if ahead else None)
+            self._newest = reading.number, place
         return fresh
 
-
-def _messages(recorded: RecordedFrame) -> Iterator[tuple[Frame, Message]]:
-    for frame in FrameDecoder().feed(recorded.wire):
-        if isinstance(frame, Frame):
-            try:
-                message = unpack_message(frame.type, frame.payload)
-            except MessageError:
-                continue
-            if message is not None:
-                yield frame, message
+    def _find_trace(self, payload: bytes, place: int) -> None:
+        """Note where a part of a trace lies: of the newest reading, or of one whose message is still to come."""
+        if len(payload) < _NUMBER.size:
+            return
+        (number,) = _NUMBER.unpack_from(payload)
+        if self._newest and self._newest[0] == number:
+            self._scans[-1].readings.extend_trace(number, self._newest[1], place)
+        elif not self._scans or number not in self._scans[-1].readings:
+            first, _ = self._ahead.get(number, (place, place))
+            self._ahead[number] = first, place
+            while len(self._ahead) > _TRACES_AHEAD:
+                del self._ahead[next(iter(self._ahead))]

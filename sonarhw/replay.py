@@ -4,10 +4,12 @@ Takes a `Log` and bytes from a host; hands on the bytes of a scanner that answer
 each scan command, plays a recorded scan. It is a `Device`: no thread, no port, no clock of its own.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from sonarhw.conversation import Conversation
+from sonarhw.conversation import MOST_READINGS, Conversation
+from sonarhw.errors import InputError
 from sonarhw.line import BYTE_TIME, Line
 from sonarhw.log_contents import Log
 from sonarhw.messages import (
@@ -43,6 +45,11 @@ class _Recording:
         gaps = len(self.readings) - 1
         return last - self.began + ((last - first) / gaps if gaps else _USUAL_SPACING)
 
+    def offset(self, number: int) -> float:
+        """When reading `number` was made, from the beginning, lap after lap, s."""
+        lap, index = divmod(number, len(self.readings))
+        return lap * self.lap + self.readings[index].time - self.began
+
 
 class ReplayDevice(Conversation):
     """Plays the scans of a log, one at each scan command and after the last one the first again.
@@ -55,14 +62,20 @@ class ReplayDevice(Conversation):
     """
 
     def __init__(self, log: Log, speed: float = 1.0, loop: bool = False) -> None:
+        """Raises InputError for a log of which nobody knows the speed of sound."""
         if not speed > 0:
             raise ValueError(f"speed is {speed}; expected a factor above 0")
+        if any(math.isnan(reading.speed_of_sound) for reading in log.readings):
+            raise InputError(
+                "the log has no speed of sound, so no ranges: it holds neither Settings nor decoded readings"
+            )
         super().__init__(Line(BYTE_TIME / min(max(1.0, speed), _FASTEST_LINE)))
         self._log = log
         self._speed = speed
         self._loop = loop
         self._recordings = [_Recording(s.began, s.settings, s.readings) for s in log.scans if s.readings]
         self._next = 0
+        self._played: _Recording | None = None
         self._angle = 0  # µdeg
         self._temperature = log.info.temperature if log.info else NO_TEMPERATURE
         self._settings = self._recorded_settings()
@@ -99,29 +112,34 @@ class ReplayDevice(Conversation):
         return iter(())
 
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
-        """The next recorded scan."""
+        """The next recorded scan; an order for a part is for a part of the one before."""
         if not self._recordings:
             return 0, iter(())
-        recording = self._recordings[self._next]
-        self._next = (self._next + 1) % len(self._recordings)
-        count = len(recording.readings)
+        part = order.first > 0 or order.count > 0
+        if not (part and self._played):
+            self._played = self._recordings[self._next]
+            self._next = (self._next + 1) % len(self._recordings)
+        total = len(self._played.readings)
         if self._loop:
-            count = min(max(count, order.headings * order.sweeps * order.pings), 0xFFFFFFFF)
-        return count, self._play(recording, count, now)
+            total = min(max(total, order.headings * order.sweeps * order.pings), MOST_READINGS)
+        numbers = range(order.first, order.first + order.count if order.count else total)
+        return total, self._play(self._played, numbers, now)
 
     def halt(self, now: float) -> None:
         """It stands still already."""
 
-    def _play(self, recording: _Recording, count: int, start: float) -> Iterator[float]:
+    def _play(self, recording: _Recording, numbers: range, start: float) -> Iterator[float]:
         settings = self._settings or recording.settings
         speed_of_sound = settings.speed_of_sound if settings else round(recording.readings[0].speed_of_sound * 1000)
         listen = settings.listen_us * 1e-6 if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
+        # what comes first in a part comes at once
+        skipped = recording.offset(numbers[0]) if numbers and numbers[0] else 0.0
         fired = 0.0
-        for number in range(count):
+        for number in numbers:
             lap, index = divmod(number, len(recording.readings))
             recorded = recording.readings[index]
-            offset = lap * recording.lap + recorded.time - recording.began
+            offset = recording.offset(number) - skipped
             due = start + (offset + listen) / self._speed
             # a fast replay goes no faster than its line, or a Stop would wait behind all that is still to be sent
             due = max(due, self.line.free)

@@ -10,6 +10,7 @@ import pytest
 from cli.app import run
 from sonarhw.board import Board
 from sonarhw.endpoint import serve
+from sonarhw.faults import KNOWN
 from sonarhw.log import read_log
 from tests.cli.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
 from tests.sonarhw.plain_echoes import PlainEchoes
@@ -37,6 +38,30 @@ def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -
     assert (recorded.info.serial, recorded.info.board) == ("FAKE-0000", "polaroid-6500")
 
 
+def test_the_help_of_the_fake_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fake", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert [name for name in KNOWN if name not in said] == []
+
+
+def test_a_fake_whose_cable_comes_back_under_another_name_says_which(tmp_path: Path) -> None:
+    link = tmp_path / "scanner"
+    faults = ("--faults", "move=1@20,move=1@30", "--pace", "100")
+    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, *faults) as fake:
+        assert lines(fake, 3) == [f"{link}\n", f"{link}-1\n", f"{link}-2\n"]
+        assert sonarhw("info", f"{link}-2").returncode == 0
+
+
+def test_a_scan_of_a_fake_with_faults_is_whole_and_says_what_it_came_through(tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    faults = "drop=1/3000,reset=0.1@r3,move=0.5@r8"
+    url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=2&faults={faults}"
+    done = sonarhw("scan", url, "--out", log, "--step", "30")
+    assert done.returncode == 0
+    assert "was lost 2 times on the way and came back" in done.stderr
+    assert [reading.number for reading in read_log(log).readings] == list(range(12))
+
+
 def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
     again = []
     for name in ("first", "second"):
@@ -48,7 +73,8 @@ def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "query", ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?place=figure9&board=nonesuch"]
+    "query",
+    ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?faults=drop=2", "?place=figure9&board=nonesuch"],
 )
 def test_a_fake_url_that_says_nonsense_is_bad_usage(
     query: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -59,7 +85,14 @@ def test_a_fake_url_that_says_nonsense_is_bad_usage(
 
 @pytest.mark.parametrize(
     "wrong",
-    [["--place", "nowhere"], ["--board", "nonesuch"], ["--pace", "0"], ["--tcp", "7000"], ["--seed", "-1"]],
+    [
+        ["--place", "nowhere"],
+        ["--board", "nonesuch"],
+        ["--pace", "0"],
+        ["--tcp", "7000"],
+        ["--seed", "-1"],
+        ["--faults", "rust=1"],
+    ],
     ids=" ".join,
 )
 def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,9 +107,19 @@ def test_info_tells_who_answers(url: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert facts["serial"] == "FAKE-0002"
-    assert facts["protocol"] == "1.0"
+    assert facts["protocol"] == "1.1"
     assert facts["temperature"] == "21.3 °C"
-    assert facts["link"].startswith("2 frames, 0 missing, 0 rejected")
+    assert facts["started"] == "1 time"
+    assert {"home mark", "thermometer", "envelope"} <= set(facts["capabilities"].split(", "))
+    assert facts["turns"].startswith("-720 to 720 degrees")
+    frames = re.fullmatch(
+        r"(\d+) frames, 0 missing, 0 rejected, 0 commands repeated, lost 0 times, \d+\.\d ms there and back"
+        r"; the scanner: (\d+) frames, 0 rejected, 0 bytes overrun",
+        facts["link"],
+    )
+    assert frames
+    assert int(frames[1]) >= 22
+    assert int(frames[2]) >= 22
 
 
 def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: Path) -> None:
@@ -98,6 +141,14 @@ def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
     unspeakable = sonarhw("turn", url, "3000")
     assert (unspeakable.returncode, len(unspeakable.stderr.splitlines())) == (2, 1)
     assert "degrees" in unspeakable.stderr
+
+
+def test_info_watches_the_link_until_it_is_interrupted(url: str) -> None:
+    with started("info", url, "--watch") as info:
+        shown = lines(info, 14)
+        info.send_signal(signal.SIGINT)
+        assert end(info) == (130, "")
+    assert re.match(r"ready +\d+ frames, 0 missing, .*; its clock differs by [+-]\d+ millionths", shown[-1])
 
 
 def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:

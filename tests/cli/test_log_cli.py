@@ -12,7 +12,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 from cli.app import run
 from sonarhw.log import read_log
 from tests.cli.test_scan_command import end, lines, sonarhw, started
-from tests.sonarhw.example_logs import write_example
+from tests.sonarhw.example_logs import assert_readings_close, example_reading, write_example
 
 GOLDEN = """\
 time_s,heading_deg,range_m,echoes_s
@@ -113,6 +113,28 @@ def test_recover_mends_a_torn_log_and_says_what_was_lost(
     assert len(read_log(mended).readings) == 3
     assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
     assert f"; nothing is lost, {mended} was whole" in capsys.readouterr().out
+
+
+def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    damaged, mended = tmp_path / "damaged.mcap", tmp_path / "mended.mcap"
+    write_example(damaged, 50, trace=True)
+    with damaged.open("r+b") as file:
+        file.seek(damaged.stat().st_size // 2)
+        file.write(bytes(4096))
+    assert run(["log", "recover", str(damaged), "--out", str(mended)]) == 0
+    told = capsys.readouterr().out
+    kept = read_log(mended)
+    assert kept.torn is None
+    missing = 50 - len(kept.readings)
+    assert 1 <= missing <= 6
+    assert {0, 49} < {reading.number for reading in kept.readings}
+    assert f"{missing} of 50 readings are missing; {damaged} was torn: the record that begins at byte" in told
+    for reading in kept.readings:
+        assert_readings_close(reading, example_reading(reading.number, trace=True))
+    assert run(["log", "info", str(damaged)]) == 0
+    out, err = capsys.readouterr()
+    assert f"scan 1    {50 - missing} of 50 readings" in out
+    assert err.startswith(f"sonarhw: warning: {damaged}: torn; {50 - missing} whole readings are read; ")
 
 
 def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,9 +4,12 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.resources import files
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
@@ -119,7 +122,7 @@ def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
 def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Board, log: Path) -> None:
     with ExitStack() as outside:
         with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
-            process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print"))
+            process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1"))
             lines(process, 6)
         status, errors = end(process)
     recorded = read_log(log)
@@ -158,11 +161,88 @@ def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: Board, 
         assert sonarhw("scan", endpoint.url, "--out", log, "--step", "90").returncode == 0
 
 
-def test_a_file_that_was_there_before_a_refused_scan_stays(board: Board, log: Path) -> None:
-    log.write_bytes(b"")
+def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         assert sonarhw("scan", endpoint.url, "--out", log, "--force", *BEYOND_THE_CABLE).returncode == 1
-    assert log.exists()
+    assert log.read_bytes() == b"precious"
+    assert [*log.parent.iterdir()] == [log]
+
+
+def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
+    with (
+        serve(board, tcp="127.0.0.1:0", pace=0.1) as endpoint,
+        started("scan", endpoint.url, "--out", log, "--force", "--print") as process,
+    ):
+        while len([*log.parent.iterdir()]) == 1:  # until the new log lies beside the old one
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert end(process)[0] == 130
+    assert log.read_bytes() == b"precious"
+    assert [*log.parent.iterdir()] == [log]
+
+
+SMALL_DISK = """
+import resource, sys
+from cli.app import main
+
+# a file that may grow no further fails as a full disk does: with an OSError from write
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+sys.argv[0] = "sonarhw"
+main()
+"""
+
+
+def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitted(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        arguments = ["scan", endpoint.url, "--out", str(log), "--step", "1", "--print"]
+        done = subprocess.run(
+            [sys.executable, "-c", SMALL_DISK, *arguments], capture_output=True, text=True, timeout=60
+        )
+        assert not board.busy
+    recorded = read_log(log)
+    kept = len(recorded.readings)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
+        "make room or record to another disk\n"
+    )
+    # nothing was printed that had not been written before
+    assert 5 < len(done.stdout.splitlines()) - 1 <= kept
+    assert recorded.torn == f"the file ends too early at byte {log.stat().st_size}"
+
+
+def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
+    board: Board, log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 40_000_000)
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        Timer(3.0, signal.raise_signal, (signal.SIGINT,)).start()
+        assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
+    (line,) = capsys.readouterr().err.splitlines()
+    told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
+    assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
+
+
+def test_a_log_carries_its_board_to_where_nobody_has_the_profile(
+    board: Board, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = (files("sim.boards") / "polaroid-6500.toml").read_text(encoding="utf-8")
+    profile = tmp_path / "mine.toml"
+    profile.write_text(shipped.replace('name = "polaroid-6500"', 'name = "mine"'), encoding="utf-8")
+    room = ["--room", SIMPLE_ROOM, "--place", "figure9"]
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--step", "60", "--board", profile, *room)
+    assert done.returncode == 0
+    recorded = read_log(log)
+    assert (recorded.metadata.board, recorded.metadata.board_text) == ("mine", profile.read_text(encoding="utf-8"))
+    assert run(["compare", str(log), "--json", "--board", str(profile)]) == 0
+    with_file = capsys.readouterr().out
+    profile.unlink()
+    assert run(["compare", str(log), "--json"]) == 0
+    assert capsys.readouterr().out == with_file
 
 
 def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:

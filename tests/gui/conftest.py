@@ -45,11 +45,11 @@ def echoes(scene: Scene) -> RoomEchoes:
 
 @pytest.fixture
 def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
-    """Makes the way to a fake scanner of the given pace; it is served until the test ends."""
+    """Makes the way to a fake scanner of the given pace, which homes for a second; it is served until the test ends."""
     with ExitStack() as during:
 
         def open_fake(pace: Pace) -> ScannerOpener:
-            board = Board(echoes, 1, scene.board.blanking)
+            board = Board(echoes, 2, scene.board.blanking)
             endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
             return lambda: Scanner.open(endpoint.url)
 

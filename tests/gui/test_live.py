@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from pytestqt.qtbot import QtBot
 
 from gui.live_scan import Phase
 from gui.palette import MARKS, Unclassed
-from gui.scene import Scene
+from gui.scene import Scene, scene_of_log
 from gui.status import Source
 from sim.truth import RoomEchoes
 from sonarhw.board import Board
@@ -48,6 +49,24 @@ def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
     assert (log.metadata.place, log.metadata.room_file) == ("figure9", "simple.toml")
     assert path.name.endswith("_simple-room.mcap")
     assert f"recorded in {path}" in window.status_bar.doing.text()
+
+
+def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 20_000_000)
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    assert "its disk is nearly full: 20.0 MB are free" in window.banner.message
+    assert len(read_log(window.session.status.recording).readings) == ORDER.readings
+
+
+def test_the_log_of_a_scan_carries_the_board(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    metadata = read_log(window.session.status.recording).metadata
+    assert (metadata.board, metadata.board_text) == (scene.board.name, scene.board.text)
+    assert scene_of_log(metadata).board.text == scene.board.text != ""
 
 
 def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
@@ -124,7 +143,7 @@ def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
     with vanishing(Board(echoes, 1, scene.board.blanking)) as (url, vanish):
-        window = open_with(source=lambda: Scanner.open(url), autostart=True)
+        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True)
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
         vanish()
         until(qtbot, lambda: ended(window))

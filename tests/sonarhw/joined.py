@@ -93,8 +93,7 @@ class Joined:
         to_driver = self.up(self.board.advance(self.now))
         if to_driver:
             self.driver.receive(to_driver, self.now)
-        else:
-            self.driver.advance(self.now)
+        self.driver.advance(self.now)
         self.readings += self.driver.readings()
 
     def until(self, done: Callable[[], bool], within: float = 60.0) -> None:
@@ -126,6 +125,6 @@ class Joined:
 
     def greet(self, trace: bool = False) -> None:
         """Greet, configure and home."""
-        self.ask(Hello(1, 0))
+        self.ask(Hello(1, 1))
         self.ask(Configure(62_500, 2_380, int(trace), 343_200))
         self.act(Home())

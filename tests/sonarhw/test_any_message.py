@@ -15,31 +15,37 @@ from sonarhw.log import Log, read_log
 from sonarhw.messages import (
     FROM_HOST,
     Accepted,
+    Capabilities,
     Configure,
     Finished,
     Hello,
     Home,
     Info,
+    LinkTested,
     Message,
     Outcome,
     Refused,
-    Scalar,
     Settings,
     Started,
     StartScan,
+    Statistics,
     Stop,
+    TurntableSettings,
     unpack_message,
 )
 from sonarhw.replay import ReplayDevice
+from sonarhw.wire_types import Samples, Scalar
 from tests.sonarhw.example_logs import write_example
 from tests.sonarhw.plain_echoes import PlainEchoes
 
-ANSWERS = (Info, Accepted, Refused, Settings, Started)
+ANSWERS = (Info, Accepted, Refused, Settings, Started, Capabilities, TurntableSettings, Statistics, LinkTested)
 LIMITS = {"u8": (0, 0xFF), "u16": (0, 0xFFFF), "u32": (0, 0xFFFF_FFFF), "i32": (-(2**31), 2**31 - 1)}
 
 
-def values(wire: Scalar) -> st.SearchStrategy[int]:
+def values(wire: Scalar | Samples) -> st.SearchStrategy[int] | st.SearchStrategy[bytes]:
     """What a field may carry, its ends and small numbers above all."""
+    if isinstance(wire, Samples):
+        return st.binary(max_size=70)
     lowest, highest = LIMITS[wire.name]
     return st.sampled_from([lowest, 0, 1, highest]) | st.integers(lowest, highest)
 
@@ -62,7 +68,7 @@ class Host:
         """What the device says within two seconds of a frame."""
         self._sequence += 1
         self.device.receive(encode_frame(Frame(kind, self._sequence, 0, payload)), self.now)
-        self.now += 2.0
+        self.now += 1.9  # no silence yet
         frames = [frame for frame in FrameDecoder().feed(self.device.advance(self.now)) if isinstance(frame, Frame)]
         said = [unpack_message(frame.type, frame.payload) for frame in frames]
         return [message for message in said if message is not None]

@@ -5,7 +5,8 @@ import pytest
 
 from sonarhw.assembly import ReadingAssembler
 from sonarhw.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk
-from sonarhw.readings import Reading
+from sonarhw.reading_messages import trace_chunks
+from sonarhw.readings import Reading, Trace
 
 
 def reading(number: int, fired_us: int | None = None) -> ReadingMessage:
@@ -131,3 +132,27 @@ def test_a_chunk_that_makes_no_sense_does_no_harm(assembler: ReadingAssembler, c
     assembler.feed(reading(1))
     out = assembler.feed(chunk) + assembler.flush()
     assert [item.number for item in out] == [1]
+
+
+@pytest.mark.parametrize("carrier", [False, True], ids=["envelope", "carrier"])
+def test_a_trace_survives_the_line_to_eight_bits(carrier: bool) -> None:
+    samples = np.sin(np.linspace(0, 9, 700))
+    sent = Trace(samples if carrier else np.abs(samples), 76_900.0, 0.0004, carrier)
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, 2 if carrier else 1, 343_200))
+    assembler.feed(reading(0))
+    (whole,) = [item for chunk in trace_chunks(0, sent) for item in assembler.feed(chunk)]
+    assert whole.trace is not None
+    assert whole.trace.carrier == carrier
+    assert whole.trace.start == pytest.approx(sent.start)
+    np.testing.assert_allclose(whole.trace.samples, sent.samples, atol=(1.01 if carrier else 0.51) / 255)
+
+
+def test_samples_of_sixteen_bits_are_read_to_their_last_bit() -> None:
+    levels = np.array([0, 1, 32768, 65534, 65535], dtype="<u2")
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, 1, 343_200))
+    assembler.feed(reading(0))
+    (whole,) = assembler.feed(TraceChunk(0, 0, 5, 13_000, 0, levels.tobytes(), 1, 16))
+    assert whole.trace is not None
+    np.testing.assert_allclose(whole.trace.samples, levels / 65535, atol=1e-12)

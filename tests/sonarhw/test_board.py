@@ -89,7 +89,7 @@ def test_nothing_turns_before_home(greeted: Joined, message: Message) -> None:
         StartScan(0, 1, 0xFFFF, 0xFFFF, 2),
         Configure(1000, 1000, 0, 343_200),
         Configure(0, 0, 0, 343_200),
-        Configure(62_500, 2380, 2, 343_200),
+        Configure(62_500, 2380, 3, 343_200),
         Configure(62_500, 2380, 0, 0),
         Resend(0, 0),
         Resend(0, 65),

@@ -21,6 +21,8 @@ class Chatterbox:
     """A device that would send without end."""
 
     busy = True
+    plug = 0
+    hurry = 1.0
 
     def __init__(self) -> None:
         self.sent = 0

@@ -3,22 +3,31 @@
 import importlib
 import re
 import zlib
-from dataclasses import fields
+from dataclasses import Field, fields
 from enum import IntEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cobs import cobs
 
-from sonarhw.board import Board
+from sonarhw.board import Board, BoardIdentity
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
+    MAX_TEST,
+    Approach,
+    AskCapabilities,
+    AskStatistics,
     Configure,
+    ConfigureTurntable,
+    Feature,
+    Finished,
+    Heartbeat,
     Hello,
     Home,
     Message,
@@ -26,14 +35,20 @@ from sonarhw.messages import (
     Refusal,
     Refused,
     Resend,
+    ResetCause,
+    SetBaud,
+    Started,
     StartScan,
     State,
     Stop,
+    TestLink,
+    TraceKind,
     Turn,
     unpack_message,
 )
 from sonarhw.readings import Trace
 from tests.sonarhw.joined import Joined
+from tests.sonarhw.plain_echoes import PlainEchoes
 
 DOCUMENT = (Path(__file__).parents[2] / "firmware_protocol.md").read_text(encoding="utf-8")
 TRANSCRIPT_SEED = 31  # a turntable that stands close to its zero
@@ -72,7 +87,16 @@ def test_no_message_is_documented_that_is_not_spoken() -> None:
 
 
 @pytest.mark.parametrize(
-    ("title", "codes"), [("State codes", State), ("Outcome codes", Outcome), ("Refusal codes", Refusal)]
+    ("title", "codes"),
+    [
+        ("State codes", State),
+        ("Outcome codes", Outcome),
+        ("Refusal codes", Refusal),
+        ("Trace codes", TraceKind),
+        ("Approach codes", Approach),
+        ("Reset codes", ResetCause),
+        ("Feature codes", Feature),
+    ],
 )
 def test_every_code_is_in_its_table(title: str, codes: type[IntEnum]) -> None:
     assert [(int(row[0]), row[1]) for row in rows(title)] == [(code.value, code.name) for code in codes]
@@ -117,7 +141,7 @@ def test_the_worked_example_is_right_at_every_step() -> None:
     assert stuffed + DELIMITER == wire
     (frame,) = FrameDecoder().feed(wire)
     assert isinstance(frame, Frame)
-    assert unpack_message(frame.type, frame.payload) == Hello(1, 0)
+    assert unpack_message(frame.type, frame.payload) == Hello(1, 1)
 
 
 def test_a_last_piece_of_254_bytes_needs_nothing_behind_it_and_may_have_it() -> None:
@@ -131,12 +155,79 @@ def test_what_is_documented_as_refused_is(row: list[str]) -> None:
     command, code = row
     name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    message = kind(**{key: int(value) for key, value in re.findall(r"(\w+)=(-?\d+)", values)})
-    joined = Joined()
+    given = dict(re.findall(r"(\w+)=(-?\w*)", values))
+    message = kind(**{key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given.items()})
+    joined = Joined(board=Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000))))
     joined.greet()
     answer = joined.ask(message).answer
     assert isinstance(answer, Refused)
     assert Refusal(answer.code).name == code
+
+
+EXAMPLES: dict[type[Message], Message] = {
+    Hello: Hello(1, 1),
+    Configure: Configure(20_000, 2_380, 0, 343_200),
+    Home: Home(),
+    Turn: Turn(0),
+    StartScan: StartScan(0, 1_000_000, 50, 1, 1),
+    Stop: Stop(),
+    Resend: Resend(0, 1),
+    AskCapabilities: AskCapabilities(),
+    ConfigureTurntable: ConfigureTurntable(0, 0, 20_000, 0),
+    AskStatistics: AskStatistics(),
+    SetBaud: SetBaud(1_000_000),
+    TestLink: TestLink(3, b"ab"),
+}
+
+
+@pytest.mark.parametrize("row", rows("Commands at a glance"), ids=lambda row: row[0])
+def test_a_busy_board_does_with_a_command_what_the_table_says(row: list[str]) -> None:
+    name, answer, busy, _ = row
+    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
+    device = Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
+    for sequence, message in enumerate((Hello(1, 1), Home())):
+        device.receive(encode_frame(Frame(message.TYPE, sequence, 0, message.pack())), 0.0)
+    ready = device_messages(device, 1.9)
+    assert isinstance(ready[-1], Heartbeat)
+    scan = EXAMPLES[StartScan]
+    device.receive(encode_frame(Frame(scan.TYPE, 2, 0, scan.pack())), 1.9)
+    assert [type(message) for message in device_messages(device, 1.95)] == [Started]
+    device.receive(encode_frame(Frame(kind.TYPE, 3, 0, EXAMPLES[kind].pack())), 1.95)
+    said = [message for message in device_messages(device, 1.96) if not isinstance(message, Heartbeat)]
+    if busy == "BUSY":
+        (refused,) = said
+        assert isinstance(refused, Refused)
+        assert refused.code == Refusal.BUSY
+    else:
+        assert type(said[-1]).__name__ == answer
+        assert isinstance(said[0], Finished) == (busy == "stops it")
+        assert device.busy == (busy == "answered")
+
+
+def test_the_table_of_commands_has_them_all() -> None:
+    assert (
+        [row[0] for row in rows("Commands at a glance")]
+        == [kind.__name__ for kind in FROM_HOST]
+        == [kind.__name__ for kind in EXAMPLES]
+    )
+
+
+def test_no_command_needs_more_than_the_documented_buffer() -> None:
+    longest = [kind(**{item.name: widest(item) for item in fields(kind)}) for kind in FROM_HOST]
+    assert max(len(message.pack()) for message in longest) <= 80
+    blocks = [encode_frame(Frame(message.TYPE, 0xFFFF, 2**64 - 1, message.pack())) for message in longest]
+    assert max(map(len, blocks)) <= 96
+
+
+def widest(item: Field[Any]) -> int | bytes:
+    """A value of a command's field that takes most bytes."""
+    return bytes(MAX_TEST) if item.metadata["wire"].name == "u8[]" else 1
+
+
+def device_messages(board: Board, until: float) -> list[Message | None]:
+    """What a board says up to a time."""
+    frames = FrameDecoder().feed(board.advance(until))
+    return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
 
 
 def test_every_frame_in_the_conversation_decodes_to_what_stands_above_it() -> None:
@@ -161,13 +252,15 @@ def test_the_fake_board_holds_the_documented_conversation_byte_for_byte() -> Non
 def conversation() -> str:
     """The document's conversation as the fake board holds it now; paste it in where the protocol has changed."""
     said = [
-        (0.000, Hello(1, 0)),
+        (0.000, Hello(1, 1)),
+        (0.001, AskCapabilities()),
         (0.002, Configure(20_000, 2_380, 1, 343_200)),
         (0.004, Home()),
         (0.100, StartScan(0, 10_000_000, 2, 1, 1)),
         (0.340, Resend(1, 1)),
         (0.342, Turn(800_000_000)),
-        (0.344, Stop()),
+        (0.344, AskStatistics()),
+        (0.346, Stop()),
     ]
     board = Board(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []

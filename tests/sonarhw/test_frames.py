@@ -4,7 +4,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.frames import DELIMITER, MAX_PAYLOAD, Frame, FrameDecoder, Rejected, decode_block, encode_frame
+from sonarhw.frames import (
+    DELIMITER,
+    MAX_PAYLOAD,
+    Frame,
+    FrameDecoder,
+    Rejected,
+    decode_block,
+    encode_frame,
+    frame_payload,
+    frame_type,
+)
 
 frames = st.builds(
     Frame,
@@ -78,6 +88,17 @@ def test_a_stream_without_delimiters_is_held_to_one_frames_length() -> None:
     (rejected,) = decoder.feed(DELIMITER)
     assert isinstance(rejected, Rejected)
     assert len(rejected.block) < 1000
+
+
+@given(frames)
+def test_type_and_payload_of_an_undamaged_frame_are_read_without_checking_it(frame: Frame) -> None:
+    block = encode_frame(frame)[:-1]
+    assert (frame_type(block), frame_payload(block)) == (frame.type, frame.payload)
+
+
+@given(st.binary(max_size=100))
+def test_type_and_payload_of_anything_else_are_not_complained_of(block: bytes) -> None:
+    assert frame_type(block) is None or isinstance(frame_payload(block), bytes)
 
 
 def test_doubled_delimiters_are_silence() -> None:

@@ -157,6 +157,7 @@ def test_other_tools_see_frames_readings_and_one_laser_scan_a_sweep(tmp_path: Pa
         "angle_deg": pytest.approx(20),
         "range_m": None,
         "echo_times_s": [],
+        "speed_of_sound": SPEED,
         "temperature_c": 21.37,
     }
     assert len(sweeps) == 2
@@ -273,7 +274,7 @@ def test_a_copy_is_read_as_its_original(tmp_path: Path) -> None:
 def test_every_frame_is_kept_as_it_was_on_the_wire(tmp_path: Path) -> None:
     hello = frame_of(Hello(1, 0), 3)
     record(tmp_path / "scan.mcap", [(False, hello), (True, reading_frame(4))])
-    frames = read_log(tmp_path / "scan.mcap").frames
+    frames = [*read_log(tmp_path / "scan.mcap").frames]
     assert [(frame.received, frame.wire) for frame in frames] == [(False, hello), (True, reading_frame(4))]
     assert isinstance(decode_block(frames[0].wire[:-1]), Frame)
     assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -118,6 +118,107 @@ def test_however_much_is_damaged_is_told_in_a_short_line(whole: Path, tmp_path: 
     assert "CRC-32 does not match" in torn
     assert torn.endswith(f" (and {len(ends) - 1} more places)")
     assert len(torn) < 120
+
+
+def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
+    """Begin and end of each chunk, and whether it holds a reading."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    channels = {channel.topic: number for number, channel in summary.channels.items()}
+    return [
+        (c.chunk_start_offset, c.chunk_start_offset + c.chunk_length, channels["/readings"] in c.message_index_offsets)
+        for c in summary.chunk_indexes
+    ]
+
+
+@st.composite
+def spoilt_stretches(draw: st.DrawFn) -> tuple[float, int, bytes]:
+    """Where in the data a stretch is lost, how many bytes of it, and what stands there instead."""
+    return draw(st.floats(0, 1)), draw(st.integers(1, 3000)), draw(st.binary(max_size=3000))
+
+
+@settings(max_examples=200, deadline=None)
+@given(spoilt=spoilt_stretches())
+@example(spoilt=(0.5, 2000, bytes(2000)))
+@example(spoilt=(0.5, 1, b""))
+@example(spoilt=(0.5, 9, b"\xff" * 9))
+@example(spoilt=(0.0, 700, bytes(700)))
+def test_damage_in_the_middle_costs_the_readings_it_touches_and_no_other(
+    whole: Path, tmp_path_factory: pytest.TempPathFactory, spoilt: tuple[float, int, bytes]
+) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    first = spans[0][0]
+    begin = first + round(spoilt[0] * (spans[-1][1] - 1 - first))
+    end = min(begin + spoilt[1], len(content))
+    path = tmp_path_factory.mktemp("spoilt") / "scan.mcap"
+    path.write_bytes(content[:begin] + spoilt[2] + content[end:])
+    touched = [reading for start, stop, reading in spans if start < end and begin < stop]
+    log = read_log(path)
+    assert len(log.readings) >= COUNT - sum(touched)
+    originals = {reading.number: reading for reading in read_log(whole).readings}
+    for reading in log.readings:
+        assert_readings_close(reading, originals[reading.number])
+    assert log.torn is not None or path.read_bytes() == content
+
+
+def test_what_was_left_out_is_told_with_its_place(whole: Path, tmp_path: Path) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    begin, end = spans[6][0] + 20, spans[7][0] + 20
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:begin] + b"\xff" * (end - begin) + content[end:])
+    assert read_log(path).torn == f"the record that begins at byte {spans[6][0]} is left out: it is damaged"
+    path.write_bytes(content[: spans[6][0]] + bytes(50) + content[spans[7][0] + 9 :])
+    again = spans[6][0] + 50 + spans[8][0] - spans[7][0] - 9
+    assert read_log(path).torn == f"bytes {spans[6][0]} to {again} are damaged and left out"
+
+
+def test_a_damaged_length_between_chunks_leads_past_none(whole: Path, tmp_path: Path) -> None:
+    content, spans = bytearray(whole.read_bytes()), chunk_spans(whole)
+    at, inside = spans[5][1], spans[8][0] + 30  # a message index, and the middle of a later chunk
+    content[at + 1 : at + 9] = (inside - at - 9).to_bytes(8, "little")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    log = read_log(path)
+    assert log.torn == f"bytes {at} to {spans[6][0]} are damaged and left out"
+    assert len(log.readings) == COUNT
+
+
+def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, tmp_path: Path) -> None:
+    content, (first, *_) = whole.read_bytes(), chunk_spans(whole)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[: first[0]] + bytes(first[1] - first[0]) + content[first[1] :])
+    log = read_log(path)
+    assert len(log.readings) == COUNT
+    assert log.metadata == METADATA
+
+
+@pytest.mark.parametrize("lost", [8, 40, "up to the first chunk", "up to the first reading"])
+def test_a_log_whose_beginning_is_lost_keeps_its_readings(whole: Path, tmp_path: Path, lost: int | str) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    first = next(start for start, _, reading in spans if reading)
+    size = lost if isinstance(lost, int) else spans[0][0] if lost == "up to the first chunk" else first
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(bytes(size) + content[size:])
+    log = read_log(path)
+    assert log.torn is not None
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
+    assert log.metadata.made_by in ("unknown", METADATA.made_by)
+
+
+def test_ranges_outlive_the_settings_they_were_told_with(whole: Path, tmp_path: Path) -> None:
+    # Info, Settings and Started lie in chunks of their own in front of the readings
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    begin, end = spans[0][0], next(start for start, _, reading in spans if reading)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:begin] + content[end:])
+    log = read_log(path)
+    assert log.settings is None
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
 
 
 @settings(max_examples=150, deadline=None)
@@ -260,6 +361,7 @@ def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
     assert str(told.value) == (
         "/dev/full: cannot be written: No space left on device; nothing is recorded, choose another file"
     )
+    assert Path("/dev/full").exists()
 
 
 def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 from sonarhw.assembly import ReadingAssembler
 from sonarhw.driver import Driver
 from sonarhw.encode import write_scan
+from sonarhw.errors import InputError
 from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.log import Log, read_log
 from sonarhw.messages import (
@@ -240,6 +241,38 @@ def test_each_scan_command_plays_the_next_recorded_scan(log: Log) -> None:
         host.say(ORDER)
         host.wait(5.0)
     assert [one.readings for one in host.all(Started) if isinstance(one, Started)] == [COUNT, 3, COUNT]
+
+
+def test_an_order_for_a_part_plays_that_part_of_the_scan_before(log: Log) -> None:
+    other = replace(log.scans[0], readings=log.scans[0].readings[:3])
+    host = greeted(ReplayDevice(replace(log, scans=(*log.scans, other))))
+    host.say(ORDER)
+    host.wait(5.0)
+    host.readings.clear()
+    host.say(replace(ORDER, first=4, count=3))
+    host.wait(0.15)
+    assert [reading.number for reading in host.readings][:1] == [4]  # at once, not after what is left out
+    host.wait(5.0)
+    assert [reading.number for reading in host.readings] == [4, 5, 6]
+    assert [r.echo_times for r in host.readings] == [r.echo_times for r in log.readings[4:7]]
+
+
+def test_a_log_without_a_speed_of_sound_is_refused_in_one_line(log: Log) -> None:
+    unheard = [replace(reading, speed_of_sound=math.nan) for reading in log.readings]
+    silent = replace(log, settings=None, scans=(replace(log.scans[0], settings=None, readings=tuple(unheard)),))
+    with pytest.raises(InputError, match="no speed of sound"):
+        ReplayDevice(silent)
+
+
+@pytest.mark.parametrize("wished", [343_200, 300_000])
+def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, wished: int) -> None:
+    bare = replace(log, settings=None, scans=(replace(log.scans[0], settings=None),))
+    host = Host(ReplayDevice(bare))
+    for message in (Hello(1, 0), replace(WISH, speed_of_sound=wished), ORDER):
+        host.say(message)
+    host.wait(5.0)
+    for got, wanted in zip(host.readings, log.readings, strict=True):
+        assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
 
 
 def test_readings_that_the_log_lacks_leave_no_gap_in_the_numbers(log: Log) -> None:

@@ -3,21 +3,28 @@
 import errno
 import math
 import os
+import re
 import socket
+import subprocess
+import sys
+import termios
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
 
 from sonarhw.board import Board, BoardIdentity
+from sonarhw.conversation import HOST_SILENCE
 from sonarhw.endpoint import Endpoint, Pace, serve
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
 from sonarhw.frames import Frame, FrameDecoder
+from sonarhw.link import MOST
 from sonarhw.messages import Outcome
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scanner import Scanner
+from sonarhw.session import Connection
 from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=72)
@@ -126,8 +133,7 @@ def test_stop_ends_homing_and_an_idle_scanner_can_be_stopped(served: Serve) -> N
         homing = threading.Thread(target=lambda: outcomes.append(scanner.home()))
         homing.start()
         while not outcomes:
-            scanner_is_homing = scanner._driver.running
-            if scanner_is_homing:
+            if scanner.state is Connection.MOVING:
                 scanner.stop()
             homing.join(timeout=0.01)
         homing.join()
@@ -167,7 +173,6 @@ def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Ser
         # gone without a word, as a killed process goes
         first._closing.set()
         first._thread.join()
-        first._link.close()
         with Scanner.open(endpoint.url) as second:
             check_scan(list(second.scan(ORDER)) if second.home() is Outcome.DONE else [])
         scan.close()
@@ -177,11 +182,11 @@ def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Ser
 def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serve) -> None:
     readings = []
     with served(pace=20.0) as endpoint:
-        scanner = Scanner.open(endpoint.url)
+        scanner = Scanner.open(endpoint.url, reconnect=0.5)
         scanner.home()
         scan = scanner.scan(ORDER)
         readings += [next(scan) for _ in range(5)]
-    with pytest.raises(LinkLost, match="went away"):
+    with pytest.raises(LinkLost, match=r"went away.*not back within 0.5 s"):
         readings.extend(scan)
     with pytest.raises(LinkLost):
         scanner.home()
@@ -191,7 +196,7 @@ def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serv
 
 def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
     board = Board(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
-    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.0"):
+    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
         Scanner.open(endpoint.url)
 
 
@@ -199,6 +204,8 @@ def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
     board = Board(PlainEchoes(), identity=BoardIdentity(minor=9))
     with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.protocol == (1, 9)
+        scanner.home()
+        check_scan(list(scanner.scan(ORDER)))
 
 
 def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
@@ -221,14 +228,16 @@ def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(ser
 
 
 def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonarhw.scanner._CHUNKS", 4)
+    monkeypatch.setattr("sonarhw.scanner.MOST_WAITING", 4)
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
         scanner.home()
         scan = scanner.scan(ORDER)
         first = next(scan)
-        while not scanner._chunks.full():  # then the reader waits, and the board is held back
+        while len(scanner._scan.readings) < 4:  # then nothing is read, and the board is held back
             threading.Event().wait(0.01)
+        threading.Event().wait(0.2)
+        assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
 
@@ -252,6 +261,53 @@ def test_an_order_that_fits_no_message_is_refused_before_it_is_sent(served: Serv
         check_scan(list(scanner.scan(ORDER)))
 
 
+def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_path: Path) -> None:
+    echoes = PlainEchoes()
+    names = [tmp_path / "first", tmp_path / "second"]
+
+    def now_at() -> str:
+        return str(next((name for name in names if name.exists()), names[0]))
+
+    with ExitStack() as later:
+        with serve(Board(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
+            scanner = later.enter_context(Scanner.open(first.url, find=now_at))
+            scan = scanner.scan(ORDER)
+            readings = [next(scan) for _ in range(5)]
+        later.enter_context(serve(Board(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
+        check_scan([*readings, *scan])
+        books = scanner.statistics
+        assert (books.losses, books.resets) == (1, 1)
+        scanner.close()
+
+
+def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Path) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
+    with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.baud == board.line.baud == 1_000_000
+        assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(from sonarhw import Scanner.*?)```", readme, flags=re.DOTALL)
+    kept: list[Reading] = []
+    with served() as endpoint:
+        exec(lines.replace("/dev/ttyUSB0", endpoint.url).replace("...", "kept.append(reading)"), {"kept": kept})
+    check_scan(kept)
+
+
+def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
+    board = Board(PlainEchoes(), seed=5)
+    with served(board, pace="real") as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.turn(0.1)
+        turned = board._now
+        while board._now < turned + 1.2 * HOST_SILENCE:
+            threading.Event().wait(0.05)
+            assert board.homed
+        assert scanner.state is Connection.READY
+
+
 def test_nobody_there_is_no_answer() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(NoAnswer, match="no scanner answered"):
         Scanner.open(f"socket://127.0.0.1:{mute.getsockname()[1]}", patience=0.2)
@@ -270,9 +326,21 @@ def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
     with (
         serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,
         Scanner.open(endpoint.url),
-        pytest.raises(LinkBusy, match="another program"),
+        pytest.raises(LinkBusy, match="this program holds the port"),
     ):
         Scanner.open(endpoint.url)
+
+
+def test_who_holds_a_busy_port_is_said(tmp_path: Path) -> None:
+    hold = "import sys; from sonarhw.link import Link; x = Link(sys.argv[1]); print('held', flush=True); input()"
+    with serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
+        command = [sys.executable, "-c", hold, endpoint.url]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+            assert other.stdout is not None
+            assert other.stdout.readline() == b"held\n"
+            with pytest.raises(LinkBusy, match=rf"python\S* \({other.pid}\) holds the port"):
+                Scanner.open(endpoint.url)
+            other.communicate(b"\n")
 
 
 def test_a_forbidden_port_names_the_group_to_join(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

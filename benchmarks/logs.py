@@ -1,0 +1,163 @@
+"""An hour of scanning as a log: `python -m benchmarks.logs [HOURS]`.
+
+Writes 36 000 readings an hour with traces of 3 250 samples, as a scanner with 10 pings a second sends them; prints
+what writing takes of one core, what the writer's memory grows by, and how long opening and seeking take: closed, torn
+at its end, and damaged in its middle. Each step is a process of its own, so that its memory is its own.
+"""
+
+import math
+import os
+import random
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from sonarhw.frames import Frame, encode_frame
+from sonarhw.log import Log, LogMetadata, LogWriter, read_log
+from sonarhw.messages import Info, Message, Settings, Started
+from sonarhw.playback import Playback
+from sonarhw.reading_messages import reading_message, trace_chunks
+from sonarhw.readings import Reading, Trace
+
+PERIOD = 0.1  # s from ping to ping
+HEADINGS = 360
+SPEED = 343.2
+SEEKS = 200
+STARTED = 1_790_000_000.0
+
+
+def conversation(hours: float) -> Iterator[tuple[float, list[bytes], Reading | None]]:
+    """When, the frames, and the reading they make whole: a greeting, then a scan of many sweeps."""
+    count = round(hours * 3600 / PERIOD)
+    sequence = 0
+
+    def frame(message: Message, at: float) -> bytes:
+        nonlocal sequence
+        sequence = (sequence + 1) % 0x10000
+        return encode_frame(Frame(message.TYPE, sequence, round(at * 1e6), message.pack()))
+
+    greeting = (
+        Info(0, 1, 0, "benchmark", "", "", 2000, 50_000, 3200),
+        Settings(1, 65_000, 2380, 1, round(SPEED * 1000)),
+        Started(2, count),
+    )
+    yield STARTED, [frame(message, 0.0) for message in greeting], None
+    echoes = np.exp(-np.linspace(0, 8, 3250)) * np.random.default_rng(1).random((64, 3250))
+    for number in range(count):
+        at = PERIOD * number
+        reading = Reading(
+            number=number,
+            sweep=number // HEADINGS,
+            ping=0,
+            angle=math.tau * (number % HEADINGS) / HEADINGS,
+            time=at,
+            echo_times=(0.004 + 1e-6 * (number % 977), 0.011),
+            speed_of_sound=SPEED,
+            temperature_c=20.0,
+            trace=Trace(echoes[number % 64], 50_000.0, 0.0005),
+        )
+        assert reading.trace is not None
+        messages = [reading_message(reading, round(SPEED * 1000)), *trace_chunks(number, reading.trace)]
+        yield STARTED + at, [frame(message, at + 0.07) for message in messages], reading
+
+
+def memory() -> float:
+    """The most memory this process has had, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def write(path: Path, hours: float) -> list[str]:
+    """Write it; the time is the writer's alone."""
+    spent, before = 0.0, 0.0
+    with LogWriter(path, LogMetadata("scan", STARTED), live=False) as log:
+        for number, (at, frames, reading) in enumerate(conversation(hours)):
+            began = time.perf_counter()
+            for wire in frames:
+                log.frame(True, at, wire)
+            if reading is not None:
+                log.reading(reading)
+            spent += time.perf_counter() - began
+            if number == 1000:
+                before = memory()
+        grown = memory() - before
+        began = time.perf_counter()
+    closed = time.perf_counter() - began
+    return [
+        f"{path.stat().st_size / 1e6:.0f} MB",
+        f"writing takes {spent / (hours * 3600):.1%} of one core",
+        f"its memory grows by {grown:.0f} MB",
+        f"closing takes {closed:.2f} s",
+    ]
+
+
+def opened(path: Path) -> list[str]:
+    """Open it and seek in it, by time, by sweep and by reading, each with its trace."""
+    before = memory()
+    began = time.perf_counter()
+    log = read_log(path)
+    took = time.perf_counter() - began
+    longest = max(seek_times(log))
+    return [
+        f"opens in {took:.2f} s",
+        f"{len(log.readings)} readings",
+        f"longest of {SEEKS} seeks {longest * 1e3:.1f} ms",
+        f"{memory() - before:.0f} MB",
+        log.torn or "whole",
+    ]
+
+
+def seek_times(log: Log) -> Iterator[float]:
+    """How long each of many random seeks takes, up to the trace that is shown, s."""
+    playback, chance = Playback(log), random.Random(1)
+    seeks = (
+        lambda: playback.seek(chance.uniform(0, playback.duration)),
+        lambda: playback.seek_sweep(0, chance.randrange(log.readings[-1].sweep)),
+        lambda: playback.seek_reading(chance.randrange(len(log.readings))),
+    )
+    for number in range(SEEKS):
+        began = time.perf_counter()
+        seeks[number % 3]()
+        trace = log.readings[playback.count - 1].trace
+        assert trace is not None
+        assert len(trace.samples) == 3250
+        yield time.perf_counter() - began
+
+
+def in_its_own_process(step: str, path: Path, hours: float) -> None:
+    """Run a step and print its row."""
+    command = [sys.executable, "-m", "benchmarks.logs", str(hours), step, str(path)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    print(f"{path.stem:12}{done.stdout.strip()}", flush=True)
+
+
+def main() -> None:
+    """Print a row for each log."""
+    hours = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+    if len(sys.argv) > 2:
+        step, path = sys.argv[2], Path(sys.argv[3])
+        print("; ".join(write(path, hours) if step == "write" else opened(path)))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        closed, torn, damaged = (Path(folder) / f"{name}.mcap" for name in ("closed", "torn", "damaged"))
+        in_its_own_process("write", closed, hours)
+        in_its_own_process("open", closed, hours)
+        size = closed.stat().st_size
+        for copy in (torn, damaged):
+            shutil.copyfile(closed, copy)
+        os.truncate(torn, size * 19 // 20)
+        in_its_own_process("open", torn, hours)
+        with damaged.open("r+b") as file:
+            file.seek(size // 2)
+            file.write(bytes(4096))
+        in_its_own_process("open", damaged, hours)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""`sonarhw calibrate`: range offset and home angle against a plate at a known distance, into a board profile."""
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.connect import ScannerUrl, connect
+from cli.interruption import interruption, sigterm_raises
+from cli.numbers import counted
+from cli.options import DEFAULT_BOARD, BoardName, Force, checked_out, scan_order
+from sonarhw.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from sim.board import Board
+    from sonarhw.calibration import Calibration
+    from sonarhw.readings import Reading, ScanOrder
+    from sonarhw.scanner import Scanner
+
+DEFAULT_TEMPERATURE = 20.0  # °C
+PROFILE = ".toml"
+
+
+def calibrate(
+    url: ScannerUrl,
+    distance: Annotated[float, typer.Option(help="From the transducer's face to the plate, metres.", metavar="M")],
+    out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
+    direction: Annotated[
+        float, typer.Option(help="Turntable angle at which it should face the plate, degrees.", metavar="DEG")
+    ] = 0.0,
+    board: BoardName = DEFAULT_BOARD,
+    width: Annotated[float, typer.Option(help="Sector to scan round the plate, degrees.", min=2, max=180)] = 60.0,
+    step: Annotated[float, typer.Option(help="From one heading to the next, degrees.", min=0.05, max=10)] = 0.5,
+    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 3,
+    temperature: Annotated[float | None, typer.Option(help="Air, °C; default: the scanner's own, else 20.")] = None,
+    force: Force = False,
+) -> None:
+    """Scan a flat plate at a known distance; write a board profile with range offset and home angle."""
+    from sim.air import Air
+    from sim.board import load_board
+
+    checked_out(out, (PROFILE,), force, url, board)
+    profile = load_board(board)
+    nearest = profile.blanked_range(Air())
+    if not nearest < distance < profile.max_range:
+        raise InputError(f"--distance {distance:g}: this board hears from {nearest:.2g} to {profile.max_range:g} m")
+    order = scan_order(direction - width / 2, direction + width / 2, step, pings=pings)
+    with sigterm_raises(), connect(url) as scanner:
+        readings = _scan(scanner, order, profile, temperature)
+    from sonarhw.calibration import calibrate as calibrated
+
+    found = calibrated(readings, distance, math.radians(direction))
+    _write(out, _with_calibration(profile.text, out.stem, found))
+    typer.echo(_told(found, distance))
+
+
+def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
+    from sim.air import speed_of_sound
+
+    own = scanner.info.temperature_c
+    air = next(value for value in (temperature, own, DEFAULT_TEMPERATURE) if value is not None)
+    speed = speed_of_sound(air)
+    scanner.configure(2 * board.max_range / speed, board.blanking, False, speed)
+    with interruption(scanner.stop):
+        return list(scanner.scan(order))
+
+
+def _with_calibration(text: str, name: str, found: "Calibration") -> str:
+    """The profile with its name and these two keys, everything else as it was."""
+    values = {
+        "name": f'"{name}"',
+        "range_offset": f"{found.range_offset:.5f}       # m, measured minus true",
+        "home_angle_deg": f"{math.degrees(found.home_angle):.3f}     # where the turntable's zero points",
+    }
+    for key, value in values.items():
+        line = f"{key} = {value}"
+        text, replaced = re.subn(rf"^{key}\s*=.*$", lambda _, line=line: line, text, flags=re.M)  # type: ignore[misc]
+        text = text if replaced else f"{text.rstrip()}\n{line}\n"
+    return text
+
+
+def _write(out: Path, text: str) -> None:
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be written: {error.strerror or error}") from error
+
+
+def _told(found: "Calibration", distance: float) -> str:
+    return (
+        f"plate at {distance:g} m: range offset {found.range_offset * 1000:+.1f} mm "
+        f"(spread {found.range_spread * 1000:.1f} mm), home angle {math.degrees(found.home_angle):+.2f} degrees "
+        f"(± {math.degrees(found.home_uncertainty):.2f}); heard over {math.degrees(found.arc):.1f} degrees, "
+        f"{counted(found.headings, 'heading')}"
+    )

@@ -1,0 +1,57 @@
+#include "identity.h"
+
+#include <avr/eeprom.h> // eeprom_read_block
+
+#include "board_facts.h" // board_serial
+#include "hardware.h" // clock_us
+
+#define SERIAL_MOST 16
+#define BLANK 0xFF // of an EEPROM never written
+
+// at these very addresses: avrdude may write a serial number there
+static uint32_t EEMEM stored_boots;
+static uint8_t EEMEM stored_serial[SERIAL_MOST];
+
+static uint32_t boots;
+static char serial[SERIAL_MOST];
+
+void identity_start(void)
+{
+    boots = eeprom_read_dword(&stored_boots) + 1;
+    if (!boots) // a blank one
+        boots = 1;
+    eeprom_update_dword(&stored_boots, boots);
+    eeprom_read_block(serial, stored_serial, SERIAL_MOST);
+}
+
+uint32_t boot_count(void) { return boots; }
+
+// The moment of the first question is as good as drawn by lot.
+static void invent_serial(void)
+{
+    static const char letters[] = "SONAR-";
+    uint32_t lot = (uint32_t)clock_us();
+    uint8_t at = 0;
+    for (; letters[at]; at++)
+        serial[at] = letters[at];
+    for (; at < 12; at++, lot >>= 4) {
+        uint8_t digit = lot & 15;
+        serial[at] = (char)(digit < 10 ? '0' + digit : 'A' + digit - 10);
+    }
+    serial[at] = 0;
+    eeprom_update_block(serial, stored_serial, SERIAL_MOST);
+}
+
+struct text board_serial(void)
+{
+    if ((uint8_t)serial[0] == BLANK)
+        invent_serial();
+    uint8_t size = 0;
+    while (size < SERIAL_MOST && serial[size])
+        size++;
+    return (struct text){serial, size};
+}
+
+struct text board_firmware(void) { return (struct text){"sonarhw-mega 0.1.0", 18}; }
+
+struct text board_profile(void) { return (struct text){"polaroid-6500", 13}; }

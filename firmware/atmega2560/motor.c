@@ -1,0 +1,46 @@
+/* The stepper driver on STEP, DIR and ENABLE; timer 1 calls for the steps. */
+#include <avr/interrupt.h> // ISR
+#include <avr/io.h> // registers
+
+#include "hardware.h" // motor_start
+#include "pins.h"
+#include "turntable.h" // turntable_step
+
+// A step, at most every 1 777 cycles; STEP stays high for some 10 us of it. Budget 280 cycles, for the line holds three
+// bytes before one is lost: 480 cycles at 1 000 000 baud.
+ISR(TIMER1_COMPA_vect)
+{
+    PIN_HIGH(STEP);
+    uint16_t ticks = turntable_step();
+    if (ticks)
+        OCR1A = ticks - 1;
+    else
+        TCCR1B = 0;
+    PIN_LOW(STEP);
+}
+
+void motor_start(bool counter_clockwise, uint16_t first_ticks)
+{
+    if (counter_clockwise)
+        PIN_HIGH(DIRECTION);
+    else
+        PIN_LOW(DIRECTION);
+    PIN_LOW(ENABLE);
+    OCR1A = first_ticks - 1;
+    TCNT1 = 0;
+    TIFR1 = _BV(OCF1A);
+    TIMSK1 = _BV(OCIE1A);
+    TCCR1B = _BV(WGM12) | _BV(CS11);
+}
+
+bool motor_turning(void) { return TCCR1B != 0; }
+
+void motor_release(void) { PIN_HIGH(ENABLE); }
+
+bool home_mark(void) { return PIN_READ(HOME_MARK); }
+
+bool home_side(void) { return PIN_READ(HOME_SIDE); }
+
+void interrupts_off(void) { cli(); }
+
+void interrupts_on(void) { sei(); }

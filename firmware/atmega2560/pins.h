@@ -1,0 +1,27 @@
+/* Which pin does what. All outputs lie below 0x20, where setting one is a single instruction. */
+#ifndef PINS_H
+#define PINS_H
+
+#include <avr/io.h> // registers
+
+// signal       port letter, bit      pin of an Arduino Mega 2560
+#define INIT C, 0 //                  37
+#define BLNK C, 1 //                  36
+#define BINH C, 2 //                  35
+#define STEP A, 0 //                  22
+#define DIRECTION A, 1 //             23; high is counter-clockwise
+#define ENABLE A, 2 //                24; low lets current flow
+#define HOME_MARK A, 3 //             25
+#define HOME_SIDE A, 4 //             26
+// ECHO is the input capture of timer 4, L0: 49; the trace is on A0, the thermistor on A1
+
+#define PIN_HIGH(pin) PIN_HIGH_(pin)
+#define PIN_LOW(pin) PIN_LOW_(pin)
+#define PIN_OUTPUT(pin) PIN_OUTPUT_(pin)
+#define PIN_READ(pin) PIN_READ_(pin)
+#define PIN_HIGH_(port, bit) (PORT##port |= _BV(bit))
+#define PIN_LOW_(port, bit) (PORT##port &= (uint8_t)~_BV(bit))
+#define PIN_OUTPUT_(port, bit) (DDR##port |= _BV(bit))
+#define PIN_READ_(port, bit) ((PIN##port & _BV(bit)) != 0)
+
+#endif

@@ -1,0 +1,6 @@
+#ifndef USART_H
+#define USART_H
+
+void usart_start(void);
+
+#endif

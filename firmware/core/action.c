@@ -1,0 +1,312 @@
+#include "action.h"
+
+#include <string.h> // memcmp
+
+#include "board_facts.h" // PING_PERIOD_US
+#include "conversation.h" // ping_place
+#include "hardware.h" // pings
+#include "kept.h" // readings
+#include "line.h" // line_quiet
+#include "turntable.h" // turntable
+#include "voice.h" // say_reading
+
+#define KEY_MOST 24 // bytes of an order's payload by which it is known again, and its size; no order of ours has more
+
+enum phase { AIMING, TURNING_THERE, READY, LISTENING, SENDING_TRACE };
+
+struct configure ping_settings;
+struct place ping_place;
+
+// the home, turn or scan that runs, or the last that ran
+static struct {
+    uint8_t type; // 0: there is none
+    bool running;
+    uint16_t sequence;
+    uint8_t key[KEY_MOST];
+    uint8_t size; // of its payload
+    enum outcome outcome;
+    enum turntable_trouble trouble;
+    uint32_t next; // number of the next reading, for its Finished
+} action;
+
+static struct {
+    struct start_scan order;
+    uint32_t end; // number behind the last reading
+    enum phase phase;
+    uint64_t next_ping;
+} scan;
+
+static struct {
+    uint32_t number;
+    const uint8_t *samples;
+    uint16_t sent, total;
+} trace;
+
+static struct {
+    uint32_t next, end;
+} again;
+
+static uint32_t pings;
+
+void action_reset(void)
+{
+    action.type = 0;
+    action.running = false;
+    trace.sent = trace.total = 0;
+    again.next = again.end = 0;
+    scan.next_ping = 0;
+    pings = 0;
+    kept_clear(0);
+}
+
+bool action_running(void) { return action.running; }
+
+enum state action_state(void)
+{
+    return !action.running         ? STATE_IDLE
+           : action.type == HOME   ? STATE_HOMING
+           : action.type == TURN   ? STATE_TURNING
+                                   : STATE_SCANNING;
+}
+
+bool action_listening(void) { return action_state() == STATE_SCANNING && scan.phase == LISTENING; }
+
+uint32_t action_pings(void) { return pings; }
+
+/* The order that is remembered. */
+
+static uint8_t key_size(const struct command_frame *order) { return order->size < KEY_MOST ? order->size : KEY_MOST; }
+
+bool action_is(const struct command_frame *order)
+{
+    return action.type && order->type == action.type && order->sequence == action.sequence &&
+           order->size == action.size && !memcmp(order->payload, action.key, key_size(order));
+}
+
+void action_forget(void) { action.type = 0; }
+
+static void say_begun(void)
+{
+    if (action.type == START_SCAN)
+        say_started(&(struct started){action.sequence, scan_count(&scan.order), scan.order.first});
+    else
+        say_accepted(action.sequence);
+}
+
+static void say_ended(void)
+{
+    struct words words = {.size = 0};
+    if (action.trouble == TROUBLE_NO_MARK)
+        words_add(&words, FLASH_TEXT("no zero mark: are home switch and cam in place, and does the table turn?"));
+    else if (action.trouble == TROUBLE_LOST_STEPS)
+        words_add(&words, FLASH_TEXT("the zero mark is not where it was: steps were lost; home again"));
+    say_finished(&(struct finished){
+        .command = action.sequence,
+        .outcome = action.outcome,
+        .readings = action.type == START_SCAN ? action.next : 0,
+        .text = words_text(&words),
+    });
+}
+
+void action_repeat(void)
+{
+    say_begun();
+    if (!action.running)
+        say_ended();
+}
+
+/* Beginning and ending. */
+
+static void begin(const struct command_frame *order)
+{
+    action.type = order->type;
+    action.running = true;
+    action.sequence = order->sequence;
+    action.size = order->size;
+    memcpy(action.key, order->payload, key_size(order));
+    action.trouble = TROUBLE_NONE;
+    say_begun();
+}
+
+static void end(enum outcome outcome)
+{
+    action.running = false;
+    action.outcome = outcome;
+    action.trouble = turntable_trouble();
+    action.next = kept_end();
+    say_ended();
+}
+
+void action_home(const struct command_frame *order)
+{
+    turntable_home();
+    begin(order);
+}
+
+void action_turn(const struct command_frame *order, int32_t microdegrees)
+{
+    turntable_turn(microdegrees);
+    begin(order);
+}
+
+void action_scan(const struct command_frame *order, const struct start_scan *wanted)
+{
+    kept_clear(wanted->first);
+    again.next = again.end;
+    trace.sent = trace.total;
+    scan.order = *wanted;
+    scan.end = wanted->first + scan_count(wanted);
+    scan.phase = AIMING;
+    begin(order);
+}
+
+void action_stop(void)
+{
+    if (!action.running)
+        return;
+    trace.sent = trace.total;
+    turntable_halt();
+    end(OUTCOME_STOPPED);
+}
+
+/* Readings and traces. */
+
+static void say_kept(uint32_t number)
+{
+    struct reading reading;
+    kept_get(number, &reading);
+    struct place place = scan_place(&scan.order, number);
+    for (uint8_t echo = 0; echo < reading.echo_count; echo++)
+        reading.echoes[echo] *= 500; // ns
+    say_reading(&(struct reading_message){
+        .number = number,
+        .sweep = place.sweep,
+        .ping = place.ping,
+        .angle = turntable_nearest(place.angle),
+        .fired_us = reading.fired_us,
+        .temperature = reading.temperature,
+        .echoes = {reading.echoes, reading.echo_count},
+    });
+}
+
+static void say_chunk(void)
+{
+    uint16_t left = trace.total - trace.sent;
+    uint16_t count = left < CHUNK ? left : CHUNK;
+    struct trace_chunk chunk = {
+        .number = trace.number,
+        .offset = trace.sent,
+        .total = trace.total,
+        .period_ns = TRACE_PERIOD_NS,
+        .start_ns = TRACE_START_NS,
+        .samples = {.bytes = trace.samples + trace.sent, .count = count},
+        .kind = TRACE_KIND,
+        .bits = 8,
+    };
+    trace.sent += count;
+    say_trace_chunk(&chunk);
+}
+
+// The echoes of a ping that count, moved to the front; how many they are.
+static uint8_t sift(uint32_t *echoes, uint8_t count)
+{
+    uint8_t sifted = 0;
+    for (uint8_t echo = 0; echo < count && sifted < ping_settings.echoes; echo++)
+        if (echoes[echo] >= ping_settings.blanking_us * 2 && echoes[echo] <= ping_settings.listen_us * 2)
+            echoes[sifted++] = echoes[echo];
+    return sifted;
+}
+
+static void take_reading(void)
+{
+    struct ping_result result = ping_result();
+    trace.number = kept_end();
+    trace.samples = result.trace;
+    trace.total = result.trace_size;
+    trace.sent = 0;
+    kept_add(result.fired_us, thermometer(), result.echoes, sift(result.echoes, result.echo_count));
+    pings++;
+    say_kept(trace.number);
+    scan.next_ping = result.fired_us + PING_PERIOD_US;
+    scan.phase = kept_end() != scan.end ? AIMING : SENDING_TRACE;
+}
+
+void action_send_again(uint32_t first, uint8_t count)
+{
+    uint64_t end = (uint64_t)first + count;
+    again.next = first > kept_first() ? first : kept_first();
+    again.end = end < kept_end() ? (uint32_t)end : kept_end();
+    if (again.next > again.end)
+        again.next = again.end;
+}
+
+bool action_speak(void)
+{
+    if (again.next < again.end)
+        say_kept(again.next++);
+    else if (trace.sent < trace.total)
+        say_chunk();
+    else
+        return false;
+    return true;
+}
+
+/* Going on. */
+
+// Fire where nothing is left to be said, so that the line is silent while it listens.
+static void fire_when_quiet(uint64_t now_us)
+{
+    bool all_said = voice_idle() && trace.sent == trace.total && again.next == again.end;
+    if (now_us < scan.next_ping || !all_said || !line_quiet())
+        return;
+    ping_start(&(struct ping_order){
+        .listen_us = ping_settings.listen_us,
+        .blanking_us = ping_settings.blanking_us,
+        .rearm_us = ping_settings.rearm_us,
+        .echoes = ping_settings.echoes,
+        .trace = ping_settings.trace != TRACE_KIND_NONE,
+    });
+    scan.phase = LISTENING;
+}
+
+static void work_on_scan(uint64_t now_us, bool turning)
+{
+    switch (scan.phase) {
+    case AIMING:
+        ping_place = scan_place(&scan.order, kept_end());
+        turntable_turn(ping_place.angle);
+        turning = turntable_work(now_us);
+        scan.phase = TURNING_THERE;
+        // fall through
+    case TURNING_THERE:
+        if (turning)
+            break;
+        scan.phase = READY;
+        // fall through
+    case READY:
+        fire_when_quiet(now_us);
+        break;
+    case LISTENING:
+        if (ping_over())
+            take_reading();
+        break;
+    case SENDING_TRACE:
+        if (trace.sent == trace.total && voice_idle())
+            end(OUTCOME_DONE);
+        break;
+    }
+}
+
+void action_work(uint64_t now_us)
+{
+    bool turning = turntable_work(now_us);
+    if (!action.running)
+        return;
+    enum turntable_trouble trouble = turntable_trouble();
+    if (trouble != TROUBLE_NONE && !turning && !action_listening())
+        end(trouble == TROUBLE_LOST_STEPS ? OUTCOME_LOST_STEPS : OUTCOME_FAULT);
+    else if (action.type == START_SCAN)
+        work_on_scan(now_us, turning);
+    else if (!turning)
+        end(OUTCOME_DONE);
+}

@@ -1,0 +1,297 @@
+#include "turntable.h"
+
+#include "board_facts.h" // MICROSTEPS, REACH_DEGREES, speeds
+#include "hardware.h" // motor, home switch
+#include "messages.h" // enum approach
+#include "ramp.h" // struct ramp
+
+#define TURN_MICRODEGREES 360000000
+#define STEPS_OF_DEGREES(degrees) ((int32_t)((int64_t)(degrees) * MICROSTEPS / 360))
+
+enum leg {
+    STILL,
+    SEEKING_ABOVE, // counter-clockwise until the cam says: above zero
+    SEEKING_BELOW, // clockwise until it says: below
+    CREEPING, // counter-clockwise onto the mark
+    PASSING, // past the heading, to come back to it
+    APPROACHING, // onto the heading
+    HALTING,
+    SETTLING,
+};
+
+enum order { NOTHING, HOMING, TURNING };
+
+static struct {
+    enum leg leg;
+    enum order order; // begun as soon as it stands still
+    enum turntable_trouble trouble;
+    bool homed;
+    int32_t target; // steps
+    int32_t lost; // steps
+    uint64_t settled_us;
+    struct turntable_manner manner;
+} table;
+
+// shared with the step interrupt
+static struct ramp ramp;
+static volatile int32_t position; // steps
+static int8_t direction;
+static bool was_marked;
+static volatile bool mark_passed; // counter-clockwise, the only way its edge counts
+static volatile int32_t mark_position;
+
+uint16_t turntable_step(void)
+{
+    position += direction;
+    bool marked = home_mark();
+    if (marked && !was_marked && direction > 0) {
+        mark_position = position;
+        mark_passed = true;
+    }
+    was_marked = marked;
+    return ramp_next(&ramp);
+}
+
+static int32_t position_now(void)
+{
+    interrupts_off();
+    int32_t steps = position;
+    interrupts_on();
+    return steps;
+}
+
+void turntable_reset(void)
+{
+    table.leg = STILL;
+    table.trouble = TROUBLE_NONE;
+    table.order = NOTHING;
+    table.homed = false;
+    table.lost = 0;
+    position = 0;
+    turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
+}
+
+void turntable_set_manner(struct turntable_manner wish)
+{
+    if (!wish.speed || wish.speed > SPEED)
+        wish.speed = SPEED;
+    if (wish.speed < SLOWEST_RAMP)
+        wish.speed = SLOWEST_RAMP;
+    if (!wish.acceleration || wish.acceleration > ACCELERATION)
+        wish.acceleration = ACCELERATION;
+    if (wish.acceleration < GENTLEST_RAMP)
+        wish.acceleration = GENTLEST_RAMP;
+    table.manner = wish;
+}
+
+struct turntable_manner turntable_manner(void) { return table.manner; }
+
+bool turntable_homed(void) { return table.homed; }
+
+static int32_t steps_of(int32_t microdegrees)
+{
+    int64_t twice = 2 * (int64_t)microdegrees * MICROSTEPS;
+    return (int32_t)((twice + (twice < 0 ? -TURN_MICRODEGREES : TURN_MICRODEGREES)) / (2 * (int64_t)TURN_MICRODEGREES));
+}
+
+static int32_t microdegrees_of(int32_t steps) { return (int32_t)((int64_t)steps * TURN_MICRODEGREES / MICROSTEPS); }
+
+int32_t turntable_microdegrees(void) { return table.homed ? microdegrees_of(position_now()) : 0; }
+
+int32_t turntable_nearest(int32_t microdegrees) { return microdegrees_of(steps_of(microdegrees)); }
+
+bool turntable_reaches(int64_t microdegrees)
+{
+    return microdegrees >= -REACH_DEGREES * 1000000L && microdegrees <= REACH_DEGREES * 1000000L;
+}
+
+static void start(enum leg leg, int32_t steps, uint16_t speed)
+{
+    table.leg = leg;
+    mark_passed = false;
+    was_marked = home_mark();
+    direction = steps < 0 ? -1 : 1;
+    ramp = ramp_of((uint16_t)(steps < 0 ? -steps : steps), table.manner.acceleration, speed);
+    uint16_t first = ramp_next(&ramp);
+    motor_start(direction > 0, first);
+}
+
+static void stop(void)
+{
+    interrupts_off();
+    ramp_halt(&ramp);
+    interrupts_on();
+}
+
+static void settle(uint64_t now_us)
+{
+    table.leg = SETTLING;
+    table.settled_us = now_us + table.manner.settle_us;
+}
+
+// Head for the target from where it stands; false where it stands there already.
+static bool approach(void)
+{
+    int32_t way = table.target - position_now();
+    int32_t past = STEPS_OF_DEGREES(BACKLASH_DEGREES);
+    if (way < 0 && table.manner.approach == APPROACH_COUNTER_CLOCKWISE)
+        start(PASSING, way - past, table.manner.speed);
+    else if (way > 0 && table.manner.approach == APPROACH_CLOCKWISE)
+        start(PASSING, way + past, table.manner.speed);
+    else if (way)
+        start(APPROACHING, way, table.manner.speed);
+    return way != 0;
+}
+
+static void begin(void)
+{
+    enum order order = table.order;
+    table.order = NOTHING;
+    table.leg = STILL;
+    if (order == TURNING)
+        approach();
+    else if (order == HOMING && home_side())
+        start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES + MARGIN_DEGREES), HOMING_SPEED);
+    else if (order == HOMING)
+        start(SEEKING_ABOVE, STEPS_OF_DEGREES(REACH_DEGREES + MARGIN_DEGREES), HOMING_SPEED);
+}
+
+static void take(enum order order)
+{
+    table.trouble = TROUBLE_NONE;
+    table.order = order;
+    if (table.leg == STILL)
+        begin();
+}
+
+void turntable_home(void)
+{
+    table.homed = false;
+    take(HOMING);
+}
+
+void turntable_turn(int32_t microdegrees)
+{
+    table.target = steps_of(microdegrees);
+    take(TURNING);
+}
+
+void turntable_halt(void)
+{
+    table.order = NOTHING;
+    if (table.leg == STILL)
+        return;
+    table.leg = HALTING;
+    stop();
+}
+
+void turntable_release(void)
+{
+    turntable_halt();
+    motor_release();
+    table.homed = false;
+}
+
+static void give_up(enum turntable_trouble trouble)
+{
+    table.trouble = trouble;
+    table.homed = false;
+    table.leg = HALTING;
+    stop();
+}
+
+// The mark was passed while creeping: that is where zero is.
+static void set_zero(void)
+{
+    interrupts_off();
+    position -= mark_position;
+    ramp_halt(&ramp);
+    interrupts_on();
+    mark_passed = false;
+    table.homed = true;
+    table.target = 0;
+    // it rolls out first, then comes back onto zero
+    table.leg = APPROACHING;
+}
+
+static void check_mark(void)
+{
+    if (!mark_passed)
+        return;
+    interrupts_off();
+    int32_t off = mark_position;
+    mark_passed = false;
+    interrupts_on();
+    off %= MICROSTEPS;
+    if (off > MICROSTEPS / 2)
+        off -= MICROSTEPS;
+    if (off < -MICROSTEPS / 2)
+        off += MICROSTEPS;
+    if (off > LOST_STEPS || off < -LOST_STEPS) {
+        table.lost += off;
+        give_up(TROUBLE_LOST_STEPS);
+    }
+}
+
+static void watch(void)
+{
+    if (table.leg == SEEKING_ABOVE && home_side())
+        stop();
+    else if (table.leg == SEEKING_BELOW && !home_side())
+        stop();
+    else if (table.leg == CREEPING && mark_passed)
+        set_zero();
+    else if (table.homed)
+        check_mark();
+}
+
+static void next_leg(uint64_t now_us)
+{
+    switch (table.leg) {
+    case SEEKING_ABOVE:
+        if (home_side())
+            start(SEEKING_BELOW, -STEPS_OF_DEGREES(REACH_DEGREES), SPEED);
+        else
+            give_up(TROUBLE_NO_MARK);
+        break;
+    case SEEKING_BELOW:
+        if (!home_side())
+            start(CREEPING, STEPS_OF_DEGREES(CREEP_DEGREES), CREEP_SPEED);
+        else
+            give_up(TROUBLE_NO_MARK);
+        break;
+    case CREEPING:
+        give_up(TROUBLE_NO_MARK);
+        break;
+    case PASSING:
+    case APPROACHING:
+        if (!approach())
+            settle(now_us);
+        break;
+    case SETTLING:
+        if (now_us >= table.settled_us)
+            table.leg = STILL;
+        break;
+    case HALTING:
+        begin();
+        break;
+    case STILL:
+        break;
+    }
+}
+
+bool turntable_work(uint64_t now_us)
+{
+    if (table.leg == STILL)
+        return false;
+    bool turning = motor_turning();
+    // asked before, so that what the last steps of a leg passed counts too
+    watch();
+    if (!turning)
+        next_leg(now_us);
+    return table.leg != STILL;
+}
+
+enum turntable_trouble turntable_trouble(void) { return table.trouble; }
+
+int32_t turntable_lost(void) { return table.lost; }

@@ -1,0 +1,314 @@
+/* Loads the firmware and lets time pass: in real time, some times faster, or as fast as it goes. */
+#include "emulator.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <getopt.h>
+#include <gelf.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <simavr/avr_eeprom.h>
+#include <simavr/avr_ioport.h>
+#include <simavr/sim_elf.h>
+#include <simavr/sim_time.h>
+
+#define SLICE (FREQUENCY / 1000) // cycles from one look at the world to the next
+#define START (FREQUENCY / 20) // cycles in which it starts, before anyone is told that it is there
+#define VECTOR_SIZE 4 // bytes
+#define ENTRY_CYCLES 5 // from the interrupt to its vector, which simavr leaves out
+#define EEPROM_SIZE 4096
+#define MOST_BEHIND 0.1 // s; what a stalled machine loses beyond that is not made up for
+
+static struct options options = {.pace = 1, .stands = 0, .temperature = NAN};
+static volatile sig_atomic_t ending;
+
+void die(const char *why)
+{
+    fprintf(stderr, "emulated board: %s\n", why);
+    line_end();
+    exit(1);
+}
+
+bool asked_to_end(void) { return ending; }
+
+double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
+
+uint16_t symbol(const char *name)
+{
+    int file = open(options.elf, O_RDONLY);
+    elf_version(EV_CURRENT);
+    Elf *elf = file < 0 ? NULL : elf_begin(file, ELF_C_READ, NULL);
+    for (Elf_Scn *section = NULL; elf && (section = elf_nextscn(elf, section));) {
+        GElf_Shdr header;
+        if (!gelf_getshdr(section, &header) || header.sh_type != SHT_SYMTAB)
+            continue;
+        Elf_Data *data = elf_getdata(section, NULL);
+        for (size_t at = 0; at < header.sh_size / header.sh_entsize; at++) {
+            GElf_Sym entry;
+            gelf_getsym(data, (int)at, &entry);
+            if (strcmp(elf_strptr(elf, header.sh_link, entry.st_name), name))
+                continue;
+            elf_end(elf);
+            close(file);
+            return (uint16_t)entry.st_value;
+        }
+    }
+    die("the firmware lacks a variable that this emulator looks for");
+    return 0;
+}
+
+struct listener {
+    avr_t *avr;
+    bool high;
+    void (*changed)(avr_t *, bool);
+};
+
+static void pin_changed(struct avr_irq_t *irq, uint32_t value, void *parameter)
+{
+    (void)irq;
+    struct listener *listener = parameter;
+    if (listener->high == (value != 0))
+        return;
+    listener->high = value != 0;
+    listener->changed(listener->avr, listener->high);
+}
+
+void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool))
+{
+    struct listener *listener = calloc(1, sizeof *listener);
+    if (!listener)
+        die("no memory");
+    *listener = (struct listener){avr, false, changed};
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), pin_changed, listener);
+    return listener;
+}
+
+// by port; without this simavr would set a pin back to its pull-up whenever the firmware writes to the port
+static avr_ioport_external_t driven['L' + 1];
+
+void set_pin(avr_t *avr, char port, int bit, bool high)
+{
+    avr_ioport_external_t *external = &driven[(int)port];
+    external->name = (unsigned)port;
+    external->mask |= 1u << bit;
+    external->value = (external->value & ~(1u << bit)) | (high ? 1u << bit : 0);
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), external);
+    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
+}
+
+// The chip has begun anew, and simavr has forgotten its clock, its timers and what drives the pins.
+static void after_reset(avr_t *avr)
+{
+    for (int port = 'A'; port <= 'L'; port++)
+        for (int bit = 0; bit < 8; bit++)
+            if (driven[port].mask & 1u << bit) {
+                bool high = driven[port].value & 1u << bit;
+                set_pin(avr, (char)port, bit, !high);
+                set_pin(avr, (char)port, bit, high);
+            }
+    ranging_reset(avr);
+    turntable_reset(avr);
+    line_reset();
+}
+
+void reset_board(avr_t *avr)
+{
+    avr_reset(avr);
+    avr_regbit_set(avr, avr->reset_flags.extrf);
+    after_reset(avr);
+}
+
+void hang_board(avr_t *avr)
+{
+    static uint8_t jump_to_itself[] = {0xFF, 0xCF};
+    avr_loadcode(avr, jump_to_itself, sizeof jump_to_itself, avr->flashend - 1);
+    avr->pc = avr->flashend - 1;
+}
+
+static void read_eeprom(avr_t *avr)
+{
+    static uint8_t bytes[EEPROM_SIZE];
+    memset(bytes, 0xFF, sizeof bytes);
+    FILE *file = options.eeprom ? fopen(options.eeprom, "rb") : NULL;
+    if (file) {
+        if (!fread(bytes, 1, sizeof bytes, file))
+            die("the file of the EEPROM cannot be read");
+        fclose(file);
+    }
+    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
+    avr_ioctl(avr, AVR_IOCTL_EEPROM_SET, &all);
+}
+
+static void write_eeprom(avr_t *avr)
+{
+    avr_eeprom_desc_t all = {.ee = NULL, .offset = 0, .size = EEPROM_SIZE};
+    avr_ioctl(avr, AVR_IOCTL_EEPROM_GET, &all);
+    FILE *file = options.eeprom ? fopen(options.eeprom, "wb") : NULL;
+    if (file) {
+        fwrite(all.ee, 1, EEPROM_SIZE, file);
+        fclose(file);
+    }
+}
+
+static avr_t *make_chip(void)
+{
+    elf_firmware_t firmware = {0};
+    if (elf_read_firmware(options.elf, &firmware))
+        die("the firmware cannot be read");
+    avr_t *avr = avr_make_mcu_by_name("atmega2560");
+    if (!avr)
+        die("this libsimavr knows no ATmega2560");
+    avr_init(avr);
+    avr->frequency = FREQUENCY;
+    avr->log = LOG_ERROR;
+    avr->vcc = avr->avcc = avr->aref = 5000;
+    // the firmware sleeps, this program decides how long that takes
+    avr_load_firmware(avr, &firmware);
+    return avr;
+}
+
+static double real_seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + now.tv_nsec * 1e-9;
+}
+
+// Wait until the real time has come that the board's time stands for.
+static void keep_pace(const avr_t *avr)
+{
+    static double offset; // real time at the board's 0
+    if (options.pace == 0)
+        return;
+    double due = seconds(avr) / options.pace;
+    double ahead = due + offset - real_seconds();
+    if (ahead < -MOST_BEHIND || ahead > 1)
+        offset = real_seconds() - due;
+    else if (ahead > 0)
+        usleep((useconds_t)(ahead * 1e6));
+}
+
+static void end(int signal)
+{
+    (void)signal;
+    ending = 1;
+}
+
+static void never_sleep(avr_t *avr, avr_cycle_count_t cycles)
+{
+    (void)avr;
+    (void)cycles;
+}
+
+static void read_options(int count, char **words)
+{
+    static const struct option known[] = {
+        {"firmware", required_argument, NULL, 'f'}, {"eeprom", required_argument, NULL, 'e'},
+        {"link", required_argument, NULL, 'l'},     {"pace", required_argument, NULL, 'p'},
+        {"stands", required_argument, NULL, 's'},   {"temperature", required_argument, NULL, 't'},
+        {"any-baud", no_argument, NULL, 'a'},       {"parent", required_argument, NULL, 'd'},
+        {NULL, 0, NULL, 0},
+    };
+    for (int option; (option = getopt_long(count, words, "", known, NULL)) != -1;) {
+        switch (option) {
+        case 'f':
+            options.elf = optarg;
+            break;
+        case 'e':
+            options.eeprom = optarg;
+            break;
+        case 'l':
+            options.link = optarg;
+            break;
+        case 'p':
+            options.pace = atof(optarg);
+            break;
+        case 's':
+            options.stands = atof(optarg);
+            break;
+        case 't':
+            options.temperature = atof(optarg);
+            break;
+        case 'a':
+            options.any_baud = true;
+            break;
+        case 'd':
+            parent_start(atoi(optarg));
+            break;
+        default:
+            exit(2);
+        }
+    }
+    if (!options.elf)
+        die("--firmware FILE.elf is missing");
+}
+
+static uint32_t longest[INTERRUPTS];
+
+const uint32_t *longest_interrupts(void) { return longest; }
+
+// Notices where a handler begins, at its vector, and where it ends.
+static void time_interrupts(const avr_t *avr, avr_flashaddr_t before)
+{
+    static unsigned vector;
+    static avr_cycle_count_t began;
+    if (avr->pc < INTERRUPTS * VECTOR_SIZE && avr->pc % VECTOR_SIZE == 0) {
+        vector = avr->pc / VECTOR_SIZE;
+        began = avr->cycle - ENTRY_CYCLES;
+    } else if (vector && avr->flash[before] == 0x18 && avr->flash[before + 1] == 0x95) { // RETI
+        if (avr->cycle - began > longest[vector])
+            longest[vector] = (uint32_t)(avr->cycle - began);
+        vector = 0;
+    }
+}
+
+static void run_for(avr_t *avr, avr_cycle_count_t cycles)
+{
+    for (avr_cycle_count_t end = avr->cycle + cycles; avr->cycle < end;) {
+        avr_flashaddr_t before = avr->pc;
+        int state = avr_run(avr);
+        if (state == cpu_Done || state == cpu_Crashed)
+            die("the firmware crashed");
+        if (avr->pc == 0) {
+            after_reset(avr);
+            return;
+        }
+        time_interrupts(avr, before);
+    }
+}
+
+int main(int count, char **words)
+{
+    read_options(count, words);
+    // simavr writes what it loads to standard output, which is the parent's
+    if (!freopen("/dev/null", "w", stdout))
+        die("no /dev/null");
+    // without SA_RESTART: a parent that answers no more must not keep it
+    const struct sigaction ends = {.sa_handler = end};
+    sigaction(SIGTERM, &ends, NULL);
+    sigaction(SIGINT, &ends, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    avr_t *avr = make_chip();
+    avr->sleep = never_sleep;
+    read_eeprom(avr);
+    ranging_start(avr, options.temperature);
+    turntable_start(avr, options.stands);
+    line_start(avr, options.link, options.any_baud);
+    run_for(avr, START);
+    parent_tell_ready(line_name());
+    while (!ending) {
+        run_for(avr, SLICE);
+        line_poll(avr);
+        parent_poll(avr);
+        keep_pace(avr);
+    }
+    write_eeprom(avr);
+    line_end();
+    return 0;
+}

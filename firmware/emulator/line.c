@@ -1,0 +1,171 @@
+/* The serial line on a pseudo-terminal: bytes take their time, and make no sense at another speed than the firmware's. */
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <asm/termbits.h>
+#include <simavr/avr_uart.h>
+
+#include "emulator.h"
+
+#define UCSR0A 0xC0
+#define UBRR0L 0xC4
+#define UBRR0H 0xC5
+#define DOUBLE_SPEED 0x02
+#define STALLED 100 // ms that a client may stop reading before bytes for it are lost
+
+static struct {
+    int terminal;
+    char name[64];
+    const char *link;
+    bool any_baud;
+    avr_irq_t *uart;
+    uint8_t sending[4096];
+    size_t send_size;
+    uint8_t received[4096];
+    size_t received_at, received_size;
+    bool feeding;
+    uint32_t noise;
+} line;
+
+static unsigned firmware_baud(const avr_t *avr)
+{
+    unsigned divisor = avr->data[UBRR0L] | avr->data[UBRR0H] << 8;
+    return FREQUENCY / (avr->data[UCSR0A] & DOUBLE_SPEED ? 8 : 16) / (divisor + 1);
+}
+
+static avr_cycle_count_t byte_cycles(const avr_t *avr) { return 10 * FREQUENCY / firmware_baud(avr); }
+
+// simavr counts a parity bit that is not sent.
+static void correct_pace(avr_t *avr)
+{
+    for (avr_io_t *io = avr->io_port; io; io = io->next)
+        if (!strcmp(io->kind, "uart") && ((avr_uart_t *)io)->name == '0')
+            ((avr_uart_t *)io)->cycles_per_byte = byte_cycles(avr);
+}
+
+static unsigned host_baud(void)
+{
+    struct termios2 settings;
+    return ioctl(line.terminal, TCGETS2, &settings) ? 0 : settings.c_ospeed;
+}
+
+// What a byte looks like where the two sides count bits of different lengths.
+static uint8_t garbled(uint8_t byte)
+{
+    line.noise = line.noise * 1664525 + 1013904223;
+    return byte ^ (uint8_t)(line.noise >> 24) ^ 0x55;
+}
+
+static bool speeds_differ(const avr_t *avr) { return !line.any_baud && host_baud() != firmware_baud(avr); }
+
+static bool client_there(void)
+{
+    struct pollfd terminal = {.fd = line.terminal};
+    return poll(&terminal, 1, 0) <= 0 || !(terminal.revents & POLLHUP);
+}
+
+static void flush(void)
+{
+    size_t at = 0;
+    while (at < line.send_size && client_there()) {
+        ssize_t written = write(line.terminal, line.sending + at, line.send_size - at);
+        struct pollfd room = {.fd = line.terminal, .events = POLLOUT};
+        if (written > 0)
+            at += (size_t)written;
+        else if (errno != EAGAIN || poll(&room, 1, STALLED) <= 0)
+            break;
+    }
+    line.send_size = 0;
+}
+
+static void sent(struct avr_irq_t *irq, uint32_t value, void *parameter)
+{
+    (void)irq;
+    avr_t *avr = parameter;
+    if (ranging_listens())
+        die("the firmware sends while it listens");
+    if (line.send_size == 0 || line.send_size == sizeof line.sending)
+        flush();
+    line.sending[line.send_size++] = speeds_differ(avr) ? garbled((uint8_t)value) : (uint8_t)value;
+}
+
+static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    if (line.received_at == line.received_size) {
+        line.feeding = false;
+        return 0;
+    }
+    uint8_t byte = line.received[line.received_at++];
+    avr_raise_irq(line.uart + UART_IRQ_INPUT, speeds_differ(avr) ? garbled(byte) : byte);
+    return when + byte_cycles(avr);
+}
+
+void line_reset(void)
+{
+    line.received_at = line.received_size = 0;
+    line.feeding = false;
+}
+
+void line_poll(avr_t *avr)
+{
+    correct_pace(avr);
+    flush();
+    if (line.received_at < line.received_size)
+        return;
+    ssize_t got = read(line.terminal, line.received, sizeof line.received);
+    if (got <= 0)
+        return;
+    line.received_at = 0;
+    line.received_size = (size_t)got;
+    if (!line.feeding) {
+        line.feeding = true;
+        avr_cycle_timer_register(avr, byte_cycles(avr), feed, NULL);
+    }
+}
+
+static void make_raw(int descriptor)
+{
+    struct termios2 settings;
+    if (ioctl(descriptor, TCGETS2, &settings))
+        die("the pseudo-terminal has no settings");
+    settings.c_iflag = settings.c_oflag = settings.c_lflag = 0;
+    settings.c_cflag = CS8 | CREAD | CLOCAL | B38400;
+    ioctl(descriptor, TCSETS2, &settings);
+}
+
+void line_start(avr_t *avr, const char *link, bool any_baud)
+{
+    line.terminal = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
+    if (line.terminal < 0 || grantpt(line.terminal) || unlockpt(line.terminal) ||
+        ptsname_r(line.terminal, line.name, sizeof line.name))
+        die("no pseudo-terminal to be had");
+    // opened and shut once, so that it says from now on whether a client is there
+    int once = open(line.name, O_RDWR | O_NOCTTY);
+    if (once < 0)
+        die("the pseudo-terminal cannot be opened");
+    make_raw(once);
+    close(once);
+    line.link = link;
+    if (link && symlink(line.name, link))
+        die("the link to the pseudo-terminal cannot be made; does it exist already?");
+    line.any_baud = any_baud;
+    line.uart = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), 0);
+    uint32_t flags = 0;
+    avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
+    avr_irq_register_notify(line.uart + UART_IRQ_OUTPUT, sent, avr);
+}
+
+void line_end(void)
+{
+    if (line.link)
+        unlink(line.link);
+}
+
+const char *line_name(void) { return line.link ? line.link : line.name; }

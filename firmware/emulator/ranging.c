@@ -1,0 +1,166 @@
+/* The 6500: what the firmware sees of it, and the envelope and the thermistor on the converter.
+ *
+ * An echo sets ECHO until INIT falls or BLNK rises; no echo counts before the blanking is over (2.38 ms, or when BINH
+ * rises) or while BLNK is high. The transmitter's noise is seen on ECHO for a moment, as on the real one.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <simavr/avr_adc.h>
+#include <simavr/sim_time.h>
+
+#include "emulator.h"
+
+#define BLANKING 0.00238 // s
+#define NOISE 0.0001 // s after INIT
+#define NOISE_LASTS 160 // cycles
+#define SUPPLY 5000 // mV
+#define SAMPLE_CYCLES 208 // from one conversion of a trace to the next; simavr takes a little longer
+#define HOLD_CYCLES 24 // from the start of a conversion until the input is held
+#define THERMISTOR_CHANNEL 1
+
+static struct {
+    bool transmitting, blanked, inhibited, latched;
+    avr_cycle_count_t fired;
+    struct heard heard;
+    unsigned next; // echo
+    double temperature;
+    uint16_t place; // address of ping_place
+    avr_irq_t *converter;
+    unsigned pending; // mV, of the conversion before
+    unsigned conversions; // of this trace
+    avr_cycle_count_t sampled; // when the first was held
+} board;
+
+static void set_echo(avr_t *avr, bool high)
+{
+    board.latched = high;
+    set_pin(avr, 'L', 0, high);
+}
+
+static avr_cycle_count_t cycles_of(double time) { return board.fired + (avr_cycle_count_t)llround(time * FREQUENCY); }
+
+static avr_cycle_count_t echo_comes(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    bool open = board.inhibited || when >= cycles_of(BLANKING);
+    if (!board.latched && !board.blanked && open)
+        set_echo(avr, true);
+    if (++board.next == board.heard.count)
+        return 0;
+    avr_cycle_count_t next = cycles_of(board.heard.times[board.next]);
+    return next > when ? next : when + 1;
+}
+
+static avr_cycle_count_t noise(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    set_echo(avr, !board.latched);
+    return board.latched ? when + NOISE_LASTS : 0;
+}
+
+static void ask(avr_t *avr)
+{
+    // struct place of core/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
+    struct ping ping = {.degrees = turntable_degrees(), .index = avr->data[board.place + 2]};
+    memcpy(&ping.sweep, avr->data + board.place, 2);
+    parent_hear(avr, &ping, &board.heard);
+}
+
+static void init_changed(avr_t *avr, bool high)
+{
+    board.transmitting = high;
+    avr_cycle_timer_cancel(avr, echo_comes, NULL);
+    avr_cycle_timer_cancel(avr, noise, NULL);
+    set_echo(avr, false);
+    if (!high)
+        return;
+    board.fired = avr->cycle;
+    board.next = 0;
+    board.conversions = 0;
+    ask(avr);
+    avr_cycle_timer_register(avr, (avr_cycle_count_t)(NOISE * FREQUENCY), noise, NULL);
+    if (board.heard.count) {
+        avr_cycle_count_t first = cycles_of(board.heard.times[0]);
+        avr_cycle_timer_register(avr, first > avr->cycle ? first - avr->cycle : 1, echo_comes, NULL);
+    }
+}
+
+static void blnk_changed(avr_t *avr, bool high)
+{
+    board.blanked = high;
+    if (high)
+        set_echo(avr, false);
+}
+
+static void binh_changed(avr_t *avr, bool high)
+{
+    (void)avr;
+    board.inhibited = high;
+}
+
+// The envelope some cycles after INIT, between two samples of the source.
+static double envelope(avr_cycle_count_t cycles)
+{
+    if (!board.transmitting || !board.heard.samples)
+        return 0;
+    double at = ((double)cycles / FREQUENCY - board.heard.start) * board.heard.rate;
+    if (at < 0 || at >= board.heard.samples - 1)
+        return 0;
+    unsigned before = (unsigned)at;
+    double share = at - before;
+    return (1 - share) * board.heard.trace[before] + share * board.heard.trace[before + 1];
+}
+
+// A thermistor of 10 kOhm at 25 °C towards ground, 10 kOhm towards the supply.
+static double thermistor(void)
+{
+    if (isnan(board.temperature))
+        return 1;
+    double ratio = exp(3950 * (1 / (board.temperature + 273.15) - 1 / 298.15));
+    return ratio / (1 + ratio);
+}
+
+// A conversion begins. While one follows the other the firmware reads the one before, for simavr begins the next first.
+static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
+{
+    (void)irq;
+    avr_t *avr = parameter;
+    union {
+        avr_adc_mux_t mux;
+        uint32_t value;
+    } channel = {.value = value};
+    if (channel.mux.src == THERMISTOR_CHANNEL) {
+        board.conversions = 0;
+        avr_raise_irq(board.converter + ADC_IRQ_ADC1, (uint32_t)lround(thermistor() * SUPPLY));
+        return;
+    }
+    if (!board.conversions)
+        board.sampled = avr->cycle + HOLD_CYCLES - board.fired;
+    double level = envelope(board.sampled + SAMPLE_CYCLES * board.conversions);
+    // half a step up, so that the converter's rounding down gives the nearest of 256 levels
+    unsigned now = (unsigned)lround((floor(level * 255 + 0.5) + 0.5) / 256 * SUPPLY);
+    avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.conversions++ ? board.pending : now);
+    board.pending = now;
+}
+
+void ranging_reset(avr_t *avr)
+{
+    board.transmitting = board.blanked = board.inhibited = false;
+    set_echo(avr, false);
+}
+
+bool ranging_listens(void) { return board.transmitting; }
+
+void ranging_start(avr_t *avr, double temperature)
+{
+    board.temperature = temperature;
+    board.place = symbol("ping_place");
+    board.converter = avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, 0);
+    avr_irq_register_notify(board.converter + ADC_IRQ_OUT_TRIGGER, conversion, avr);
+    make_irq_listener(avr, 'C', 0, init_changed);
+    make_irq_listener(avr, 'C', 1, blnk_changed);
+    make_irq_listener(avr, 'C', 2, binh_changed);
+    set_pin(avr, 'L', 0, false);
+}

@@ -1,0 +1,128 @@
+/* The turntable: a motor that is drawn to its field as by a spring, a gear with play, a mark and a cam.
+ *
+ * The rotor swings into its place, and slips by whole turns of the field (64 microsteps) where it cannot follow.
+ */
+#include <math.h>
+
+#include "emulator.h"
+
+#define MICROSTEPS 7200.0 // of a whole turn
+#define FIELD 64.0 // microsteps after which the field looks the same again
+#define SWING 60.0 // Hz, of rotor and table about where the field holds them
+#define DAMPING 0.35 // of critical
+#define PLAY 12.0 // microsteps of the gear
+#define CAM (-20.0 / 360 * MICROSTEPS) // where it changes
+#define MARK -1.0 // where the mark begins: set so that zero comes to lie at 0, for the rotor lags while it creeps
+#define TICK 1600 // cycles from one look to the next
+
+static struct {
+    bool forwards, powered;
+    double field, rotor, speed, table; // microsteps and microsteps/s
+    double field_before; // a tick ago
+    bool swinging;
+    avr_cycle_count_t free_again;
+} motor;
+
+double turntable_degrees(void)
+{
+    // it stands within a fraction of a microstep of one once it has swung out
+    return round(motor.table) / MICROSTEPS * 360;
+}
+
+static void show_switches(avr_t *avr)
+{
+    double turn = (motor.table - MARK) / MICROSTEPS;
+    set_pin(avr, 'A', 3, turn - floor(turn) < 0.5);
+    set_pin(avr, 'A', 4, motor.table > CAM);
+}
+
+static void move_rotor(double seconds)
+{
+    double angular = 2 * M_PI * SWING;
+    double strength = angular * angular * FIELD / (2 * M_PI);
+    double pull = motor.powered ? -strength * sin(2 * M_PI * (motor.rotor - motor.field) / FIELD) : 0;
+    // what damps a swing is the rotor's speed against the field's: the field turns it, and brakes it
+    double swing = motor.speed - (motor.powered ? (motor.field - motor.field_before) / seconds : 0);
+    motor.field_before = motor.field;
+    motor.speed += (pull - 2 * DAMPING * angular * swing) * seconds;
+    motor.rotor += motor.speed * seconds;
+    if (motor.table < motor.rotor - PLAY)
+        motor.table = motor.rotor - PLAY;
+    if (motor.table > motor.rotor)
+        motor.table = motor.rotor;
+}
+
+static avr_cycle_count_t look(avr_t *avr, avr_cycle_count_t when, void *unused)
+{
+    (void)unused;
+    if (when < motor.free_again)
+        motor.speed = 0;
+    else
+        move_rotor((double)TICK / FREQUENCY);
+    show_switches(avr);
+    double away = fabs(remainder(motor.rotor - motor.field, FIELD));
+    motor.swinging = motor.powered && (fabs(motor.speed) > 0.5 || away > 0.01 || when < motor.free_again);
+    return motor.swinging ? when + TICK : 0;
+}
+
+static void start_looking(avr_t *avr)
+{
+    if (motor.swinging)
+        return;
+    motor.swinging = true;
+    avr_cycle_timer_register(avr, TICK, look, NULL);
+}
+
+static void step_changed(avr_t *avr, bool high)
+{
+    if (!high || !motor.powered)
+        return;
+    if (ranging_listens())
+        die("the firmware steps while it listens");
+    motor.field += motor.forwards ? 1 : -1;
+    start_looking(avr);
+}
+
+static void direction_changed(avr_t *avr, bool high)
+{
+    (void)avr;
+    motor.forwards = high;
+}
+
+static void enable_changed(avr_t *avr, bool high)
+{
+    motor.powered = !high;
+    // without current the driver still counts; with it, the rotor goes to the nearest place where the field holds it
+    if (motor.powered)
+        start_looking(avr);
+}
+
+void turntable_reset(avr_t *avr)
+{
+    motor.free_again = 0;
+    motor.swinging = false;
+    start_looking(avr);
+}
+
+void turntable_slip(double microsteps)
+{
+    motor.rotor -= microsteps;
+    motor.field -= microsteps;
+    motor.field_before -= microsteps;
+}
+
+void turntable_wedge(avr_t *avr, double duration)
+{
+    motor.free_again = avr->cycle + (avr_cycle_count_t)(duration * FREQUENCY);
+    start_looking(avr);
+}
+
+void turntable_start(avr_t *avr, double degrees)
+{
+    motor.rotor = motor.field = motor.field_before = round(degrees / 360 * MICROSTEPS);
+    motor.table = motor.rotor - PLAY;
+    make_irq_listener(avr, 'A', 0, step_changed);
+    make_irq_listener(avr, 'A', 1, direction_changed);
+    make_irq_listener(avr, 'A', 2, enable_changed);
+    show_switches(avr);
+}

@@ -1,0 +1,135 @@
+"""The serial ports of this machine: which may lead to a scanner, where one is now that was here before, who holds it.
+
+Takes what the system tells; hands on plain values. Nothing here opens a port.
+"""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from serial.tools.list_ports import comports
+
+# USB ends of boards that may be scanners: vendor, product
+KNOWN_USB_IDS = {
+    (0x2341, 0x0010): "Arduino Mega 2560",
+    (0x2341, 0x0042): "Arduino Mega 2560",
+    (0x2341, 0x0242): "Arduino Mega 2560",
+    (0x2A03, 0x0010): "Arduino Mega 2560",
+    (0x2A03, 0x0042): "Arduino Mega 2560",
+    (0x1A86, 0x7523): "WCH CH340",
+    (0x1A86, 0x55D4): "WCH CH9102",
+    (0x0403, 0x6001): "FTDI FT232R",
+    (0x0403, 0x6015): "FTDI FT231X",
+    (0x10C4, 0xEA60): "Silicon Labs CP210x",
+    (0x16C0, 0x0483): "PJRC Teensy",
+    (0x2E8A, 0x000A): "Raspberry Pi Pico",
+}
+_PROCESSES = Path("/proc")
+
+
+@dataclass(frozen=True)
+class Usb:
+    """What tells one USB serial device from another, whatever its port is called."""
+
+    vendor: int
+    product: int
+    serial_number: str | None
+    location: str | None  # the socket it is in
+
+
+@dataclass(frozen=True)
+class Port:
+    """A serial port."""
+
+    device: str
+    description: str
+    usb: Usb | None = None  # None: not a USB device
+
+    @property
+    def known(self) -> str | None:
+        """Which USB end of a possible scanner it is."""
+        return KNOWN_USB_IDS.get((self.usb.vendor, self.usb.product)) if self.usb else None
+
+
+def serial_ports() -> list[Port]:
+    """All serial ports, by name."""
+    return [
+        Port(
+            port.device,
+            port.description,
+            None if port.vid is None else Usb(port.vid, port.pid, port.serial_number, port.location),
+        )
+        for port in sorted(comports())
+    ]
+
+
+class Whereabouts:
+    """Where the device is that was behind a port, by whatever name its port has now."""
+
+    def __init__(self, url: str) -> None:
+        """`url`: where it is first; what is no port of this machine does not move."""
+        self._url = url
+        self._usb: Usb | None = None
+
+    def __call__(self) -> str:
+        """The URL to open now."""
+        if "://" in self._url:
+            return self._url
+        ports = serial_ports()
+        here = _usb_of(self._url, ports)
+        if here or os.path.exists(self._url) or not self._usb:
+            self._usb = here or self._usb
+            return self._url
+        return where_now(self._usb, ports) or self._url
+
+
+def _usb_of(device: str, ports: list[Port]) -> Usb | None:
+    """The USB device behind the name of a port, or a link to it."""
+    real = os.path.realpath(device)
+    return next((port.usb for port in ports if os.path.realpath(port.device) == real), None)
+
+
+def where_now(usb: Usb, ports: list[Port]) -> str | None:
+    """The port behind which a USB device is now; one without a serial number is known by its kind and its socket."""
+    alike = [port for port in ports if port.usb and (port.usb.vendor, port.usb.product) == (usb.vendor, usb.product)]
+    if usb.serial_number:
+        alike = [port for port in alike if port.usb and port.usb.serial_number == usb.serial_number]
+    else:
+        alike = [port for port in alike if port.usb and port.usb.location == usb.location] or alike
+    # of several that are alike none is chosen: it may be another scanner
+    return alike[0].device if len(alike) == 1 else None
+
+
+def holders(device: str) -> list[str]:
+    """Who has a port open, as far as the system tells: name and number of each process, this one only if no other."""
+    real = os.path.realpath(device)
+    processes = {process for process, path in _open_files() if path == real}
+    others = sorted(_named(process) for process in processes if int(process.name) != os.getpid())
+    return others or ["this program"] * bool(processes)
+
+
+def _open_files() -> Iterator[tuple[Path, str]]:
+    if not _PROCESSES.is_dir():
+        return
+    for process in _PROCESSES.iterdir():
+        if process.name.isdecimal():
+            yield from ((process, path) for path in _opened_by(process))
+
+
+def _opened_by(process: Path) -> list[str]:
+    paths = []
+    try:
+        for descriptor in (process / "fd").iterdir():
+            paths.append(os.readlink(descriptor))  # noqa: PERF401 - what was read before an error counts
+    except OSError:  # gone meanwhile, or somebody else's
+        pass
+    return paths
+
+
+def _named(process: Path) -> str:
+    try:
+        name = (process / "comm").read_text().strip()
+    except OSError:
+        name = "a process"
+    return f"{name} ({process.name})"

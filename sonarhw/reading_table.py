@@ -1,0 +1,92 @@
+"""The readings of one recorded scan as columns: some 100 bytes each, however long their traces.
+
+Takes readings as they come and where in the log their traces lie; hands on the readings, each with a trace that is
+read from the log when somebody looks at it.
+"""
+
+from array import array
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import Reading, Trace
+
+Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
+Span = tuple[int, int]  # offsets of the first and last chunk that hold a reading and its trace
+
+_WHOLE = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
+_REAL = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
+NO_TRACE = -1
+
+
+class ReadingTable:
+    """Grows by a row a reading; a trace may be found for a row later."""
+
+    def __init__(self) -> None:
+        self._whole = {name: array("q") for name in _WHOLE}
+        self._real = {name: array("d") for name in _REAL}
+        self._echo_times = array("d")
+        self._rows: dict[int, int] = {}  # by number
+
+    def __len__(self) -> int:
+        return len(self._whole["number"])
+
+    def __contains__(self, number: int) -> bool:
+        return number in self._rows
+
+    def add(self, reading: Reading, span: Span | None) -> None:
+        """Append a reading; `span` is None where no part of its trace has come yet."""
+        self._rows[reading.number] = len(self)
+        first, last = span or (NO_TRACE, NO_TRACE)
+        whole = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
+        maybe = (np.nan if value is None else value for value in (reading.temperature_c, reading.host_time))
+        real = (reading.angle, reading.time, reading.speed_of_sound, *maybe)
+        for name, value in zip(_WHOLE, whole, strict=True):
+            self._whole[name].append(value)
+        for name, number in zip(_REAL, real, strict=True):
+            self._real[name].append(number)
+        self._echo_times.extend(reading.echo_times)
+
+    def extend_trace(self, number: int, began: int, chunk: int) -> None:
+        """A part of a reading's trace lies in `chunk`; the reading itself in the chunk `began`."""
+        row = self._rows[number]
+        if self._whole["first_chunk"][row] == NO_TRACE:
+            self._whole["first_chunk"][row] = began
+        self._whole["last_chunk"][row] = chunk
+
+    def columns(self) -> Columns:
+        """Plain arrays in the order in which the readings came; `echo_times` are those of all, one after the other."""
+        whole = {name: np.array(values, np.int64) for name, values in self._whole.items()}
+        real = {name: np.array(values, np.float64) for name, values in self._real.items()}
+        return {**whole, **real, "echo_times": np.array(self._echo_times, np.float64)}
+
+
+def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[Reading, ...]:
+    """The readings in columns, by number; `trace` makes one of a reading's number and span."""
+    order = np.argsort(columns["number"], kind="stable").tolist()
+    rows = [*_rows(columns, trace)]
+    return tuple(rows[row] for row in order)
+
+
+def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Reading]:
+    echo_times = columns["echo_times"].tolist()
+    heard = 0
+    names = (*_WHOLE, *_REAL)
+    for row in zip(*(columns[name].tolist() for name in names), strict=True):
+        number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
+        temperature, host_time = (None if value != value else value for value in maybe)
+        times = tuple(echo_times[heard : heard + echoes])
+        heard += echoes
+        yield Reading(
+            number=number,
+            sweep=sweep,
+            ping=ping,
+            angle=angle,
+            time=time,
+            echo_times=times,
+            speed_of_sound=speed,
+            temperature_c=temperature,
+            trace=None if first == NO_TRACE else trace(number, (first, last)),
+            host_time=host_time,
+        )

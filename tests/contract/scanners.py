@@ -1,0 +1,126 @@
+"""The scanners that must keep the contract, and the lines to them. Each is a context manager that yields a URL.
+
+One more is one more entry in SCANNERS.
+"""
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cli.connect import resolve
+from sonarhw.emulated import emulated_board
+from tests.sonarhw.plain_echoes import PlainEchoes
+
+ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
+_SONARHW = (sys.executable, "-c", "from cli.app import main; main()")
+_SER2NET = """%YAML 1.1
+---
+connection: &scanner
+  accepter: telnet(rfc2217),tcp,127.0.0.1,{port}
+  connector: serialdev,{device},1000000n81,local
+"""
+
+Scanner = Callable[[], AbstractContextManager[str]]
+
+
+@contextmanager
+def in_this_process() -> Iterator[str]:
+    """The fake behind a `fake:` URL."""
+    with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as find:
+        yield find()
+
+
+@contextmanager
+def on_a_pseudo_terminal() -> Iterator[str]:
+    """The fake as a process of its own, on a pseudo-terminal."""
+    with TemporaryDirectory() as folder, _fake("--pty", f"{folder}/scanner") as url:
+        yield url
+
+
+@contextmanager
+def over_tcp() -> Iterator[str]:
+    """The fake as a process of its own, at a socket:// URL."""
+    with _fake("--tcp", "127.0.0.1:0") as url:
+        yield url
+
+
+@contextmanager
+def behind_ser2net() -> Iterator[str]:
+    """The fake on a pseudo-terminal, which ser2net serves over the network."""
+    with on_a_pseudo_terminal() as device, ser2net(device) as url:
+        yield url
+
+
+@contextmanager
+def ser2net(device: str) -> Iterator[str]:
+    """A serial port on the network."""
+    with TemporaryDirectory() as folder:
+        port = _free_port()
+        config = Path(folder) / "ser2net.yaml"
+        config.write_text(_SER2NET.format(port=port, device=device))
+        with _running("ser2net", "-n", "-u", "-c", str(config)):
+            _wait_for_port(port)
+            # a pseudo-terminal has no DTR, and ser2net does not answer what it cannot do
+            yield f"rfc2217://127.0.0.1:{port}?ign_set_control"
+
+
+@contextmanager
+def emulated() -> Iterator[str]:
+    """The firmware itself, on an emulated board; both are built first."""
+    subprocess.run(["make", "-C", FIRMWARE, "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
+    with emulated_board(PlainEchoes(), pace=2.0) as board:
+        yield board.url
+
+
+SCANNERS: dict[str, Scanner] = {
+    "fake in this process": in_this_process,
+    "fake on a pseudo-terminal": on_a_pseudo_terminal,
+    "fake over TCP": over_tcp,
+    "fake behind ser2net": behind_ser2net,
+    "firmware on the emulated board": emulated,
+}
+
+
+@contextmanager
+def _fake(*door: str) -> Iterator[str]:
+    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", PACE, *door) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+
+
+@contextmanager
+def _running(*command: str) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return int(free.getsockname()[1])
+
+
+def _wait_for_port(port: int) -> None:
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        try:
+            socket.create_connection(("127.0.0.1", port)).close()
+        except ConnectionRefusedError:
+            threading.Event().wait(0.02)
+        else:
+            return
+    raise AssertionError(f"nobody listens on port {port}")

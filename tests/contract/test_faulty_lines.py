@@ -1,0 +1,94 @@
+"""Faults on real lines, with real threads and real time: every scan goes on and completes."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sonarhw.endpoint import Endpoint, serve
+from sonarhw.faults import read_faults
+from sonarhw.faulty import FaultyDevice
+from sonarhw.link import Link
+from sonarhw.readings import ScanOrder
+from sonarhw.scanner import Scanner
+from tests.contract.relay import Relay
+from tests.contract.scanners import emulated, ser2net
+from tests.sonarhw.faulty_boards import faulty
+from tests.sonarhw.plain_echoes import echo_time
+
+ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
+MICROSTEP = math.tau / 3200
+TICKS = 1e-6  # s; two of the firmware's timer
+PACE = 5.0  # the seconds of the faults are the board's
+FAULTS = [
+    "drop=1/1000,flip=1/1000,insert=1/1000",
+    "stall=10@r5",
+    "deaf=10@r5",
+    "mute=10@r5",
+    "reset@r5,reset@r25",
+    "nonsense=10@r5",
+    "unplug=5@r5",
+    "unplug=5@r5,reset=10@r5",
+]
+
+
+@contextmanager
+def served(line: str, device: FaultyDevice, folder: Path) -> Iterator[tuple[str, Endpoint]]:
+    """The device on that line: its URL, and its end of the line."""
+    where = {"tcp": "127.0.0.1:0"} if line == "tcp" else {"pty": folder / "scanner"}
+    with serve(device, pace=PACE, **where) as endpoint:  # type: ignore[arg-type]
+        if line == "ser2net":
+            with ser2net(endpoint.url) as url:
+                yield url, endpoint
+        else:
+            yield endpoint.url, endpoint
+
+
+def assert_scanned(scanner: Scanner) -> None:
+    """A scan is complete, and right."""
+    readings = list(scanner.scan(ORDER))
+    assert sorted(reading.number for reading in readings) == list(range(40))
+    for reading in readings:
+        _, angle, _ = ORDER.ping_at(reading.number)
+        assert reading.angle == pytest.approx(angle, abs=1e-8)
+        assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
+
+
+CASES = [(line, faults) for line in ("pty", "tcp") for faults in FAULTS]
+CASES += [("ser2net", faults) for faults in (FAULTS[0], FAULTS[1], FAULTS[-1])]  # it takes long to come back
+
+
+@pytest.mark.parametrize(("line", "faults"), CASES)
+def test_a_scan_goes_on_over_every_line_whatever_happens_to_it(line: str, faults: str, tmp_path: Path) -> None:
+    with served(line, faulty(faults), tmp_path) as (url, _), Scanner.open(url) as scanner:
+        assert_scanned(scanner)
+
+
+@pytest.mark.parametrize("line", ["pty", "tcp"])
+def test_a_scanner_that_comes_back_under_another_name_is_found_there(line: str, tmp_path: Path) -> None:
+    with (
+        served(line, faulty("move=5@r5"), tmp_path) as (url, endpoint),
+        Scanner.open(url, find=lambda: endpoint.url) as scanner,
+    ):
+        assert_scanned(scanner)
+        assert endpoint.url != url
+        assert scanner.statistics.losses == 1
+
+
+def test_the_firmware_and_the_driver_understand_each_other_over_a_bad_line(tmp_path: Path) -> None:
+    faults = read_faults("drop=1/2000,flip=1/2000,insert=1/2000")
+    with emulated() as url, Link(url) as link:
+        relay = Relay(link, faults)
+        try:
+            with serve(relay, tcp="127.0.0.1:0") as endpoint, Scanner.open(endpoint.url) as scanner:
+                readings = list(scanner.scan(ORDER))
+                assert scanner.statistics.rejected_blocks > 0
+        finally:
+            relay.end()
+    assert sorted(reading.number for reading in readings) == list(range(40))
+    for reading in readings:
+        _, angle, _ = ORDER.ping_at(reading.number)
+        assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=TICKS)

@@ -1,0 +1,445 @@
+"""What firmware_protocol.md promises of a device, message by message, whoever the device is."""
+
+import itertools
+import random
+import time
+from collections.abc import Callable
+from dataclasses import astuple
+
+import pytest
+
+from sonarhw.frames import Frame, encode_frame
+from sonarhw.link import Link
+from sonarhw.messages import (
+    MAX_ECHOES,
+    NO_TEMPERATURE,
+    PROTOCOL_MAJOR,
+    Accepted,
+    AskStatistics,
+    Configure,
+    Feature,
+    Finished,
+    Heartbeat,
+    Hello,
+    Home,
+    Info,
+    LinkTested,
+    Message,
+    Outcome,
+    ReadingMessage,
+    Refusal,
+    Refused,
+    Resend,
+    Settings,
+    Started,
+    StartScan,
+    State,
+    Statistics,
+    Stop,
+    TestLink,
+    TraceChunk,
+    Turn,
+)
+from sonarhw.readings import ScanOrder
+from tests.contract.talk import PATIENCE, Talk, readings
+
+DEGREE = 1_000_000  # µdeg
+TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=5, sweeps=2, pings=1)
+HELLO = encode_frame(Frame(Hello.TYPE, 4711, 0, Hello(PROTOCOL_MAJOR, 0).pack()))
+LONG = StartScan(start=0, step=DEGREE, headings=90, sweeps=4, pings=1)
+
+
+def short(message: Message) -> str:
+    """A message for the name of a test."""
+    return f"{type(message).__name__}{astuple(message)}"
+
+
+def microstep(info: Info) -> float:
+    """µdeg from one microstep to the next."""
+    return 360 * DEGREE / info.microsteps
+
+
+# who it is
+
+
+def test_hello_is_answered_by_who_it_is(talk: Talk) -> None:
+    info = talk.greet()
+    assert info.major == PROTOCOL_MAJOR
+    assert info.firmware
+    assert info.microsteps > 0
+    assert info.temperature == NO_TEMPERATURE or -4000 < info.temperature < 8500
+
+
+def test_who_it_is_stays_the_same_and_it_has_not_started_anew(talk: Talk) -> None:
+    first, second = talk.greet(), talk.greet()
+    assert (first.serial, first.firmware, first.boot) == (second.serial, second.firmware, second.boot)
+
+
+def test_what_it_can_agrees_with_what_it_says_of_itself(talk: Talk) -> None:
+    info, can = talk.greet(), talk.capabilities()
+    assert can.lowest_angle <= 0 < can.highest_angle
+    assert 1 <= can.most_echoes <= MAX_ECHOES
+    assert can.readings_kept >= 1
+    assert bool(can.features & Feature.THERMOMETER) == (info.temperature != NO_TEMPERATURE)
+    assert bool(can.features & (Feature.ENVELOPE | Feature.CARRIER)) == bool(can.fastest_trace)
+
+
+def test_statistics_count_what_was_sent(talk: Talk) -> None:
+    before = talk.ask(AskStatistics(), Statistics)
+    for _ in range(3):
+        talk.ask(AskStatistics(), Statistics)
+    talk.write(b"\0no frame\0")
+    after = talk.ask(AskStatistics(), Statistics)
+    assert after.frames - before.frames == 4
+    assert after.rejected - before.rejected == 1
+
+
+@pytest.mark.parametrize(
+    ("size", "data"),
+    [(480, bytes(range(64))), (1, b"\0"), (100, b"\xff\x00"), (0, b"x")],
+    ids=["all", "one", "two", "none"],
+)
+def test_a_test_of_the_line_brings_back_its_bytes(talk: Talk, size: int, data: bytes) -> None:
+    assert talk.ask(TestLink(size, data), LinkTested).data == (data * size)[:size]
+
+
+# settings
+
+
+def test_settings_are_those_wished_for_where_it_can(talk: Talk) -> None:
+    for listen in (5_000, 20_000):
+        settings = talk.ask(Configure(listen, 2_380, 0, 345_678), Settings)
+        assert (settings.listen_us, settings.blanking_us) == (listen, 2_380)
+        assert (settings.trace, settings.speed_of_sound) == (0, 345_678)
+
+
+def test_no_device_listens_longer_than_it_can(talk: Talk) -> None:
+    settings = talk.ask(Configure(10_000_000, 2_380, 0, 343_200), Settings)
+    assert settings.listen_us == talk.capabilities().longest_listen_us
+
+
+# what is refused
+
+
+@pytest.mark.parametrize(
+    "senseless",
+    [
+        Configure(0, 0, 0, 343_200),
+        Configure(2_000, 2_000, 0, 343_200),
+        Configure(20_000, 2_380, 9, 343_200),
+        Configure(20_000, 2_380, 0, 0),
+        StartScan(0, 0, 1, 1, 1),
+        StartScan(0, 1, 0, 1, 1),
+        StartScan(0, 1, 1, 0, 1),
+        StartScan(0, 1, 1, 1, 0),
+        StartScan(0, 1, 0xFFFF, 0xFFFF, 2),
+        StartScan(0, 1, 10, 1, 1, first=10),
+        StartScan(0, 1, 10, 1, 1, first=5, count=6),
+        Resend(0, 0),
+        Resend(0, 65),
+        TestLink(481, b"x"),
+        TestLink(1, b""),
+    ],
+    ids=short,
+)
+def test_what_makes_no_sense_is_refused_and_said_why(talk: Talk, senseless: Message) -> None:
+    talk.home()
+    refused = talk.ask(senseless, Refused)
+    assert refused.code == Refusal.OUT_OF_RANGE
+    assert refused.text
+
+
+def test_an_angle_beyond_the_cable_is_refused_before_anything_turns(talk: Talk) -> None:
+    talk.home()
+    can = talk.capabilities()
+    beyond = [
+        Turn(can.highest_angle + 1),
+        Turn(can.lowest_angle - 1),
+        StartScan(can.lowest_angle - 1, DEGREE, 2, 1, 1),
+        StartScan(can.highest_angle - DEGREE, DEGREE, 3, 1, 1),
+    ]
+    assert [talk.ask(order, Refused).code for order in beyond] == [Refusal.OUT_OF_RANGE] * 4
+    assert talk.act(Turn(0))[2].outcome == Outcome.DONE
+
+
+def test_unknown_messages_are_refused_as_such_and_the_next_is_served(talk: Talk) -> None:
+    for kind in (0x00, 0x7F, Info.TYPE, Heartbeat.TYPE, 0xFF):
+        refused = talk.answer_to_frame(kind, b"\x01\x02\x03")
+        assert isinstance(refused, Refused)
+        assert refused.code == Refusal.UNKNOWN
+
+
+@pytest.mark.parametrize("kind", [Configure, Turn, StartScan, Resend, TestLink], ids=lambda kind: kind.__name__)
+def test_a_payload_that_ends_too_soon_is_malformed(talk: Talk, kind: type[Message]) -> None:
+    refused = talk.answer_to_frame(kind.TYPE, b"\x01")
+    assert isinstance(refused, Refused)
+    assert refused.code == Refusal.MALFORMED
+
+
+def test_bytes_behind_the_last_known_field_are_for_a_newer_version(talk: Talk) -> None:
+    wish = Configure(20_000, 2_380, 0, 343_200)
+    assert isinstance(talk.answer_to_frame(Configure.TYPE, wish.pack() + b"more"), Settings)
+
+
+def test_while_it_scans_it_refuses_what_would_disturb_and_serves_the_rest(talk: Talk) -> None:
+    talk.home()
+    orders = (LONG, Turn(0), Home(), LONG, Configure(20_000, 2_380, 0, 343_200), AskStatistics(), Resend(0, 1), Stop())
+    started, *refused, statistics, again, stopped = talk.answers(*orders)
+    assert isinstance(started, Started)
+    assert [message.code for message in refused if isinstance(message, Refused)] == [Refusal.BUSY] * 4
+    assert isinstance(statistics, Statistics)
+    assert isinstance(again, Accepted)
+    assert isinstance(stopped, Accepted)
+
+
+# turning
+
+
+def test_home_is_the_zero_and_turns_lead_where_they_were_sent(talk: Talk) -> None:
+    info = talk.greet()
+    talk.home()
+    for angle in (0, 40 * DEGREE, 10 * DEGREE, -20 * DEGREE, 0):
+        answer, _, finished = talk.act(Turn(angle))
+        assert isinstance(answer, Accepted)
+        assert (finished.outcome, finished.readings, finished.text) == (Outcome.DONE, 0, "")
+        since = len(talk.heard)
+        *_, beat = talk.until(beats, since)
+        assert isinstance(beat, Heartbeat)
+        assert abs(beat.angle - angle) <= microstep(info)
+        assert (beat.state, beat.homed, beat.boot) == (State.IDLE, 1, info.boot)
+
+
+def beats(messages: list[Message]) -> bool:
+    """Whether the last message is a heartbeat."""
+    return bool(messages) and isinstance(messages[-1], Heartbeat)
+
+
+def test_a_home_that_was_stopped_leaves_it_without_its_zero(talk: Talk) -> None:
+    talk.home()
+    talk.act(Turn(90 * DEGREE))
+    since = len(talk.heard)
+    accepted, stopped, refused = talk.answers(Home(), Stop(), Turn(0))
+    assert isinstance(accepted, Accepted)
+    assert isinstance(stopped, Accepted)
+    (finished,) = [message for message in talk.messages(since) if isinstance(message, Finished)]
+    assert finished.outcome == Outcome.STOPPED
+    assert isinstance(refused, Refused)
+    assert refused.code == Refusal.NOT_HOMED
+    assert isinstance(talk.answer(TEN), Refused)
+
+
+# scanning
+
+
+def check_scan(order: StartScan, made: list[ReadingMessage], settings: Settings, info: Info) -> None:
+    """Each reading once, in order, at its angle, with echoes that could have been heard."""
+    last = order.first + order.count if order.count else order.headings * order.sweeps * order.pings
+    assert [reading.number for reading in made] == list(range(order.first, last))
+    plan = ScanOrder(order.start, order.step, order.headings, order.sweeps, order.pings)
+    for reading in made:
+        sweep, angle, ping = plan.ping_at(reading.number)
+        assert (reading.sweep, reading.ping) == (sweep, ping)
+        assert abs(reading.angle - angle) <= microstep(info)
+        assert list(reading.echoes) == sorted(reading.echoes)
+        assert all(settings.blanking_us <= echo / 1000 <= settings.listen_us for echo in reading.echoes)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        TEN,
+        StartScan(0, DEGREE, 6, 1, 3),
+        StartScan(20 * DEGREE, -7 * DEGREE, 6, 1, 1),
+        StartScan(0, 3 * DEGREE, 6, 2, 2, first=5, count=9),
+        StartScan(0, 3 * DEGREE, 6, 1, 1, first=5),
+    ],
+    ids=short,
+)
+def test_a_scan_makes_each_reading_once_at_its_angle(talk: Talk, order: StartScan) -> None:
+    info, settings = talk.greet(), talk.home()
+    started, messages, finished = talk.act(order)
+    made = readings(messages)
+    assert isinstance(started, Started)
+    assert (started.readings, started.first) == (len(made), order.first)
+    check_scan(order, made, settings, info)
+    assert (finished.outcome, finished.readings) == (Outcome.DONE, made[-1].number + 1)
+
+
+def test_pings_keep_their_distance_within_a_scan_and_across_two(talk: Talk) -> None:
+    talk.home()
+    period = talk.capabilities().ping_period_us
+    fired = [reading.fired_us for _ in range(2) for reading in readings(talk.act(TEN)[1])]
+    assert all(later - earlier >= period for earlier, later in itertools.pairwise(fired))
+
+
+def test_a_stopped_scan_has_ended_before_the_stop_is_answered(talk: Talk) -> None:
+    talk.home()
+    since = len(talk.heard)
+    number, stop = talk.send(LONG, Stop())
+    messages = talk.until(lambda heard: any(isinstance(m, Accepted) and m.command == stop for m in heard), since)
+    ends = [message for message in messages if isinstance(message, Finished | Accepted)]
+    assert [(type(message), message.command) for message in ends] == [(Finished, number), (Accepted, stop)]
+    (finished,) = [message for message in ends if isinstance(message, Finished)]
+    assert finished.outcome == Outcome.STOPPED
+    assert finished.readings == len(readings(messages))
+
+
+def test_hello_ends_what_runs_and_keeps_the_zero(talk: Talk) -> None:
+    talk.home()
+    talk.send(LONG)
+    assert talk.greet().homed == 1
+    assert talk.act(Turn(0))[2].outcome == Outcome.DONE
+
+
+def test_a_command_that_comes_twice_is_carried_out_once_and_answered_twice(talk: Talk) -> None:
+    talk.home()
+    since = len(talk.heard)
+    wire = talk.wire(TEN.TYPE, TEN.pack())
+    talk.write(wire + wire)
+    talk.until(lambda heard: sum(isinstance(message, Started) for message in heard) == 2, since)
+    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), since)
+    assert [reading.number for reading in readings(messages)] == list(range(10))
+    again = len(talk.heard)
+    talk.write(wire)
+    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), again)
+    assert any(isinstance(message, Started) for message in messages)
+    assert readings(messages) == []
+    assert talk.ask(Resend(0, 10), Accepted)
+
+
+def test_readings_are_sent_again_unchanged_and_never_made_again(talk: Talk) -> None:
+    talk.home()
+    made = readings(talk.act(TEN)[1])
+    pings = talk.ask(AskStatistics(), Statistics).pings
+    since = len(talk.heard)
+    talk.ask(Resend(3, 4), Accepted)
+    talk.until(lambda heard: len(readings(heard)) == 4, since)
+    talk.ask(Resend(10, 4), Accepted)  # never made
+    assert talk.ask(AskStatistics(), Statistics).pings == pings
+    assert readings(talk.messages(since)) == made[3:7]
+
+
+def test_traces_are_whole_and_belong_to_their_readings(talk: Talk) -> None:
+    if not talk.capabilities().fastest_trace:
+        assert talk.home(trace=1).trace == 0
+        return
+    settings = talk.home(listen=0.03, trace=1)
+    messages = talk.act(TEN)[1]
+    traces: dict[int, list[TraceChunk]] = {}
+    for message in messages:
+        if isinstance(message, TraceChunk):
+            traces.setdefault(message.number, []).append(message)
+    assert [*traces] == list(range(10))
+    for chunks in traces.values():
+        check_trace(chunks, settings)
+
+
+def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
+    """Every sample once, at the rate that was promised, no longer than it listened."""
+    (total,), (period,) = {chunk.total for chunk in chunks}, {chunk.period_ns for chunk in chunks}
+    (start,), (size,) = {chunk.start_ns for chunk in chunks}, {chunk.bits // 8 for chunk in chunks}
+    samples = [at for chunk in chunks for at in range(chunk.offset, chunk.offset + len(chunk.samples) // size)]
+    assert samples == list(range(total))
+    assert all(len(chunk.samples) <= 256 for chunk in chunks)
+    assert period == pytest.approx(1e9 / settings.trace_rate, rel=1e-4)
+    assert start + (total - 1) * period <= settings.listen_us * 1000
+    assert settings.trace_bits == 8 * size
+
+
+def test_fewer_echoes_are_the_earliest_of_all(talk: Talk) -> None:
+    talk.home()
+    all_of_them = readings(talk.act(TEN)[1])
+    assert talk.ask(Configure(20_000, 2_380, 0, 343_200, echoes=1), Settings).echoes == 1
+    for before, after in zip(all_of_them, readings(talk.act(TEN)[1]), strict=True):
+        assert len(after.echoes) <= 1 <= max(1, len(before.echoes))
+
+
+# time
+
+
+def test_heartbeats_come_every_quarter_of_a_second_whatever_it_does(talk: Talk) -> None:
+    talk.home()
+    talk.act(Turn(90 * DEGREE))
+    talk.act(Home())
+    talk.act(StartScan(0, DEGREE, 15, 1, 1))
+    since = len(talk.heard)
+    talk.until(lambda heard: sum(isinstance(message, Heartbeat) for message in heard) >= 3, since)
+    times = [heard.frame.time_us / 1e6 for heard in talk.heard if isinstance(heard.message, Heartbeat)]
+    # it says nothing while it listens
+    assert all(0.15 < later - earlier < 0.35 for earlier, later in itertools.pairwise(times))
+
+
+def test_frames_are_counted_and_its_clock_never_runs_backwards(talk: Talk) -> None:
+    talk.home(trace=1)
+    talk.act(TEN)
+    talk.ask(Resend(0, 10), Accepted)
+    frames = [heard.frame for heard in talk.heard]
+    assert all((b.sequence - a.sequence) % 0x10000 == 1 for a, b in itertools.pairwise(frames))
+    assert all(a.time_us <= b.time_us for a, b in itertools.pairwise(frames))
+    assert talk.rejected == []
+
+
+def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_anew(free_url: str) -> None:
+    with Link(free_url) as link:
+        talk = Talk(link)
+        talk.greet()
+        talk.home()
+        deadline = time.monotonic() + PATIENCE
+        wait_until_quiet(talk, deadline)
+        while not isinstance(answer := talk.answer(Stop()), Refused):  # it was only slow
+            wait_until_quiet(talk, deadline)
+        assert answer.code == Refusal.NO_HELLO
+        # a hand may have turned it meanwhile
+        assert talk.greet().homed == 0
+        assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
+
+
+def wait_until_quiet(talk: Talk, deadline: float) -> None:
+    """Say nothing until the scanner has said nothing for a second."""
+    since, heard = time.monotonic(), len(talk.heard)
+    while time.monotonic() < since + 1:
+        assert time.monotonic() < deadline
+        talk.listen()
+        if len(talk.heard) > heard:
+            since, heard = time.monotonic(), len(talk.heard)
+
+
+# a bad line
+
+
+def overlong() -> bytes:
+    """A block that no frame is as long as."""
+    return b"\x55" * 5000
+
+
+def cut_off() -> bytes:
+    """The beginning of a frame."""
+    return HELLO[:9]
+
+
+def damaged() -> bytes:
+    """A frame with one bit wrong."""
+    wire = bytearray(HELLO)
+    wire[7] ^= 0x10
+    return bytes(wire)
+
+
+def noise() -> bytes:
+    """What an open input hears."""
+    return random.Random(3).randbytes(10_000)
+
+
+@pytest.mark.parametrize("rubbish", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
+def test_rubbish_is_dropped_in_silence_and_the_next_command_is_whole(talk: Talk, rubbish: Callable[[], bytes]) -> None:
+    since = len(talk.heard)
+    talk.write(rubbish())
+    talk.ask(AskStatistics(), Statistics)
+    others = [message for message in talk.messages(since) if not isinstance(message, Heartbeat | Statistics)]
+    assert others == []
+
+
+def test_a_client_that_went_in_the_middle_of_a_frame_does_not_spoil_the_greeting_of_the_next(free_url: str) -> None:
+    with Link(free_url) as link:
+        link.write(cut_off())
+    with Link(free_url) as link:
+        assert isinstance(Talk(link).greet(), Info)

@@ -1,0 +1,91 @@
+"""What `sonarhw.Scanner` promises its user, over every line and with every scanner."""
+
+import math
+import threading
+from pathlib import Path
+
+import pytest
+
+from sonarhw.link import Link
+from sonarhw.log import LogWriter, read_log
+from sonarhw.messages import Outcome, StartScan
+from sonarhw.readings import Reading, ScanOrder
+from sonarhw.scanner import Scanner
+from tests.contract.talk import Talk
+from tests.sonarhw.example_logs import METADATA
+
+ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
+LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=4)
+MICROSTEP = math.radians(0.2)
+WIRE = StartScan(start=0, step=1_000_000, headings=90, sweeps=4, pings=1)
+
+
+def assert_whole(readings: list[Reading], order: ScanOrder) -> None:
+    """Every reading of the scan, once, at its angle."""
+    assert sorted(reading.number for reading in readings) == list(range(order.readings))
+    for reading in readings:
+        sweep, angle, ping = order.ping_at(reading.number)
+        assert (reading.sweep, reading.ping) == (sweep, ping)
+        assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
+
+
+def test_a_scan_gives_every_reading_once_in_the_order_of_time(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        readings = list(scanner.scan(ORDER))
+    assert_whole(readings, ORDER)
+    times = [reading.time for reading in sorted(readings, key=lambda reading: reading.number)]
+    assert times == sorted(times)
+
+
+def test_two_scans_in_a_row_are_two_scans(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        scanner.configure(listen=0.01, trace=bool(scanner.info.trace_rate))
+        for _ in range(2):
+            readings = list(scanner.scan(ORDER))
+            assert_whole(readings, ORDER)
+            if scanner.info.trace_rate:
+                assert all(reading.trace is not None for reading in readings)
+
+
+def test_a_scan_given_up_in_the_middle_leaves_the_scanner_ready_for_the_next(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        for reading in scanner.scan(LONG):
+            if reading.number == 3:
+                break
+        assert scanner.turn(0.1) is Outcome.DONE
+        assert_whole(list(scanner.scan(ORDER)), ORDER)
+
+
+def test_stop_from_another_thread_ends_a_scan_with_the_readings_made(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        readings, stopper = [], threading.Thread(target=scanner.stop)
+        for reading in scanner.scan(LONG):
+            readings.append(reading)
+            if reading.number == 3:
+                stopper.start()
+        stopper.join()
+    assert 4 <= len(readings) < LONG.readings
+    assert sorted(reading.number for reading in readings) == list(range(len(readings)))
+
+
+def test_a_host_that_went_without_a_word_in_the_middle_of_a_scan_does_not_disturb_the_next(free_url: str) -> None:
+    with Link(free_url) as link:
+        talk = Talk(link)
+        talk.greet()
+        talk.home()
+        talk.send(WIRE)
+        talk.until(lambda heard: len(heard) > 10)
+    with Scanner.open(free_url) as scanner:
+        assert_whole(list(scanner.scan(ORDER)), ORDER)
+
+
+def test_what_was_recorded_is_what_was_shown(free_url: str, tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with Scanner.open(free_url) as scanner, LogWriter(path, METADATA) as log:
+        scanner.record(log)
+        readings = list(scanner.scan(ORDER))
+    recorded = read_log(path)
+    assert recorded.torn is None
+    assert [(r.number, r.angle, r.echo_times) for r in recorded.readings] == [
+        (r.number, r.angle, r.echo_times) for r in readings
+    ]

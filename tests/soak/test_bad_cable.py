@@ -1,0 +1,38 @@
+"""One bit flipped and one byte lost in every 10 000: a scan completes, every reading right, and the statistics tell."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sonarhw.messages import StartScan
+from tests.conftest import Count
+from tests.sonarhw.faulty_boards import faulty
+from tests.sonarhw.joined import Joined
+from tests.sonarhw.plain_echoes import echo_time
+
+SHARE = 1 / 10_000
+WHOLE_TURN = StartScan(start=0, step=1_000_000, headings=360, sweeps=1, pings=1)
+
+
+def test_a_scan_over_a_bad_cable_is_complete_and_right_and_the_statistics_tell(count: Count) -> None:
+    for seed in range(count(2, 200)):
+        joined = Joined(board=faulty(f"flip={SHARE},drop={SHARE}", seed))
+        joined.greet(trace=True)
+        readings = joined.scan(WHOLE_TURN)
+        assert sorted(reading.number for reading in readings) == list(range(360))
+        gaps = 0
+        for reading in readings:
+            assert reading.angle == pytest.approx(math.radians(reading.number), abs=1e-8)
+            first = echo_time(math.radians(reading.number))
+            assert reading.echo_times == pytest.approx((first, 2 * first), abs=2e-9)
+            samples = reading.trace.samples if reading.trace else np.full(3125, math.nan)
+            came = ~np.isnan(samples)
+            np.testing.assert_allclose(samples[came], np.linspace(0, 1, 3125)[came], atol=0.5 / 255 + 1e-12)
+            gaps += not came.all()
+        books = joined.driver.statistics
+        damages = 2 * SHARE * books.bytes_received
+        assert damages / 2 < books.rejected_blocks < 1.5 * damages
+        assert damages / 2 < books.missing_frames < 3 * damages
+        assert damages / 2 < gaps < 1.5 * damages
+        assert books.lost_readings == 0

@@ -1,0 +1,188 @@
+"""Whatever bytes come, the host raises nothing but its own errors, shows no reading that was not made, and stays small.
+
+Every day some thousands, with `--soak` 10⁸ random bytes and 10⁵ mutated sessions.
+"""
+
+import random
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sonarhw.board import Board
+from sonarhw.driver import Driver
+from sonarhw.errors import SonarError
+from sonarhw.frames import Frame, FrameDecoder
+from sonarhw.messages import Configure, Hello, Home, Message, StartScan
+from sonarhw.readings import Reading
+from tests.conftest import Count
+from tests.sonarhw.plain_echoes import PlainEchoes
+
+PIECE = 4096  # bytes
+FIRST = 100  # sequence number of the host's first command
+COMMANDS: tuple[Message, ...] = (Hello(1, 1), Configure(4_000, 2_380, 1, 343_200), Home(), StartScan(0, 10**6, 4, 1, 1))
+
+Bytes = Callable[[random.Random], bytes]
+Mutation = Callable[[random.Random, bytes], bytes]
+
+
+def white(chance: random.Random) -> bytes:
+    """Every byte alike."""
+    return chance.randbytes(PIECE)
+
+
+def full_of_zeros(chance: random.Random) -> bytes:
+    """Short blocks, many of which are well stuffed."""
+    return bytes(chance.choice((0, 1, 2, 3, 0xFF, chance.randrange(256))) for _ in range(PIECE))
+
+
+def without_zeros(chance: random.Random) -> bytes:
+    """A block that does not end."""
+    return chance.randbytes(PIECE).replace(b"\0", b"\1")
+
+
+@pytest.mark.parametrize("kind", [white, full_of_zeros, without_zeros], ids=lambda kind: kind.__name__)
+def test_random_bytes_are_no_frames_no_readings_and_no_burden(kind: Bytes, count: Count) -> None:
+    chance = random.Random(kind.__name__)
+    decoder, driver = FrameDecoder(), greeted(kind)
+    # what is slow to make is used again
+    pieces = [kind(chance) for _ in range(64)] if kind is full_of_zeros else None
+    rounds, sizes = count(4 * 10**5, 10**8 // 3) // PIECE, []
+    for number in range(rounds):
+        piece = pieces[number % 64] if pieces else kind(chance)
+        frames = [item for item in decoder.feed(piece) if isinstance(item, Frame)]
+        assert frames == []
+        with suppress(SonarError):
+            driver.receive(piece, number * 0.01)
+        assert driver.readings() == []
+        driver.outgoing()
+        if number in (rounds // 2, rounds - 1):
+            del frames
+            sizes.append(sys.getallocatedblocks())
+    assert sizes[1] - sizes[0] < 500
+
+
+def greeted(kind: Bytes) -> Driver:
+    """A driver in the middle of a scan."""
+    session, driver = recorded_session(), Driver(FIRST)
+    for message, wire in zip(COMMANDS, session, strict=True):
+        driver.command(message, 0.0)
+        driver.receive(wire if message is not COMMANDS[-1] else wire[:60], 0.0)
+    driver.readings()
+    return driver
+
+
+def test_a_mutated_session_shows_no_reading_that_was_not_made(count: Count) -> None:
+    session = recorded_session()
+    true = {reading.number: reading for reading in heard(session)}
+    assert [*true] == [0, 1, 2, 3]
+    chance = random.Random(17)
+    whole = 0
+    for _ in range(count(600, 10**5)):
+        mutated = [mutate(chance, wire) for wire in session]
+        readings = [*heard(mutated)]
+        numbers = [reading.number for reading in readings]
+        assert len(set(numbers)) == len(numbers)
+        for reading in readings:
+            assert_true(reading, true[reading.number])
+        whole += len(readings) == 4
+    assert whole  # some mutations hurt nothing that matters, so that the others are known to have hurt
+
+
+def recorded_session() -> list[bytes]:
+    """What a board says to each of the commands."""
+    board, driver, said, now = Board(PlainEchoes(), seed=7), Driver(FIRST), [], 0.0
+    for message in COMMANDS:
+        command, wire = driver.command(message, now), b""
+        while command.answer is None or (driver.running and not isinstance(message, Hello | Configure)):
+            board.receive(driver.outgoing(), now)
+            now = min(now + 0.05, board.next_event() or now)
+            piece = board.advance(now)
+            driver.receive(piece, now)
+            wire += piece
+        said.append(wire)
+    return said
+
+
+def heard(session: list[bytes]) -> Iterator[Reading]:
+    """The readings that a driver makes of it."""
+    driver = Driver(FIRST)
+    for message, wire in zip(COMMANDS, session, strict=True):
+        with suppress(SonarError):
+            driver.command(message, 0.0)
+            driver.receive(wire, 0.1)
+            driver.advance(0.2)
+        yield from driver.readings()
+
+
+def assert_true(reading: Reading, true: Reading) -> None:
+    """All is as it was measured; of the trace, what came."""
+    assert replace(reading, trace=None, speed_of_sound=0.0) == replace(true, trace=None, speed_of_sound=0.0)
+    if reading.trace is not None and true.trace is not None:
+        assert (reading.trace.rate, reading.trace.start) == (true.trace.rate, true.trace.start)
+        came = ~np.isnan(reading.trace.samples)
+        assert np.array_equal(reading.trace.samples[came], true.trace.samples[came])
+
+
+# mutations
+
+
+def mutate(chance: random.Random, wire: bytes) -> bytes:
+    """One to three kinds of damage, at random places."""
+    for damage in chance.choices(MUTATIONS, k=chance.randrange(1, 4)):
+        if wire:
+            wire = damage(chance, wire)
+    return wire
+
+
+def flip_bits(chance: random.Random, wire: bytes) -> bytes:
+    """Some bits turned over."""
+    data = bytearray(wire)
+    for _ in range(chance.randrange(1, 4)):
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    return bytes(data)
+
+
+def overwrite(chance: random.Random, wire: bytes) -> bytes:
+    """Some bytes replaced, many of them by zeros and ones."""
+    data = bytearray(wire)
+    for _ in range(chance.randrange(1, 6)):
+        data[chance.randrange(len(data))] = chance.choice((0, 1, 0xFF, chance.randrange(256)))
+    return bytes(data)
+
+
+def cut_out(chance: random.Random, wire: bytes) -> bytes:
+    """A stretch lost."""
+    begin, end = stretch(chance, wire)
+    return wire[:begin] + wire[end:]
+
+
+def repeat(chance: random.Random, wire: bytes) -> bytes:
+    """A stretch that comes twice."""
+    begin, end = stretch(chance, wire)
+    return wire[:end] + wire[begin:]
+
+
+def insert_noise(chance: random.Random, wire: bytes) -> bytes:
+    """Bytes that nobody sent."""
+    at = chance.randrange(len(wire) + 1)
+    return wire[:at] + chance.randbytes(chance.randrange(1, 40)) + wire[at:]
+
+
+def copy_over(chance: random.Random, wire: bytes) -> bytes:
+    """A stretch written over another."""
+    begin, end = stretch(chance, wire)
+    at = chance.randrange(len(wire))
+    return wire[:at] + wire[begin:end] + wire[at + end - begin :]
+
+
+def stretch(chance: random.Random, wire: bytes) -> tuple[int, int]:
+    """A begin and an end."""
+    begin, end = sorted(chance.choices(range(len(wire) + 1), k=2))
+    return begin, min(end, begin + 400)
+
+
+MUTATIONS: tuple[Mutation, ...] = (flip_bits, overwrite, cut_out, repeat, insert_noise, copy_over)

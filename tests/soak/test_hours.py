@@ -1,0 +1,48 @@
+"""Hours of scanning with traces: nothing grows. Every day a minute, with `--soak` an hour on an injected clock."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from sonarhw.log import LogWriter, read_log
+from sonarhw.messages import StartScan
+from tests.conftest import Count
+from tests.sonarhw.example_logs import METADATA
+from tests.sonarhw.joined import Joined
+
+SWEEP = 180  # headings, some 18 s
+SLACK = 1000  # allocated blocks that come and go
+INDEX = 24  # allocated blocks of a reading in the index that closes a log, less than a kilobyte
+
+
+@pytest.mark.parametrize("recorded", [False, True], ids=["scanning", "recording"])
+def test_memory_is_flat_but_for_the_index_of_the_log(tmp_path: Path, count: Count, recorded: bool) -> None:
+    sweeps = count(4, 200)
+    path, joined = tmp_path / "hour.mcap", Joined()
+    if recorded:
+        with LogWriter(path, METADATA) as writer:
+            joined.driver.record(writer)
+            half, end = blocks_while_scanning(joined, sweeps)
+    else:
+        half, end = blocks_while_scanning(joined, sweeps)
+    readings = (sweeps - 1 - sweeps // 2) * SWEEP
+    assert end - half < SLACK + (INDEX * readings if recorded else 0)
+    if recorded:
+        log = read_log(path)
+        assert log.torn is None
+        assert len(log.readings) == sweeps * SWEEP
+
+
+def blocks_while_scanning(joined: Joined, sweeps: int) -> tuple[int, int]:
+    """Allocated blocks after half of the sweeps and after all but one."""
+    joined.greet(trace=True)
+    scan, sizes = joined.ask(StartScan(0, 1_000_000, SWEEP, sweeps, 1)), []
+    for sweep in (sweeps // 2, sweeps - 1):
+        while not joined.readings or joined.readings[-1].number < sweep * SWEEP:
+            joined.echoes.pings.clear()
+            del joined.readings[:-1]
+            joined.step()
+        sizes.append(sys.getallocatedblocks())
+    joined.until(lambda: scan.finished is not None)
+    return sizes[0], sizes[1]

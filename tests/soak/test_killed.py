@@ -1,0 +1,55 @@
+"""kill -9 at any moment of a recording: what the user was shown is in the log, and the log opens."""
+
+import math
+import random
+import signal
+import threading
+from pathlib import Path
+
+from sonarhw.board import Board
+from sonarhw.endpoint import serve
+from sonarhw.log import Log, read_log
+from tests.cli.test_scan_command import lines, sonarhw, started
+from tests.conftest import Count
+from tests.sonarhw.plain_echoes import PlainEchoes
+
+LONG = ("--step", "1", "--sweeps", "4")
+TAIL = 4096  # bytes
+
+
+def test_every_reading_shown_before_the_kill_is_in_the_log(tmp_path: Path, count: Count) -> None:
+    chance = random.Random(11)
+    for kill in range(count(3, 200)):
+        log = tmp_path / f"{kill}.mcap"
+        with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=20.0) as endpoint:
+            traces = ("--traces",) if kill % 2 else ()
+            with started("scan", endpoint.url, "--out", log, "--print", *LONG, *traces) as process:
+                assert process.stdout is not None
+                shown = lines(process, chance.randrange(1, 400))
+                threading.Event().wait(chance.uniform(0, 0.05))
+                process.send_signal(signal.SIGKILL)
+                shown += process.stdout.readlines()
+                assert process.wait() == -signal.SIGKILL
+        headings = [line.split(",")[1] for line in shown[1:] if line.endswith("\n")]
+        assert_holds(read_log(log), headings)
+
+
+def assert_holds(log: Log, headings: list[str]) -> None:
+    """The readings at these headings are all there, and at most one more."""
+    recorded = [f"{math.degrees(reading.angle):.9g}" for reading in log.readings]
+    assert recorded[: len(headings)] == headings
+
+
+def test_a_log_cut_at_each_byte_of_its_tail_opens(tmp_path: Path, count: Count) -> None:
+    whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert sonarhw("scan", endpoint.url, "--out", whole, "--step", "30", "--traces").returncode == 0
+    data, before = whole.read_bytes(), 0
+    assert read_log(whole).torn is None
+    for at in range(len(data) - TAIL, len(data), count(37, 1)):
+        torn.write_bytes(data[:at])
+        log = read_log(torn)
+        assert log.torn is not None
+        assert before <= len(log.readings) <= 12
+        before = len(log.readings)
+    assert before == 12

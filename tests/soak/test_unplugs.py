@@ -1,0 +1,28 @@
+"""Cables pulled at random moments: each is seen within a second, every scan goes on and completes, no angle twice."""
+
+import random
+
+from tests.conftest import Count
+from tests.sonarhw.faulty_boards import faulty
+from tests.sonarhw.plugged import Plugged
+from tests.sonarhw.test_under_faults import SECTOR, assert_right
+
+WITHIN = 1.0  # s
+
+
+def test_every_pulled_cable_is_seen_within_a_second_and_every_scan_completes(count: Count) -> None:
+    chance, noticed, unnoticed = random.Random(8), [0.0], [0.0]
+    run = 0
+    while len(noticed) + len(unnoticed) < 2 + count(12, 200):
+        # a board fed by its cable is reset with it; the port may vanish, stay, or come back as another
+        fault, lasting = chance.choice(("unplug", "move")), chance.choice((0.1, 0.5, 1.5, 4.0))
+        fed = f",reset={lasting + 0.5}@~15" if run % 3 == 0 else ""
+        plugged = Plugged(faulty(f"{fault}={lasting}@~10{fed}", seed=run), vanishes=run % 2 == 0, seed=run)
+        readings = plugged.scan(SECTOR, trace=run % 4 == 0)
+        assert sorted(reading.number for reading in readings) == list(range(80))
+        assert_right(readings)
+        noticed += plugged.noticed
+        unnoticed += plugged.unnoticed
+        run += 1
+    assert max(noticed) <= WITHIN
+    assert max(unnoticed) <= WITHIN
