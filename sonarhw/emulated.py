@@ -71,6 +71,9 @@ class EmulatedBoard:
     def end(self) -> None:
         """Switch it off."""
         self._process.terminate()
+        # it may be waiting for an answer
+        with suppress(OSError):
+            self._line.shutdown(socket.SHUT_RDWR)
 
     def serve(self) -> None:
         """Answer pings until the board has gone. Raises what the echo source does."""

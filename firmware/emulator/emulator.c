@@ -27,6 +27,7 @@
 
 static struct options options = {.pace = 1, .stands = 0, .temperature = NAN};
 static volatile sig_atomic_t ending;
+static avr_t *chip;
 
 void die(const char *why)
 {
@@ -154,6 +155,13 @@ static void write_eeprom(avr_t *avr)
         fwrite(all.ee, 1, EEPROM_SIZE, file);
         fclose(file);
     }
+}
+
+void switch_off(void)
+{
+    write_eeprom(chip);
+    line_end();
+    exit(0);
 }
 
 static avr_t *make_chip(void)
@@ -294,7 +302,7 @@ int main(int count, char **words)
     sigaction(SIGTERM, &ends, NULL);
     sigaction(SIGINT, &ends, NULL);
     signal(SIGPIPE, SIG_IGN);
-    avr_t *avr = make_chip();
+    avr_t *avr = chip = make_chip();
     avr->sleep = never_sleep;
     read_eeprom(avr);
     ranging_start(avr, options.temperature);
@@ -308,7 +316,5 @@ int main(int count, char **words)
         parent_poll(avr);
         keep_pace(avr);
     }
-    write_eeprom(avr);
-    line_end();
-    return 0;
+    switch_off();
 }

@@ -45,6 +45,7 @@ struct heard {
 
 void die(const char *why);
 bool asked_to_end(void); // by a signal
+void switch_off(void); // ends the program; what the EEPROM holds is kept
 double seconds(const avr_t *avr); // of the board's time
 
 /* emulator.c */

@@ -19,19 +19,12 @@ static int parent = -1;
 
 void parent_start(int descriptor) { parent = descriptor; }
 
-// The parent has gone, or wants the board gone.
-static void leave(void)
-{
-    line_end();
-    exit(0);
-}
-
 static void write_all(const void *bytes, size_t size)
 {
     for (const char *at = bytes; size;) {
         ssize_t written = write(parent, at, size);
         if (written < 0 && (errno != EINTR || asked_to_end()))
-            leave();
+            switch_off(); // the parent has gone, or wants the board gone
         at += written > 0 ? written : 0;
         size -= written > 0 ? (size_t)written : 0;
     }
@@ -42,7 +35,7 @@ static void read_all(void *bytes, size_t size)
     for (char *at = bytes; size;) {
         ssize_t got = read(parent, at, size);
         if (got == 0 || (got < 0 && (errno != EINTR || asked_to_end())))
-            leave();
+            switch_off(); // the parent has gone, or wants the board gone
         at += got > 0 ? got : 0;
         size -= got > 0 ? (size_t)got : 0;
     }
