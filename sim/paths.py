@@ -61,7 +61,7 @@ class Paths:
     def __len__(self) -> int:
         return len(self.lengths)
 
-    @property
+    @cached_property
     def bounces(self) -> IntArray:
         """Number of reflections of each path, (n,) int."""
         return np.asarray((self.surfaces >= 0).sum(axis=1), dtype=np.int32)
