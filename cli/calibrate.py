@@ -62,7 +62,7 @@ def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: f
     own = scanner.info.temperature_c
     air = next(value for value in (temperature, own, DEFAULT_TEMPERATURE) if value is not None)
     speed = speed_of_sound(air)
-    scanner.configure(2 * board.max_range / speed, board.blanking, False, speed)
+    scanner.configure(2 * board.max_range / speed, board.listens_from, False, speed)
     with interruption(scanner.stop):
         return list(scanner.scan(order))
 

@@ -1,7 +1,6 @@
 """`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
 
 import json
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
@@ -84,7 +83,7 @@ def compare_log(
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     believed = Model(model.value)
-    heading, offset = here.heading + math.radians(chosen.home_angle_deg), 0.0
+    heading, offset = chosen.heading_at(0.0, here.heading), 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
         found = fit_scan(log.readings, room, here, chosen, free, model=believed, options=options)

@@ -3,7 +3,7 @@
 Takes what a person chose or what a log carries; hands on a frozen `Scene`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from compare.recorded_board import board_of_log
 from sim.board import Board
@@ -25,8 +25,9 @@ class Scene:
 
     @property
     def standing(self) -> Place:
-        """The place; without a room the origin, looking along +x."""
-        return self.place or _NOWHERE
+        """The place, with the heading that the board's zero really has; without a room the origin, looking along +x."""
+        place = self.place or _NOWHERE
+        return replace(place, heading=self.board.heading_at(0.0, place.heading))
 
     @property
     def title(self) -> str:

@@ -159,6 +159,10 @@ class Board:
         """What it sends, stretch by stretch."""
         return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
 
+    def heading_at(self, angle: float, zero: float) -> float:
+        """Where it points at a turntable angle, if step 0 should point along `zero`; all rad."""
+        return zero + math.radians(self.home_angle_deg) + angle
+
     def wavenumber(self, air: Air) -> float:
         """2π over the wavelength, rad/m."""
         return math.tau * self.frequency / air.speed_of_sound

@@ -78,7 +78,7 @@ class RoomEchoes:
     def hear(self, ping: Ping) -> Heard:
         """What the board hears of one ping; the same for the same ping, whatever was asked before."""
         _, place, _ = self._truth()
-        heading = place.heading + ping.angle
+        heading = self._board.heading_at(ping.angle, place.heading)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
             return Heard(())
         microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
@@ -121,7 +121,8 @@ class RoomEchoes:
     def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
         levels = scan.levels_at(0) + random.normal(0, self._disturbance.level_db, count)
-        times = scan.apparent_lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
+        told = scan.apparent_lengths + 2 * self._board.range_offset
+        times = told / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
         heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
         for time in np.sort(heard):

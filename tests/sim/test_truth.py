@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,3 +95,10 @@ def test_trace_rises_at_every_loud_echo_and_nowhere_before_the_first() -> None:
     assert trace.samples[quiet].max() < threshold
     assert trace.samples[loud].max() > 0.8
     assert trace.samples.max() <= 1.0
+
+
+def test_a_board_that_is_off_zero_and_tells_too_much_is_heard_so() -> None:
+    off = replace(BOARD, home_angle_deg=15.0, range_offset=0.02)
+    plain, crooked = (RoomEchoes(ROOM, PLACE, board, disturbance=EXACT) for board in (BOARD, off))
+    told = 2 * 0.02 / ROOM.air.speed_of_sound
+    assert hear(crooked, 75).echo_times == pytest.approx([time + told for time in hear(plain, 90).echo_times])
