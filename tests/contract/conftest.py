@@ -13,7 +13,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One run of each test a scanner."""
     if "url" in metafunc.fixturenames:
         names = ["--url"] if metafunc.config.getoption("--url") else [*SCANNERS]
-        metafunc.parametrize("url", names, indirect=True, scope="session")
+        metafunc.parametrize("url", names, indirect=True, scope="package")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -24,7 +24,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = chosen
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def url(request: pytest.FixtureRequest) -> Iterator[str]:
     """Where the scanner is."""
     if request.param == "--url":
@@ -54,7 +54,7 @@ class OpenLink:
             self._link = None
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def open_link(url: str) -> Iterator[OpenLink]:
     """The link that tests share."""
     shared = OpenLink(url)
