@@ -1,4 +1,7 @@
-"""The fast scan agrees with appendix A, ray by ray, but for headings that physics.md excuses: counted, under 10 %."""
+"""The fast scan agrees with appendix A, ray by ray, but for headings that physics.md excuses: counted, under 1 % of all.
+
+Where it can, the compiled appendix A stands for the readable one, to which test_one_heading holds it ray for ray.
+"""
 
 import math
 from collections.abc import Callable
@@ -7,29 +10,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim import one_heading, reference
 from sim.board import load_board
 from sim.mount import Unit
 from sim.predicted_scan import PredictedScan
 from sim.prediction import PredictionOptions, predict_scan
-from sim.reference import range_at
 from sim.room import Room, load_room
 
 PAPER = load_board("paper")
 QUARTER = math.radians(0.25)
 # a post spreads neighbouring rays so far apart that the receiver needs finer ones: as the spacing shrinks, the
 # reference comes to what the fast path says from the start
-FINE = math.radians(1 / 32)
+FINE = math.radians(1 / 128)
 CASES = [
-    ("simple", "figure7", QUARTER, 5),
-    ("simple", "figure9", QUARTER, 5),
-    ("oblique_corner", "near", QUARTER, 3),
-    ("oblique_corner", "far", QUARTER, 3),
-    ("right_corner", "figure12", QUARTER, 3),
-    ("right_corner", "figure13", QUARTER, 3),
-    ("arena", "p1", QUARTER, 10),
-    ("arena", "p3", QUARTER, 10),
-    ("laboratory", "bench", FINE, 15),
-    ("laboratory", "door", FINE, 20),
+    ("simple", "figure7", QUARTER),
+    ("simple", "figure9", QUARTER),
+    ("oblique_corner", "near", QUARTER),
+    ("oblique_corner", "far", QUARTER),
+    ("right_corner", "figure12", QUARTER),
+    ("right_corner", "figure13", QUARTER),
+    ("arena", "p1", QUARTER),
+    ("arena", "p3", QUARTER),
+    ("laboratory", "bench", FINE),
+    ("laboratory", "door", FINE),
 ]
 
 
@@ -39,28 +42,35 @@ def disagreements(
     """Headings (degrees) at which fast and reference ranges lie more than 5 mm apart, with both."""
     apart = []
     for heading, fast in zip(scan.headings, scan.ranges, strict=True):
-        slow = range_at(room, scan.place, scan.board, float(heading), unit, spacing)
+        slow = _appendix_a(room, scan, float(heading), unit, spacing)
         if math.isnan(fast) != (slow is None) or (slow is not None and abs(slow - fast) > 0.005):
             apart.append((math.degrees(heading), float(fast), slow))
     return apart
 
 
+def _appendix_a(room: Room, scan: PredictedScan, heading: float, unit: Unit, spacing: float) -> float | None:
+    if unit is Unit.REFLECT:
+        return reference.range_at(room, scan.place, scan.board, heading, unit, spacing)
+    blocking = unit is Unit.BLOCK
+    return one_heading.range_at(room, scan.place, scan.board, heading, blocking=blocking, spacing=spacing)
+
+
 def test_fast_scan_agrees_with_appendix_a(record_property: Callable[[str, object], None]) -> None:
     listed, headings_in_all = {}, 0
-    for name, place, spacing, step in CASES:
+    for name, place, spacing in CASES:
         room = load_room(Path("rooms") / f"{name}.toml")
-        headings = np.radians(np.arange(0, 360, step, dtype=float))
+        headings = np.radians(np.arange(0, 360, 1.0))
         scan = predict_scan(room, room.places[place], PAPER, headings)
         listed[f"{name} {place}"] = disagreements(room, scan, Unit.PASS, spacing)
         headings_in_all += len(headings)
-        assert len(listed[f"{name} {place}"]) < 0.1 * len(headings), listed
+        assert len(listed[f"{name} {place}"]) < 0.05 * len(headings), listed
     record_property("exceptions", listed)
-    assert sum(map(len, listed.values())) < 0.05 * headings_in_all
+    assert sum(map(len, listed.values())) < 0.01 * headings_in_all
 
 
 def test_blocking_unit_agrees_with_appendix_a() -> None:
     room = load_room("rooms/simple.toml")
-    headings = np.radians(np.arange(0, 360, 5.0))
+    headings = np.radians(np.arange(0, 360, 1.0))
     scan = predict_scan(room, room.places["figure7"], PAPER, headings, PredictionOptions(unit=Unit.BLOCK))
     assert len(disagreements(room, scan, Unit.BLOCK, QUARTER)) < 0.1 * len(headings)
 
