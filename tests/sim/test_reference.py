@@ -1,4 +1,4 @@
-"""The fast scan agrees with appendix A, ray by ray, but for headings that physics.md excuses: counted, under 1 % of all.
+"""The fast scan agrees with appendix A, ray by ray, but for headings that physics.md excuses: under 1 % of all.
 
 Where it can, the compiled appendix A stands for the readable one, to which test_one_heading holds it ray for ray.
 """
