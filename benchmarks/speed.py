@@ -22,6 +22,7 @@ from benchmarks.numpy_fan import follow_with_numpy
 from benchmarks.office import PLACE, office_floor
 from benchmarks.traces import LISTEN, RATE, SPEED
 from benchmarks.traces import arrivals as hundred_echoes
+from sim.audible import everything
 from sim.board import load_board
 from sim.one_heading import range_at
 from sim.prediction import PredictionOptions, predict_scan
@@ -72,7 +73,10 @@ def rows() -> Iterator[Row]:
     longest = np.array([LONGEST])
 
     def every_arrival() -> set[tuple[int, int]]:
-        _, candidates = follow_fan(place, HALF_CIRCLE, small.surfaces, targets, longest, BOUNCES)
+        all_rays = everything(len(HALF_CIRCLE), len(targets))
+        _, candidates = follow_fan(
+            place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, all_rays
+        )
         return {(int(ray), int(bounces)) for ray, bounces, _ in candidates}
 
     def with_numpy() -> set[tuple[int, int]]:

@@ -51,6 +51,13 @@ class Bending:
         longest = np.where(per_longest > 0, 1 / np.maximum(per_longest, 1e-300), np.inf)
         return np.where(longest >= distances, longest, 0.0)
 
+    def loudest(self, there: FloatArray, on: FloatArray) -> FloatArray:
+        """The most that edges leave of paths whose legs are no shorter than those (n,) m, (n,) gain."""
+        if self.strength is EdgeStrength.KELLER:
+            return np.ones(len(there))
+        legs = zip(there, on, strict=True)
+        return np.array([edge_gain(one, other, self.wavelength) for one, other in legs], dtype=np.float64)
+
 
 @dataclass(frozen=True)
 class EdgeWays:

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.audible import Front, everything
 from sim.bends import Bending, EdgeStrength, bent_ways
 from sim.grid import IntArray
 from sim.rays import fan
@@ -35,8 +36,7 @@ class PathSearch:
     rays: int = RAYS
     edge_strength: EdgeStrength = EdgeStrength.PAPER
     faintest_bend: float = 1e-3  # gain; what an edge leaves less of is not listed, there is no end of it
-    # rad: where source and receiver point, if only what leaves and comes back in front of them is wanted; None: all is
-    front: tuple[float, float] | None = None
+    front: Front | None = None  # where source and receiver point, if only what they can hear is wanted; None: all is
 
     @property
     def bending(self) -> Bending:
@@ -131,9 +131,12 @@ def find_paths(
     if _inside_post(room, source) or _inside_post(room, ear):
         return _paths_of(Ways.none())
     edges = _bending_edges(room, source, ear, search)
-    leaving, arriving = search.front or (None, None)
-    out = _ways_from(room, source, ear, edges, search, leaving, search.max_length + SLACK)
-    back = out if receiver is None else _ways_from(room, ear, source, edges, search, arriving, to_other=0.0)
+    out = _ways_from(room, source, ear, edges, search, search.front, search.max_length + SLACK)
+    back = out
+    # ways back are only joined at edges
+    if receiver is not None and len(edges):
+        front = None if search.front is None else search.front.turned_round
+        back = _ways_from(room, ear, source, edges, search, front, to_other=0.0)
     straight = out.select(np.flatnonzero(out.edges < 0))
     bent = bent_ways(room, out, back, search.bending, search.max_length + SLACK, search.max_bounces)
     return _paths_of(shortest_first(straight.joined(bent)))
@@ -145,13 +148,20 @@ def _ways_from(
     other: FloatArray,
     edges: NDArray[np.intp],
     search: PathSearch,
-    heading: float | None,
+    front: Front | None,
     to_other: float,
 ) -> Ways:
     """Ways from `place` to those edges and, not longer than `to_other`, to the other end."""
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_ways(room, other, search)[edges])
-    return find_ways(room, place, targets, edges, longest, fan(search.rays, heading), search.max_bounces)
+    if front is None:
+        directions = fan(search.rays)
+        audible = everything(len(directions), len(targets))
+    else:
+        directions = fan(search.rays, front.leaving)
+        there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
+        audible = front.audible(directions, np.append(1.0, search.bending.loudest(there, on)))
+    return find_ways(room, place, targets, edges, longest, directions, search.max_bounces, audible)
 
 
 def _inside_post(room: Room, place: FloatArray) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim.audible import Front
 from sim.bends import EdgeStrength
 from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading
@@ -107,10 +108,13 @@ def _predict_by_heading(
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     search = search_for(room, board, options)
     faintest = faintest_noticed(board)
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    # air that takes less than the ideal gain gives back
+    most_gained = max(1.0, 10 ** (-board.excess_absorption(room.air) * search.max_length / 20))
 
     def find(crowded: Room, leg: Leg) -> Paths:
         start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
-        front = leg.sender.heading, leg.listener.heading
+        front = Front(leg.sender.heading, leg.listener.heading, ka, faintest / most_gained)
         search_leg = replace(search, max_length=leg.max_length, front=front)
         # one point for both lets a search use every way twice
         paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)

@@ -1,7 +1,8 @@
 """The ray kernel: a fan of rays followed round the room, noting where each comes near the receiver or an edge.
 
 Takes surfaces and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
-first b reflections, passes near target t". `sim.sequences` solves every candidate exactly, so nearness may be generous.
+first b reflections, passes near target t". `sim.sequences` solves every candidate exactly, so nearness may be generous,
+and what nobody could hear (`sim.audible`) is dropped first.
 Compiled by numba; plain arrays only.
 """
 
@@ -10,6 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
+from sim.audible import Audible
 from sim.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 from sonarhw.readings import FloatArray
 
@@ -116,17 +118,21 @@ def follow_fan(
     source: FloatArray,
     directions: FloatArray,
     surfaces: Surfaces,
+    reflectances: FloatArray,
     targets: FloatArray,
     longest: FloatArray,
     max_bounces: int,
+    audible: Audible,
 ) -> tuple[IntArray, IntArray]:
-    """Follow every ray until its path is longer than any way to a target may be.
+    """Follow every ray until its path is longer than any way to a target may be, or too faint for all of them.
 
     `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges; `longest` (t,) m.
     Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
     target, row of the target; each sequence of surfaces to a target once.
     """
     walls, posts, cells, (starts, numbers) = surfaces
+    leaving, least, axis_x, axis_y, hearing = audible
+    faintest = least.min()
     max_length, max_return = longest.max(), longest[0]
     for target in range(1, targets.shape[0]):
         to_edge = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
@@ -141,7 +147,9 @@ def follow_fan(
     for ray in range(directions.shape[0]):
         x, y = source[0], source[1]
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
-        length, width, opening, surface = 0.0, 0.0, 1.0, -1
+        length, width, opening, amplitude, surface = 0.0, 0.0, 1.0, leaving[ray], -1
+        if amplitude <= faintest:
+            continue
         for bounces in range(max_bounces + 1):
             # find the next surface
             distance, following = first_among(x, y, dx, dy, surface, walls, posts, cells, starts, numbers)
@@ -161,6 +169,12 @@ def follow_fan(
                     continue
                 if length + ahead > longest[target] + near:
                     continue
+                on = max(ahead, 0.0)
+                loudest = amplitude * math.sqrt((length + on) / (width + opening * on))
+                if target == 0:
+                    loudest *= _most_heard(-dx * axis_x - dy * axis_y, ALLOWANCE * spacing * opening, hearing)
+                if loudest <= least[target]:
+                    continue
                 if found == candidates.shape[0]:
                     candidates, misses = _longer(candidates, misses)
                 candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
@@ -179,8 +193,13 @@ def follow_fan(
             if length + home - ALLOWANCE * spacing * (width + opening * (distance + home)) > max_return:
                 break
 
-            # reflect, and let the tube between this ray and the next grow
+            # stop where too little is left; what a post has spread only gets fainter
             width += opening * distance
+            amplitude *= reflectances[following]
+            if amplitude * math.sqrt(length / width) <= faintest:
+                break
+
+            # reflect, and let the tube between this ray and the next grow
             dx, dy, curvature = reflect(x, y, dx, dy, following, walls, posts)
             opening += curvature * width
             surface = following
@@ -197,6 +216,14 @@ def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatAr
         more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
         more_misses[k] = misses[k]
     return more, more_misses
+
+
+@njit(cache=True, error_model="numpy")
+def _most_heard(cosine: float, spread: float, hearing: FloatArray) -> float:
+    """The most that is heard of a tube from an angle of that cosine from the axis, `spread` (rad) to either side."""
+    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - spread, 0.0)
+    most: float = hearing[int(aside / math.pi * (hearing.shape[0] - 1))]
+    return most
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sim.audible import Audible
 from sim.grid import IntArray
 from sim.rays import follow_fan
 from sim.room import Room
@@ -65,13 +66,16 @@ def find_ways(
     longest: FloatArray,
     directions: FloatArray,
     max_bounces: int,
+    audible: Audible,
 ) -> Ways:
-    """Every way from `place` (2,) to targets (t, 2) that is no longer than their `longest` (t,) m.
+    """Every `audible` way from `place` (2,) to targets (t, 2) that is no longer than their `longest` (t,) m.
 
     Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
     `edges` (t - 1,).
     """
-    touched, candidates = follow_fan(place, directions, room.surfaces, targets, longest, max_bounces)
+    touched, candidates = follow_fan(
+        place, directions, room.surfaces, room.reflectances, targets, longest, max_bounces, audible
+    )
     candidates = _with_straight_ways(candidates, len(targets))
     real, points, lengths, divergences = solve_candidates(
         place, directions, touched, candidates, targets, longest, room.surfaces
