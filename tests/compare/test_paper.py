@@ -21,7 +21,7 @@ from compare.paper import (
 )
 from compare.paper.exhibit import Claim, Exhibit
 from sim.models import Model
-from sim.prediction import Unit
+from sim.mount import Unit
 
 CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
 
