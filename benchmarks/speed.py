@@ -13,30 +13,23 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.image_sources import compare_with_image_sources
 from benchmarks.numpy_fan import follow_with_numpy
 from benchmarks.office import PLACE, office_floor
+from benchmarks.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
 from benchmarks.traces import LISTEN, RATE, SPEED
 from benchmarks.traces import arrivals as hundred_echoes
 from sim.audible import everything
 from sim.board import load_board
 from sim.one_heading import range_at
-from sim.prediction import PredictionOptions, predict_scan
 from sim.rays import follow_fan
-from sim.room import Room
 from sim.traces import received
 
-LONGEST = 20.0  # m, there and back
-BOUNCES = 8
-BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
-HEADINGS = np.radians(np.arange(360.0))
 HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
-# as far apart as the rays of one heading, so that the same work is compared
-OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440)
 VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
 
 
@@ -59,11 +52,6 @@ def seconds(work: Callable[[], object], least: float = 0.5) -> float:
         work()
         taken.append(time.process_time() - began)
     return statistics.median(taken)
-
-
-def scan(room: Room) -> object:
-    """A whole scan, 360 headings."""
-    return predict_scan(room, PLACE, BOARD, HEADINGS, OPTIONS)
 
 
 def rows() -> Iterator[Row]:
@@ -102,15 +90,15 @@ def rows() -> Iterator[Row]:
 
 def memory_of_huge_scan() -> float:
     """The most memory, MB, that a fresh process takes to predict a scan in a room of 10 000 walls."""
+    # Linux keeps the peak of a process here; what getrusage tells counts the parent's memory, too
     program = (
-        "import resource\n"
         "from benchmarks.office import office_floor\n"
-        "from benchmarks.speed import scan\n"
+        "from benchmarks.office_scan import scan\n"
         "scan(office_floor(10_000))\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000)"
+        "print(next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
     )
     answer = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
-    return float(answer.stdout)
+    return float(answer.stdout) * 1024 / 1e6
 
 
 def at_least(work: str, wanted: float, measured: float) -> Row:
