@@ -52,7 +52,7 @@ ReceiverChoice = Annotated[
         show_default=False,
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the --out file.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 DEFAULT_BOARD = "polaroid-6500"
 STDOUT = "-"
 LOG = ".mcap"

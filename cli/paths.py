@@ -25,12 +25,17 @@ def paths(
     place: PlaceName = None,
     max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="At most so many reflections.")] = 64,
     max_range: Annotated[
-        float | None, typer.Option(min=0, help="Paths of length up to twice this, metres; default: the board's range.")
+        float | None,
+        typer.Option(min=0, max=1000, help="Paths of length up to twice this, metres; default: the board's range."),
     ] = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
     edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
     faintest: Annotated[
-        float, typer.Option(max=0, help="Leave out what an edge leaves fainter than this, dB; there is no end of it.")
+        float,
+        typer.Option(
+            max=0,
+            help="Leave out what an edge leaves fainter than this, dB; each 10 dB less take several times as long.",
+        ),
     ] = -60.0,
     out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
     force: Force = False,

@@ -42,6 +42,7 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from sim.board import Board
+    from sim.models import Model
     from sim.predicted_scan import PredictedScan
     from sim.prediction import PredictionOptions
     from sim.room import Place
@@ -120,6 +121,7 @@ def simulate(
     here, chosen = room.place(place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, wish)
+    _check_meaning(Model(model.value), options, here)
     scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
     if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):
         _warn_of_near_field(scan)
@@ -163,6 +165,17 @@ def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
         raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
     if options.noise and wish is None and options.receiver is Receiver.FIRST_ECHO:
         raise InputError(f"--noise {options.noise:g}: nobody would hear it; add --traces or --receiver board")
+
+
+def _check_meaning(model: "Model", options: "PredictionOptions", place: "Place") -> None:
+    """Refuse what would make no difference: whoever gives it believes that it does."""
+    from sim.models import Model
+    from sim.mount import Unit
+
+    if options.sections > 1 and place.height is None:
+        raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
+    if model in (Model.NEAREST, Model.CONE) and options.unit is not Unit.PASS:
+        raise InputError(f"--unit {options.unit}: --model {model} knows no sound that passes the unit; leave it out")
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:

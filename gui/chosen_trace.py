@@ -1,4 +1,4 @@
-"""The trace of the chosen reading as the trace view draws it: curves over range, in dB below full scale, and echoes.
+"""The trace of the chosen reading as the trace view draws it: curves over range, in dB of full scale, and echoes.
 
 Takes what is shown; hands on a frozen `ChosenTrace`, or None where nothing is chosen.
 """
@@ -22,7 +22,7 @@ class Curve:
     """One trace."""
 
     ranges: FloatArray  # m
-    levels: FloatArray  # dB below full scale, not under the floor
+    levels: FloatArray  # dB of full scale, not under the floor
 
 
 @dataclass(frozen=True)

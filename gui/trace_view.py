@@ -31,7 +31,7 @@ class TraceView(pg.PlotWidget):  # type: ignore[misc]
         self._drawn: tuple[object, object] | None = None
         self._reach = 0.0
         self.setLabel("bottom", "range (m)")
-        self.setLabel("left", "level (dB below full scale)")
+        self.setLabel("left", "level (dB of full scale)")
         self.showGrid(x=True, y=True, alpha=GRID_ALPHA)
         self.hideButtons()
         self.setMouseEnabled(x=True, y=False)

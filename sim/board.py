@@ -21,6 +21,8 @@ from sim.toml_file import TomlModel, parse_toml, read_text
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 
+MOST_RANGE = 1000.0  # m; sound in air is gone long before
+
 Positive = Annotated[float, Field(gt=0)]
 
 # Unverified, and so only what a profile that says nothing gets: each way the transducer swells and rings by this time
@@ -60,19 +62,21 @@ class BoardFile(TomlModel):
     """What may stand in a profile."""
 
     name: str
-    aperture_radius: Positive  # m
+    aperture_radius: Annotated[float, Field(gt=0, le=1)]  # m
     frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
-    transmit_cycles: Annotated[int, Field(ge=1)]
-    blanking: Annotated[float, Field(ge=0)]  # s
-    max_range: Positive  # m
+    transmit_cycles: Annotated[int, Field(ge=1, le=1000)]
+    blanking: Annotated[float, Field(ge=0, le=1)]  # s
+    max_range: Annotated[float, Field(gt=0, le=MOST_RANGE)]  # m
     threshold_db: Annotated[float, Field(le=0)]
     rounding: Annotated[float, Field(ge=0)] = 0.0  # m; 0: none
     absorption: bool = True
     receiver: Literal["first-echo", "board"] = "first-echo"
     chirp: tuple[ToneFile, ...] = ()
-    rise_cycles: Annotated[float, Field(ge=0.5)] = RISE_CYCLES  # signals are kept 60 kHz to each side of the carrier
+    rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = (
+        RISE_CYCLES  # signals are kept 60 kHz to each side of the carrier
+    )
     own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
-    integration_cycles: Annotated[float, Field(ge=0)] = INTEGRATION_CYCLES
+    integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
     gain_steps: tuple[Positive, ...] = ()  # s
     gain_step_db: Annotated[float, Field(ge=0, le=20)] = GAIN_STEP_DB
     blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sonarhw.errors import InputError
+from sonarhw.errors import NoPlate
 from sonarhw.readings import FloatArray, Reading
 
 GATE = 0.30  # m either side of the distance told: what is further off is not the plate
@@ -35,20 +35,20 @@ class Calibration:
 def calibrate(readings: Sequence[Reading], distance: float, direction: float, gate: float = GATE) -> Calibration:
     """What readings of a plate show whose face is perpendicular to `direction` (rad), `distance` m from the transducer.
 
-    `direction` is where the turntable's angle should be when it points at the plate. Raises InputError where the plate
+    `direction` is where the turntable's angle should be when it points at the plate. Raises NoPlate where the plate
     is not heard, or is heard up to the end of the sector.
     """
     angles, heard, ranges = _by_heading(readings, distance, gate)
     weights = heard / np.maximum(1, _pings(readings, angles))
     hits = np.flatnonzero(weights)
     if len(hits) < _FEWEST:
-        raise InputError(
+        raise NoPlate(
             f"the plate is heard at {len(hits)} headings, at least {_FEWEST} are needed: "
             f"is it {distance:g} m away and does it face the scanner? Take smaller steps or a larger plate"
         )
     if weights[0] or weights[-1]:
         end = math.degrees(angles[0 if weights[0] else -1])
-        raise InputError(f"the plate is heard up to {end:.4g} degrees, the end of the sector; widen the sector")
+        raise NoPlate(f"the plate is heard up to {end:.4g} degrees, the end of the sector; widen the sector")
     middle = float(weights @ angles / weights.sum())
     step = float(np.median(np.diff(angles)))
     arc = float(weights.sum()) * step

@@ -13,6 +13,7 @@
     │   ├── WrongDevice        another scanner than before answers                                 exit 1
     │   ├── Incompatible       it speaks another protocol version                                  exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
+    ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
@@ -78,6 +79,10 @@ class CommandRefused(DeviceError):
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
         self.code = code
+
+
+class NoPlate(SonarError):
+    """What was heard is not a plate by which to calibrate."""
 
 
 class LogError(SonarError):

@@ -193,8 +193,9 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
     code = error.errno if isinstance(error, OSError) else None
     text = str(error)
     if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in text:
-        who = ", ".join(holders(url)) or "another program"
-        return LinkBusy(f"{url}: {who} holds the port; close it and try again")
+        who = holders(url) or ["another program"]
+        held = "holds" if len(who) == 1 else "hold"
+        return LinkBusy(f"{url}: {', '.join(who)} {held} the port; close what is not the scanner itself and try again")
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return LinkForbidden(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:

@@ -56,7 +56,7 @@ def test_bad_usage_is_one_line_and_leaves_no_profile(
 
 def test_a_missing_plate_is_told_and_leaves_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.toml"
-    assert calibrated(out, "--distance", "3.0") == 2
+    assert calibrated(out, "--distance", "3.0") == 1
     assert "the plate is heard at 0 headings" in capsys.readouterr().err
     assert not out.exists()
 

@@ -209,7 +209,10 @@ def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.C
         ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "nan"],
         ["simulate", *FIGURE_9, "--noise", "0.01"],
         ["simulate", *FIGURE_9, "--receiver", "board", "--noise", "nan"],
+        ["simulate", *FIGURE_9, "--sections", "3"],
+        ["simulate", *FIGURE_9, "--model", "cone", "--unit", "reflect"],
         ["paths", ROOM, "--place", "atlantis"],
+        ["paths", *FIGURE_9[:3], "--max-range", "inf"],
         ["compare", "nowhere.mcap", "--room", ROOM],
     ],
 )

@@ -67,6 +67,7 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         ("gain_step_db = -4.0", "gain_step_db: expected greater than or equal to 0"),
         ("integration_cycles = -1.0", "integration_cycles: expected greater than or equal to 0"),
         ("rise_cycles = 0.1", "rise_cycles: expected greater than or equal to 0.5"),
+        ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
         ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
         ("rearm = 0.0", "rearm: expected greater than 0"),
         ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
