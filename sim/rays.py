@@ -7,6 +7,7 @@ Compiled by numba; plain arrays only.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -113,6 +114,19 @@ def reflect(
     return dx - 2.0 * inward * nx, dy - 2.0 * inward * ny, 2.0 / (post[2] * max(-inward, 1e-9))
 
 
+class _Leg(NamedTuple):
+    """A ray where it leaves a surface, and what has become of it so far."""
+
+    x: float  # m
+    y: float
+    dx: float  # unit vector
+    dy: float
+    length: float  # m travelled
+    width: float  # m per radian of departure: how far from its neighbour
+    opening: float  # growth of that width per metre
+    amplitude: float
+
+
 @njit(cache=True, error_model="numpy")
 def follow_fan(
     source: FloatArray,
@@ -132,79 +146,111 @@ def follow_fan(
     """
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, hearing = audible
-    faintest = least.min()
-    max_length, max_return = longest.max(), longest[0]
-    for target in range(1, targets.shape[0]):
-        to_edge = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
-        max_return = max(max_return, longest[target] + to_edge)
+    faintest, max_length, max_return = least.min(), longest.max(), _longest_there_and_on(targets, longest)
     spacing = directions[1] - directions[0]
     touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
     slots = np.full(4096, -1, np.int32)
     edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
     nearby = np.empty(targets.shape[0], np.int32)
-    to_receiver = math.hypot(targets[0, 0] - source[0], targets[0, 1] - source[1])
+    hears_itself = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     for ray in range(directions.shape[0]):
-        x, y = source[0], source[1]
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
-        length, width, opening, amplitude, surface = 0.0, 0.0, 1.0, leaving[ray], -1
-        if amplitude <= faintest:
+        leg, surface = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray]), -1
+        if leg.amplitude <= faintest:
             continue
         for bounces in range(max_bounces + 1):
             # find the next surface
-            distance, following = first_among(x, y, dx, dy, surface, walls, posts, cells, starts, numbers)
-            reach = min(distance, max_length - length)
+            distance, following = first_among(
+                leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
+            )
+            reach = min(distance, max_length - leg.length)
 
             # note every target that this leg passes; the first leg only leaves a sensor that hears itself
-            passed = _edges_along(x, y, dx, dy, reach, opening > 1.0, cells, edges, nearby)
-            if bounces > 0 or to_receiver > 0.0:
+            passed = _edges_along(leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby)
+            if bounces > 0 or not hears_itself:
                 nearby[passed] = 0
                 passed += 1
             for target in nearby[:passed]:
-                tx, ty = targets[target, 0] - x, targets[target, 1] - y
-                ahead = tx * dx + ty * dy
-                near = ALLOWANCE * spacing * (width + opening * max(ahead, 0.0))
-                aside = abs(tx * dy - ty * dx)
-                if not (-near <= ahead <= reach + near and aside <= near):
-                    continue
-                if length + ahead > longest[target] + near:
-                    continue
-                on = max(ahead, 0.0)
-                loudest = amplitude * math.sqrt((length + on) / (width + opening * on))
-                if target == 0:
-                    loudest *= _most_heard(-dx * axis_x - dy * axis_y, ALLOWANCE * spacing * opening, hearing)
-                if loudest <= least[target]:
+                miss, loudest = _passes(leg, reach, targets[target, 0], targets[target, 1], longest[target], spacing)
+                if target == 0 and miss >= 0.0:
+                    loudest *= _most_heard(leg, axis_x, axis_y, spacing, hearing)
+                if miss < 0.0 or loudest <= least[target]:
                     continue
                 if found == candidates.shape[0]:
                     candidates, misses = _longer(candidates, misses)
                 candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
-                misses[found] = aside / near
+                misses[found] = miss
                 found += _enter(candidates[: found + 1], misses, touched, slots)
                 if found > _FULL * slots.shape[0]:
                     slots = _grown(slots, candidates[:found], misses, touched)
 
             # stop where the path leaves the room, is long enough or can no longer come home in time
-            length += distance
-            x, y = x + distance * dx, y + distance * dy
-            if bounces == max_bounces or length > max_length:
+            if bounces == max_bounces or leg.length + distance > max_length:
                 break
-            # no way on is shorter than the straight one
-            home = math.hypot(targets[0, 0] - x, targets[0, 1] - y)
-            if length + home - ALLOWANCE * spacing * (width + opening * (distance + home)) > max_return:
+            if _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) > max_return:
                 break
 
-            # stop where too little is left; what a post has spread only gets fainter
-            width += opening * distance
-            amplitude *= reflectances[following]
-            if amplitude * math.sqrt(length / width) <= faintest:
+            # reflect, and stop where too little is left; what a post has spread only gets fainter
+            leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
+            if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:
                 break
-
-            # reflect, and let the tube between this ray and the next grow
-            dx, dy, curvature = reflect(x, y, dx, dy, following, walls, posts)
-            opening += curvature * width
             surface = following
             touched[ray, bounces] = following
     return touched, candidates[:found]
+
+
+@njit(cache=True, error_model="numpy")
+def _longest_there_and_on(targets: FloatArray, longest: FloatArray) -> float:
+    """The longest way to any target and straight on to the receiver, m."""
+    most = longest[0]
+    for target in range(1, targets.shape[0]):
+        on = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
+        most = max(most, longest[target] + on)
+    return float(most)
+
+
+@njit(cache=True, error_model="numpy")
+def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing: float) -> tuple[float, float]:
+    """How far beside a target a leg passes, in widths of its tube, and the most that is left of it there.
+
+    The first is negative where the leg does not come near, or comes too late.
+    """
+    tx, ty = x - leg.x, y - leg.y
+    ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
+    on = max(ahead, 0.0)
+    width = leg.width + leg.opening * on
+    near = ALLOWANCE * spacing * width
+    if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > longest + near:
+        return -1.0, 0.0
+    return aside / near, leg.amplitude * math.sqrt((leg.length + on) / width)
+
+
+@njit(cache=True, error_model="numpy")
+def _most_heard(leg: _Leg, axis_x: float, axis_y: float, spacing: float, hearing: FloatArray) -> float:
+    """The most that the receiver hears of a tube by where it comes from."""
+    cosine = -leg.dx * axis_x - leg.dy * axis_y
+    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
+    most: float = hearing[int(aside / math.pi * (hearing.shape[0] - 1))]
+    return most
+
+
+@njit(cache=True, error_model="numpy")
+def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
+    """How long a path is at least that goes on to the receiver from `distance` ahead: straight is the shortest."""
+    home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
+    return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
+
+
+@njit(cache=True, error_model="numpy")
+def _reflected(
+    leg: _Leg, distance: float, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray
+) -> _Leg:
+    """The leg behind the surface at `distance`; between this ray and the next the tube has grown."""
+    x, y, width = leg.x + distance * leg.dx, leg.y + distance * leg.dy, leg.width + leg.opening * distance
+    dx, dy, curvature = reflect(x, y, leg.dx, leg.dy, surface, walls, posts)
+    opening = leg.opening + curvature * width
+    return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
 @njit(cache=True, error_model="numpy")
@@ -216,14 +262,6 @@ def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatAr
         more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
         more_misses[k] = misses[k]
     return more, more_misses
-
-
-@njit(cache=True, error_model="numpy")
-def _most_heard(cosine: float, spread: float, hearing: FloatArray) -> float:
-    """The most that is heard of a tube from an angle of that cosine from the axis, `spread` (rad) to either side."""
-    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - spread, 0.0)
-    most: float = hearing[int(aside / math.pi * (hearing.shape[0] - 1))]
-    return most
 
 
 @njit(cache=True, error_model="numpy")
