@@ -10,7 +10,7 @@ import typer
 from cli.connect import ScannerUrl, connect
 from cli.interruption import interruption, sigterm_raises
 from cli.numbers import counted
-from cli.options import DEFAULT_BOARD, BoardName, Force, checked_out, scan_order
+from cli.options import DEFAULT_BOARD, BoardName, Force, check_temperature, checked_out, scan_order
 from sonarhw.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def calibrate(
     from sim.board import load_board
 
     checked_out(out, (PROFILE,), force, url, board)
+    check_temperature(temperature)
     profile = load_board(board)
     nearest = profile.blanked_range(Air())
     if not nearest < distance < profile.max_range:

@@ -86,6 +86,12 @@ def chosen_receiver(name: ReceiverName | None, board: "Board") -> "Receiver":
     return board.receiver if name is None else Receiver(name.value)
 
 
+def check_temperature(temperature: float | None) -> None:
+    """Raises InputError where --temperature (°C) is none that air has in a room."""
+    if temperature is not None and not -40 <= temperature <= 60:
+        raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
+
+
 def checked_out(
     out: str | Path, endings: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
 ) -> str:

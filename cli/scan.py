@@ -22,6 +22,7 @@ from cli.options import (
     PlaceName,
     StepDegrees,
     ToDegrees,
+    check_temperature,
     checked_out,
     scan_order,
 )
@@ -93,8 +94,7 @@ def _check(wish: _Wish) -> None:
         load_board(wish.board)
     if wish.max_range is not None and not 0 < wish.max_range < math.inf:
         raise InputError(f"--max-range {wish.max_range:g}: expected metres above 0")
-    if wish.temperature is not None and not -40 <= wish.temperature <= 60:
-        raise InputError(f"--temperature {wish.temperature:g}: expected -40 to 60 °C")
+    check_temperature(wish.temperature)
 
 
 def _check_order(order: ScanOrder) -> None:

@@ -59,7 +59,8 @@ def calibrate(readings: Sequence[Reading], distance: float, direction: float, ga
     return Calibration(
         range_offset=float(np.median(told)) - distance,
         range_spread=float(np.std(told)),
-        home_angle=math.remainder(direction - middle, math.tau),
+        # so that -0.0 is told as 0.0
+        home_angle=math.remainder(direction - middle, math.tau) + 0.0,
         home_uncertainty=rims,
         arc=arc,
         headings=len(hits),

@@ -75,3 +75,9 @@ def test_what_was_found_is_used_by_the_prediction(tmp_path: Path, capsys: pytest
     for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
         assert run(["compare", str(log), "--room", room, "--place", "figure7", "--board", board, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["heading_deg"] == pytest.approx(heading)
+
+
+@pytest.mark.parametrize("temperature", ["900", "nan"])
+def test_air_that_no_room_has_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], temperature: str) -> None:
+    assert calibrated(tmp_path / "bench.toml", "--temperature", temperature) == 2
+    assert "--temperature" in capsys.readouterr().err
