@@ -10,7 +10,7 @@ import typer
 from cli.connect import ScannerUrl, connect
 from cli.interruption import interruption, sigterm_raises
 from cli.numbers import counted
-from cli.options import DEFAULT_BOARD, BoardName, Force, check_temperature, checked_out, scan_order
+from cli.options import DEFAULT_BOARD, BoardName, Force, check_temperature, checked_out, scan_order, speed_of_air
 from sonarhw.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from sonarhw.readings import Reading, ScanOrder
     from sonarhw.scanner import Scanner
 
-DEFAULT_TEMPERATURE = 20.0  # °C
 PROFILE = ".toml"
 
 
@@ -58,11 +57,7 @@ def calibrate(
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
-    from sim.air import speed_of_sound
-
-    own = scanner.info.temperature_c
-    air = next(value for value in (temperature, own, DEFAULT_TEMPERATURE) if value is not None)
-    speed = speed_of_sound(air)
+    speed = speed_of_air(temperature, scanner.info.temperature_c)
     scanner.configure(2 * board.max_range / speed, board.listens_from, False, speed)
     with interruption(scanner.stop):
         return list(scanner.scan(order))

@@ -54,6 +54,7 @@ ReceiverChoice = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 DEFAULT_BOARD = "polaroid-6500"
+DEFAULT_TEMPERATURE = 20.0  # °C
 STDOUT = "-"
 LOG = ".mcap"
 _OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
@@ -90,6 +91,13 @@ def check_temperature(temperature: float | None) -> None:
     """Raises InputError where --temperature (°C) is none that air has in a room."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
+
+
+def speed_of_air(temperature: float | None, measured: float | None) -> float:
+    """Speed of sound, m/s: by --temperature (°C), else by what the scanner measures, else at 20 °C."""
+    from sim.air import speed_of_sound
+
+    return speed_of_sound(next(value for value in (temperature, measured, DEFAULT_TEMPERATURE) if value is not None))
 
 
 def checked_out(

@@ -25,6 +25,7 @@ from cli.options import (
     check_temperature,
     checked_out,
     scan_order,
+    speed_of_air,
 )
 from cli.output import standard_output
 from cli.progress import progress
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
     from sim.board import Board
     from sonarhw.log import LogMetadata, LogWriter
     from sonarhw.scanner import Scanner
-
-DEFAULT_TEMPERATURE = 20.0  # °C
 
 
 @dataclass(frozen=True)
@@ -212,11 +211,7 @@ def _board(scanner: "Scanner", wish: _Wish) -> "Board":
 
 
 def _prepare(scanner: "Scanner", wish: _Wish, board: "Board") -> None:
-    from sim.air import speed_of_sound
-
-    own = scanner.info.temperature_c
-    temperature = next(value for value in (wish.temperature, own, DEFAULT_TEMPERATURE) if value is not None)
-    speed = speed_of_sound(temperature)
+    speed = speed_of_air(wish.temperature, scanner.info.temperature_c)
     reach = board.max_range if wish.max_range is None else wish.max_range
     if wish.traces and not scanner.info.trace_rate:
         _warn(f"{scanner.url}: sends no traces; only echo times are recorded")

@@ -22,10 +22,10 @@ import numpy as np
 from sim.board import Board
 from sim.edges import inside_wedge
 from sim.mount import CARRIER_REFLECTANCE, ON_AXIS, Unit, with_faces
+from sim.one_heading import FIRST_RAY, RAY_SPACING
 from sim.room import Place, Room
 from sim.transducer import beam_gain
 
-RAY_SPACING = math.radians(0.25)
 _NOTHING = -1
 _RECEIVER = -2
 
@@ -137,8 +137,7 @@ def range_at(
 
 def _fan(setting: _Setting) -> Iterator[Ray]:
     for k in range(round(math.pi / setting.spacing)):
-        # off the round angles, on which rays of a tidy room would run straight into its vertices
-        direction = setting.heading - math.pi / 2 + (k + 0.382) * setting.spacing
+        direction = setting.heading - math.pi / 2 + (k + FIRST_RAY) * setting.spacing
         ray = Ray(*setting.place.position, direction, amplitude=setting.beam(direction), last=setting.face)
         if setting.over_threshold(ray):
             yield ray
