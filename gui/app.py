@@ -16,6 +16,7 @@ from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 
 from gui.display import check_display
+from gui.garbage import collected_between_events
 from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
 from gui.main_window import MainWindow
 from gui.palette import INK, PAPER
@@ -64,7 +65,7 @@ def run_window(start: WindowStart) -> int:
     window.show()
     if start.when_open is not None:
         start.when_open(window)
-    with _closed_by_signals(window) as signals:
+    with _closed_by_signals(window) as signals, collected_between_events():
         status = application.exec()
     return INTERRUPTED if signals else status
 

@@ -1,5 +1,6 @@
 """Real windows on a small room: a fake scanner on a loopback socket, a recorded log, and no thread left behind."""
 
+import gc
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -8,6 +9,7 @@ from math import radians
 from pathlib import Path
 
 import pytest
+from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
 
 from gui.app import WindowStart, open_application, open_window
@@ -56,6 +58,15 @@ def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
         yield open_fake
 
 
+@pytest.fixture(autouse=True)
+def collected_in_between() -> Iterator[None]:
+    """Cycles are collected between tests only, as the application does it between events: see `gui.garbage`."""
+    gc.disable()
+    yield
+    gc.collect()
+    gc.enable()
+
+
 @pytest.fixture
 def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
     """Opens a window; at the end it is closed, and every thread that it began must be gone."""
@@ -66,7 +77,6 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         open_application()
         wish = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
         window = open_window(WindowStart(**wish))
-        qtbot.addWidget(window)
         windows.append(window)
         with qtbot.waitActive(window):  # keys go to the active window only
             window.show()
@@ -76,6 +86,8 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
     yield open_it
     for window in windows:
         window.close()
+        window.deleteLater()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     ours = {"live scan", "find paths", "compare readings", "open files"}
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 
