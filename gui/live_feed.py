@@ -20,17 +20,18 @@ class LiveFeed:
         self._opener = opener
         self._wish = wish
         self._scan: LiveScan | None = None
+        self._status = _IDLE
         self._end_told = True
 
     @property
     def phase(self) -> Phase | None:
         """How far the scan is; None before the first and after `forget`."""
-        return self._scan.status.phase if self._scan else None
+        return self._status.phase if self._scan else None
 
     @property
     def status(self) -> LiveStatus:
-        """What is known of the scan."""
-        return self._scan.status if self._scan else _IDLE
+        """What was known of the scan when its readings were last taken: an end is shown with what it brought."""
+        return self._status
 
     @property
     def running(self) -> bool:
@@ -42,6 +43,7 @@ class LiveFeed:
         if self._opener is not None:
             self.readings, self._end_told = (), False
             self._scan = LiveScan(self._opener, scene, self._wish)
+            self._status = self._scan.status
             self._scan.start()
 
     def stop(self) -> None:
@@ -51,7 +53,7 @@ class LiveFeed:
 
     def forget(self) -> None:
         """Forget the scan that is over; something else is shown now."""
-        self._scan, self.readings, self._end_told = None, (), True
+        self._scan, self._status, self.readings, self._end_told = None, _IDLE, (), True
 
     def close(self) -> None:
         """Stop the board and wait until the log is closed."""
@@ -63,7 +65,7 @@ class LiveFeed:
         """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
         if self._scan is None:
             return 0, ""
-        status = self._scan.status  # before the readings, so that none comes after the end
+        status = self._status = self._scan.status  # before the readings, so that none comes after the end
         fresh = tuple(self._scan.take())
         if fresh:
             self.readings += fresh
