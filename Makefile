@@ -33,7 +33,7 @@ test: setup firmware
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24' \
-		$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadgroup
+		$(BIN)/pytest --numprocesses auto --maxprocesses 4 --max-worker-restart 0 --dist loadgroup
 
 # the long tests in full, and the figures that name seconds: some hours
 soak: setup firmware
