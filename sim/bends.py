@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.edges import Edges, inside_wedge
 from sim.grid import IntArray
 from sim.room import Room
@@ -97,7 +97,7 @@ def _ways_to_edges(room: Room, ways: Ways) -> tuple[Ways, EdgeWays]:
     return ways, EdgeWays(ways.edges, ways.lengths, ways.gains, angles)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _thread(
     first: NDArray[np.intp],
     second: NDArray[np.intp],
@@ -150,7 +150,7 @@ def join_at_edges(
 _Ways = tuple[IntArray, FloatArray, FloatArray, FloatArray]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _join(
     out: _Ways,
     back: _Ways,
@@ -182,7 +182,7 @@ def _join(
     return pairs, gains
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
     """Amplitude of a bent path relative to a reflected one of its length, for its two legs (m).
 
@@ -193,7 +193,7 @@ def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
     return gain
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def keller(one: float, other: float, n: float) -> float:
     """Strength of an edge relative to the paper's factor, for ways at two angles (rad) from its first face.
 

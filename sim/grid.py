@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sonarhw.readings import FloatArray
 
 IntArray = NDArray[np.int32]
@@ -73,7 +73,7 @@ def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
     return Surfaces(walls, posts, cells, _list_surfaces(cells, walls, posts))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def list_points(cells: Cells, points: FloatArray, reach: float) -> Listing:
     """For each cell, the points (n, 2) that lie within `reach` (m) of it."""
     boxes = np.empty((points.shape[0], 4))
@@ -82,7 +82,7 @@ def list_points(cells: Cells, points: FloatArray, reach: float) -> Listing:
     return _list_boxes(cells, boxes, boxes[:0])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _set_box(boxes: FloatArray, k: int, x: float, y: float, reach: float) -> None:
     boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x - reach, y - reach, x + reach, y + reach
 
@@ -94,7 +94,7 @@ def listed_at(surfaces: Surfaces, x: float, y: float) -> IntArray:
     return numbers[starts[cell] : starts[cell + 1]]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _list_surfaces(cells: Cells, walls: FloatArray, posts: FloatArray) -> Listing:
     boxes = np.empty((walls.shape[0] + posts.shape[0], 4))
     for k in range(walls.shape[0]):
@@ -105,7 +105,7 @@ def _list_surfaces(cells: Cells, walls: FloatArray, posts: FloatArray) -> Listin
     return _list_boxes(cells, boxes, walls)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
     """What reaches into each cell, of boxes (n, 4): x, y of the lower left and the upper right corner.
 
@@ -136,7 +136,7 @@ def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
     return Listing(counts, numbers)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _span(start: float, side: float, count: int, low: float, high: float) -> tuple[int, int]:
     """First and last of `count` cells between two coordinates; last before first where none is."""
     first = math.floor((low - start - _MARGIN) / side)
@@ -144,7 +144,7 @@ def _span(start: float, side: float, count: int, low: float, high: float) -> tup
     return max(first, 0), min(last, count - 1)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _within_column(cells: Cells, column: int, wall: FloatArray, low: float, high: float) -> tuple[float, float]:
     """The heights between which a wall runs inside a column."""
     across, up = wall[2] - wall[0], wall[3] - wall[1]
@@ -156,7 +156,7 @@ def _within_column(cells: Cells, column: int, wall: FloatArray, low: float, high
     return max(low, min(one, other)), min(high, max(one, other))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
     """A ray from (x, y) along the unit vector (dx, dy) in the first cell it meets."""
     right, top = cells.left + cells.columns * cells.side, cells.bottom + cells.rows * cells.side
@@ -172,7 +172,7 @@ def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
     return Walk(True, column, row, column_step, row_step, next_column, next_row, per_column, per_row)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(cells: Cells, walk: Walk) -> Walk:
     """The ray in its next cell."""
     inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row = walk
@@ -187,14 +187,14 @@ def advance(cells: Cells, walk: Walk) -> Walk:
     return Walk(inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def listed(cells: Cells, listing: Listing, walk: Walk) -> IntArray:
     """What reaches into the cell where the ray is."""
     cell = walk.row * cells.columns + walk.column
     return listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _ahead(at: float, along: float, low: float, high: float) -> float:
     """How far along a ray its coordinate comes between two bounds; 0 where it is there, inf where it never is."""
     if low <= at <= high:
@@ -205,7 +205,7 @@ def _ahead(at: float, along: float, low: float, high: float) -> float:
     return (bound - at) / along
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _crossings(at: float, along: float, start: float, side: float, cell: int) -> tuple[float, float, int]:
     """Distance along a ray to the next line between cells, the distance from line to line, and the step it takes."""
     if along > 0.0:

@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from sim.board import Board
+from sim.compiled import compiled
 from sim.grid import Cells, IntArray, Listing, Surfaces
 from sim.rays import first_among, reflect
 from sim.room import Place, Room
@@ -89,7 +89,7 @@ def range_at(
     return None if math.isinf(travelled) else travelled / 2
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _first_heard(
     stand: _Stand,
     limits: _Limits,
@@ -132,7 +132,7 @@ def _first_heard(
     return nearest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _outgoing(stand: _Stand, direction: float, limits: _Limits, table: FloatArray) -> _Ray:
     """A ray as it leaves, with the loss at its angle."""
     dx, dy = math.cos(direction), math.sin(direction)
@@ -140,7 +140,7 @@ def _outgoing(stand: _Stand, direction: float, limits: _Limits, table: FloatArra
     return _Ray(stand.x, stand.y, dx, dy, 0.0, leaving, 0.0, 1.0, _NOTHING)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _follow(
     ray: _Ray,
     nearest: float,
@@ -200,13 +200,13 @@ def _follow(
     return nearest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _is_heard(ray: _Ray, stand: _Stand, limits: _Limits, table: FloatArray) -> bool:
     arriving = beam(-ray.dx * stand.axis_x - ray.dy * stand.axis_y, limits.ka, table)
     return ray.travelled >= limits.blanked and _is_over_threshold(ray, arriving, limits)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _moved(ray: _Ray, distance: float) -> _Ray:
     """The ray `distance` m further on."""
     x, y, dx, dy, travelled, amplitude, width, opening, last = ray
@@ -214,7 +214,7 @@ def _moved(ray: _Ray, distance: float) -> _Ray:
     return _Ray(x, y, dx, dy, travelled, amplitude, width, opening, last)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _is_over_threshold(ray: _Ray, arriving: float, limits: _Limits) -> bool:
     spread = math.sqrt(ray.travelled / ray.width) if ray.width > 0.0 else 1.0
     loss = math.exp(-limits.decay * ray.travelled) if limits.decay != 0.0 else 1.0
@@ -222,14 +222,14 @@ def _is_over_threshold(ray: _Ray, arriving: float, limits: _Limits) -> bool:
     return over
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _reflected(ray: _Ray, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray) -> _Ray:
     dx, dy, curvature = reflect(ray.x, ray.y, ray.dx, ray.dy, surface, walls, posts)
     opening = ray.opening + curvature * ray.width
     return _Ray(ray.x, ray.y, dx, dy, ray.travelled, ray.amplitude * reflectance, ray.width, opening, surface)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _to_receiver(ray: _Ray, stand: _Stand, spacing: float) -> float:
     """Distance along a ray to the receiver, which is as long as the ray's tube is wide; inf where it misses."""
     tx, ty = stand.x - ray.x, stand.y - ray.y
@@ -238,7 +238,7 @@ def _to_receiver(ray: _Ray, stand: _Stand, spacing: float) -> float:
     return ahead if meets else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _bent(ray: _Ray, wedge: FloatArray, stand: _Stand, limits: _Limits) -> _Ray:
     """What an edge within one spacing of a ray bends of it, at the receiver; of no amplitude where it bends nothing.
 
@@ -257,7 +257,7 @@ def _bent(ray: _Ray, wedge: FloatArray, stand: _Stand, limits: _Limits) -> _Ray:
     return _moved(_Ray(edge_x, edge_y, dx, dy, ray.travelled, amplitude, ray.travelled, 1.0, _NOTHING), leg)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _inside(direction: float, first: float, opening: float) -> bool:
     turned = (direction - first) % math.tau
     # along a face sound grazes past and is not bent

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from sim.audible import Audible
+from sim.compiled import compiled
 from sim.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 from sonarhw.readings import FloatArray
 
@@ -23,7 +23,7 @@ _STANDING = 1e-11  # m
 _FULL = 0.5  # share of a hash table's slots in use at which it grows
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: Surfaces) -> tuple[float, int]:
     """Distance (m) to the first surface along a ray and its number; (inf, -1) where there is none.
 
@@ -33,7 +33,7 @@ def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: 
     return first_among(x, y, dx, dy, leaving, walls, posts, cells, starts, numbers)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def first_among(
     x: float,
     y: float,
@@ -63,7 +63,7 @@ def first_among(
     return nearest, surface
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
     """Distance (m) along a ray to a surface; inf where it misses."""
     if surface >= walls.shape[0]:
@@ -81,7 +81,7 @@ def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: F
     return distance
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) -> float:
     """Distance (m) along a ray to the near side of a post (x, y, radius); inf where it misses."""
     cx, cy = post[0] - x, post[1] - y
@@ -94,7 +94,7 @@ def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) ->
     return near_side
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def reflect(
     x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray
 ) -> tuple[float, float, float]:
@@ -127,7 +127,7 @@ class _Leg(NamedTuple):
     amplitude: float
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def follow_fan(
     source: FloatArray,
     directions: FloatArray,
@@ -200,7 +200,7 @@ def follow_fan(
     return touched, candidates[:found]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _longest_there_and_on(targets: FloatArray, longest: FloatArray) -> float:
     """The longest way to any target and straight on to the receiver, m."""
     most = longest[0]
@@ -210,7 +210,7 @@ def _longest_there_and_on(targets: FloatArray, longest: FloatArray) -> float:
     return float(most)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing: float) -> tuple[float, float]:
     """How far beside a target a leg passes, in widths of its tube, and the most that is left of it there.
 
@@ -226,7 +226,7 @@ def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing
     return aside / near, leg.amplitude * math.sqrt((leg.length + on) / width)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _most_heard(leg: _Leg, axis_x: float, axis_y: float, spacing: float, hearing: FloatArray) -> float:
     """The most that the receiver hears of a tube by where it comes from."""
     cosine = -leg.dx * axis_x - leg.dy * axis_y
@@ -235,14 +235,14 @@ def _most_heard(leg: _Leg, axis_x: float, axis_y: float, spacing: float, hearing
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
     """How long a path is at least that goes on to the receiver from `distance` ahead: straight is the shortest."""
     home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
     return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _reflected(
     leg: _Leg, distance: float, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray
 ) -> _Leg:
@@ -253,7 +253,7 @@ def _reflected(
     return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
     """Both with room for twice as many; numba takes a second to compile a concatenation."""
     count = misses.shape[0]
@@ -264,7 +264,7 @@ def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatAr
     return more, more_misses
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _edges_along(
     x: float,
     y: float,
@@ -303,7 +303,7 @@ def _edges_along(
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
     """Enter the last candidate in the hash table, unless one before it has its sequence and target.
 
@@ -323,7 +323,7 @@ def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: I
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
     larger = np.full(4 * slots.shape[0], -1, np.int32)
     for count in range(1, candidates.shape[0] + 1):
@@ -331,7 +331,7 @@ def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: I
     return larger
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _hash(candidate: IntArray, touched: IntArray) -> int:
     ray, bounces, target = candidate
     mixed: int = target + 1
@@ -342,7 +342,7 @@ def _hash(candidate: IntArray, touched: IntArray) -> int:
     return mixed
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
     if one[1] != other[1] or one[2] != other[2]:
         return False

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim.board import Board, Receiver
 from sim.burst import RATE, burst_of
+from sim.compiled import compiled
 from sim.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, received
 from sim.transducer import ComplexArray
 from sonarhw.readings import FloatArray
@@ -72,7 +72,7 @@ def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, boar
     return int(near[loudest]) if alone[loudest] >= _SHARE * np.abs(samples[begin:end]).sum() else -1
 
 
-@njit(cache=True)
+@compiled
 def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray, begin: int) -> FloatArray:
     """How much of each pulse, after the gain, lies between sample `begin` and the end of `gain`, (n,) float."""
     sums = np.zeros(some.shape[0])
@@ -114,14 +114,14 @@ def _charge_of_burst(board: Board, speed_of_sound: float) -> float:
     return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), _time_constant(board)).max())
 
 
-@njit(cache=True)
+@compiled
 def _kept(time_constant: float) -> float:
     """What REC keeps of its charge from one sample to the next."""
     kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
     return kept
 
 
-@njit(cache=True)
+@compiled
 def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
     """REC after every sample, from empty, (n,)."""
     kept = _kept(time_constant)
@@ -132,7 +132,7 @@ def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
     return charge
 
 
-@njit(cache=True)
+@compiled
 def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
     """Sample numbers, with their fractions, at which REC is full, (k,) float."""
     kept = _kept(time_constant)

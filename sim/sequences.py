@@ -9,9 +9,9 @@ numba.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.grid import IntArray, Surfaces, advance, enter, listed
 from sim.rays import post_distance, reflect
 from sonarhw.readings import FloatArray
@@ -25,7 +25,7 @@ _NEAR_TARGET = 1e-7  # m
 _MOST_SHOTS = 60
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def solve_candidates(
     source: FloatArray,
     directions: FloatArray,
@@ -65,7 +65,7 @@ def solve_candidates(
     return real, points, lengths, divergences
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _touches_post(sequence: IntArray, walls: int) -> bool:
     for surface in sequence:  # noqa: SIM110  numba compiles no generators
         if surface >= walls:
@@ -73,7 +73,7 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
     bounces = sequence.shape[0]
@@ -99,14 +99,14 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
     return x - 2.0 * aside * ey, y + 2.0 * aside * ex
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _refine(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float]:
@@ -128,7 +128,7 @@ def _refine(
     return False, 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _shoot(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float, float, float]:
@@ -160,7 +160,7 @@ def _shoot(
     return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
     # the wall's whole line: a ray still being turned may run past the end
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -168,7 +168,7 @@ def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -
     return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     for k in range(sequence.shape[0]):
         if sequence[k] >= walls.shape[0]:
@@ -182,7 +182,7 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     """Whether no surface stands in any leg of a path (k, 2); surfaces touched at its corners do not."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
@@ -191,7 +191,7 @@ def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     """Whether sound gets straight from `start` to `end`, (2,) each; what stands at either end is no hindrance."""
     length = math.hypot(end[0] - start[0], end[1] - start[1])
@@ -213,7 +213,7 @@ def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: FloatArray) -> bool:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     across = dx * ey - dy * ex
@@ -226,7 +226,7 @@ def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: 
     return crosses
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: FloatArray) -> bool:
     ahead = (post[0] - start[0]) * dx + (post[1] - start[1]) * dy
     ahead = min(max(ahead, 0.0), length)

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.fft import ifft
 from numpy.typing import NDArray
 
 from sim.board import Board, Receiver
 from sim.burst import RATE, Burst, burst_of
+from sim.compiled import compiled
 from sim.gain import stepped_gain_db, way_loss_db
 from sim.transducer import ComplexArray
 from sim.weighing import beam_table, disc
@@ -184,7 +184,7 @@ def _count(duration: float, rate: float) -> int:
     return max(1, math.ceil(duration * rate))
 
 
-@njit(cache=True)
+@compiled
 def _fill(
     spectra: ComplexArray,
     times: FloatArray,
@@ -222,7 +222,7 @@ def _fill(
             phasor *= turning
 
 
-@njit(cache=True)
+@compiled
 def _smoothed(rough: ComplexArray, kept: float) -> ComplexArray:
     """Every sample and what is `kept` of all before it, (n,)."""
     smooth = rough.copy()
@@ -231,14 +231,14 @@ def _smoothed(rough: ComplexArray, kept: float) -> ComplexArray:
     return smooth
 
 
-@njit(cache=True)
+@compiled
 def _add(samples: ComplexArray, some: ComplexArray, first: NDArray[np.intp], gain: FloatArray) -> None:
     for row in range(some.shape[0]):
         for k in range(max(0, -first[row]), min(some.shape[1], samples.shape[0] - first[row])):
             samples[first[row] + k] += some[row, k] * gain[first[row] + k]
 
 
-@njit(cache=True)
+@compiled
 def _with_carrier(samples: ComplexArray, step: float, turns: float, count: int) -> FloatArray:
     """Real part of `samples` on the carrier, `count` of them `step` samples apart, limited to -1..1.
 

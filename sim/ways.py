@@ -7,10 +7,10 @@ import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim.audible import Audible
+from sim.compiled import compiled
 from sim.grid import IntArray
 from sim.rays import follow_fan
 from sim.room import Room
@@ -106,7 +106,7 @@ def shortest_first(ways: Ways) -> Ways:
     return ways.select(order[kept])
 
 
-@njit(cache=True)
+@compiled
 def _order_and_keep(
     lengths: FloatArray, edges: IntArray, surfaces: IntArray, points: FloatArray, order: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
@@ -126,7 +126,7 @@ def _order_and_keep(
     return kept
 
 
-@njit(cache=True)
+@compiled
 def _belongs_before(one: int, other: int, lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> bool:
     if abs(lengths[one] - lengths[other]) > NEARLY:
         return False
@@ -137,7 +137,7 @@ def _belongs_before(one: int, other: int, lengths: FloatArray, edges: IntArray, 
     return bool(difference < 0)
 
 
-@njit(cache=True)
+@compiled
 def _are_one(one: int, other: int, edges: IntArray, points: FloatArray) -> bool:
     """Whether two paths of one length leave in one direction and arrive in one, by the same edge if any."""
     if edges[one] != edges[other]:
@@ -148,7 +148,7 @@ def _are_one(one: int, other: int, edges: IntArray, points: FloatArray) -> bool:
     )
 
 
-@njit(cache=True)
+@compiled
 def _last(corners: FloatArray) -> int:
     """The last corner of a path; NaN lies behind it."""
     last: int = corners.shape[0] - 1
@@ -157,7 +157,7 @@ def _last(corners: FloatArray) -> int:
     return last
 
 
-@njit(cache=True)
+@compiled
 def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
     """Whether a leg of one path runs along a leg of the other; each is numbered by the corner it starts from."""
     ax, ay = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]

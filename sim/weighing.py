@@ -9,10 +9,10 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import j1, jv
 
+from sim.compiled import compiled
 from sim.transducer import beam_gain
 from sonarhw.readings import FloatArray
 
@@ -45,7 +45,7 @@ def loudest_by_separation(ka: float) -> FloatArray:
     return np.array([float((one * beam_gain(aside + angle, ka)).max()) for angle in apart])
 
 
-@njit(cache=True)
+@compiled
 def disc(x: float, table: FloatArray) -> float:
     """2 J₁(x)/x with its sign, for x from 0 to as far as the table goes."""
     x *= _NODES_PER_UNIT
@@ -62,7 +62,7 @@ def disc(x: float, table: FloatArray) -> float:
     return value
 
 
-@njit(cache=True)
+@compiled
 def beam(cosine: float, ka: float, table: FloatArray) -> float:
     """Amplitude one way at the angle of that cosine from the axis: |2 J₁(x)/x| cos α, 0 from 90° on."""
     if cosine <= 0.0:
@@ -71,7 +71,7 @@ def beam(cosine: float, ka: float, table: FloatArray) -> float:
     return amplitude
 
 
-@njit(cache=True)
+@compiled
 def amplitudes_at(
     heading: float, leaving: FloatArray, arriving: FloatArray, strengths: FloatArray, ka: float, table: FloatArray
 ) -> FloatArray:
@@ -89,7 +89,7 @@ def amplitudes_at(
     return amplitudes
 
 
-@njit(cache=True)
+@compiled
 def first_heard(
     headings: FloatArray,
     leaving: FloatArray,
@@ -122,7 +122,7 @@ def first_heard(
     return heard
 
 
-@njit(cache=True)
+@compiled
 def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bool:
     """Whether a path, corners (k, 2) relative to the sensor, runs into the face of a transducer that points along x, y.
 
@@ -142,7 +142,7 @@ def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bo
     return False
 
 
-@njit(cache=True)
+@compiled
 def all_meeting_face(points: FloatArray, heading: float, half_width: float) -> BoolArray:
     """`meets_face` of every path at one heading, (p,) bool."""
     meets = np.empty(points.shape[0], np.bool_)
