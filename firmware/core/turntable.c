@@ -27,6 +27,7 @@ static struct {
     enum turntable_trouble trouble;
     bool homed;
     int32_t target; // steps
+    int32_t awaited; // where the mark has to come by next, steps
     int32_t lost; // steps
     uint64_t settled_us;
     struct turntable_manner manner;
@@ -105,12 +106,24 @@ bool turntable_reaches(int64_t microdegrees)
     return microdegrees >= -REACH_DEGREES * 1000000L && microdegrees <= REACH_DEGREES * 1000000L;
 }
 
+// The first place of the mark that no play of the gear hides, counter-clockwise of here; one that is waited for stays.
+static void await_mark(void)
+{
+    int32_t clear = position_now() + STEPS_OF_DEGREES(BACKLASH_DEGREES);
+    int32_t turns = clear / MICROSTEPS - (clear % MICROSTEPS < 0);
+    int32_t next = (turns + 1) * MICROSTEPS;
+    if (next < table.awaited)
+        table.awaited = next;
+}
+
 static void start(enum leg leg, int32_t steps, uint16_t speed)
 {
     table.leg = leg;
     mark_passed = false;
     was_marked = home_mark();
     direction = steps < 0 ? -1 : 1;
+    if (direction > 0)
+        await_mark();
     ramp = ramp_of((uint16_t)(steps < 0 ? -steps : steps), table.manner.acceleration, speed);
     uint16_t first = ramp_next(&ramp);
     motor_start(direction > 0, first);
@@ -209,28 +222,40 @@ static void set_zero(void)
     interrupts_on();
     mark_passed = false;
     table.homed = true;
+    table.awaited = MICROSTEPS;
     table.target = 0;
     // it rolls out first, then comes back onto zero
     table.leg = APPROACHING;
 }
 
+static void lose(int32_t steps)
+{
+    table.lost += steps;
+    give_up(TROUBLE_LOST_STEPS);
+}
+
 static void check_mark(void)
 {
-    if (!mark_passed)
+    int32_t here = position_now(); // asked before the mark, which may come meanwhile and is not missing then
+    if (!mark_passed) {
+        if (here > table.awaited + STEPS_OF_DEGREES(MISSING_DEGREES))
+            lose(here - table.awaited);
         return;
+    }
     interrupts_off();
     int32_t off = mark_position;
     mark_passed = false;
     interrupts_on();
+    int32_t seen = off;
     off %= MICROSTEPS;
     if (off > MICROSTEPS / 2)
         off -= MICROSTEPS;
     if (off < -MICROSTEPS / 2)
         off += MICROSTEPS;
-    if (off > LOST_STEPS || off < -LOST_STEPS) {
-        table.lost += off;
-        give_up(TROUBLE_LOST_STEPS);
-    }
+    if (off > LOST_STEPS || off < -LOST_STEPS)
+        lose(off);
+    else
+        table.awaited = seen - off + MICROSTEPS;
 }
 
 static void watch(void)

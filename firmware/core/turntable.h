@@ -12,7 +12,7 @@
 enum turntable_trouble {
     TROUBLE_NONE,
     TROUBLE_NO_MARK, // turned as far as the cable allows, and saw no zero mark
-    TROUBLE_LOST_STEPS, // the zero mark came elsewhere than counted
+    TROUBLE_LOST_STEPS, // the zero mark came elsewhere than counted, or not at all
 };
 
 struct turntable_manner {

@@ -14,6 +14,7 @@
 #define ACCELERATION 80000 // steps/s²: 4 000 degrees a second in a second
 #define BACKLASH_DEGREES 2 // that it passes a heading by, to come back counter-clockwise
 #define LOST_STEPS 8 // off the mark that are put down to its edge; a motor that slips loses 64 at a time
+#define MISSING_DEGREES 5 // past its place, where a mark that has not come comes no more; 64 steps are 3.2
 #define SETTLING_US 20000 // after a move
 
 #endif

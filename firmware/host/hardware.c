@@ -107,7 +107,8 @@ static bool listening(void) { return host.now < host.over_us; }
 
 static void make_step(void)
 {
-    host.stands += host.forwards ? 1 : -1;
+    if (host.mode != HOST_MOTOR_SLIPPING)
+        host.stands += host.forwards ? 1 : -1;
     host.stepped_while_listening += listening();
     uint16_t ticks = turntable_step();
     host.step_due_ns += ticks * 500ULL;
@@ -117,7 +118,7 @@ static void make_step(void)
 static void turn(void)
 {
     while (host.turning && (host.mode == HOST_MOTOR_AT_ONCE ||
-                            (host.mode == HOST_MOTOR_RAMPED && host.step_due_ns <= host.now * 1000)))
+                            (host.mode != HOST_MOTOR_HELD && host.step_due_ns <= host.now * 1000)))
         make_step();
 }
 

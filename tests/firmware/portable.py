@@ -7,7 +7,7 @@ from sonarhw.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.messages import Hello, Home, Message, unpack_message
 
 MICROSTEPS = 7200  # of a whole turn
-RAMPED, AT_ONCE, HELD = range(3)  # how the motor turns
+RAMPED, AT_ONCE, HELD, SLIPPING = range(4)  # how the motor turns
 _MOST = 1 << 20
 
 

@@ -19,7 +19,7 @@ from sonarhw.messages import (
     Statistics,
     Turn,
 )
-from tests.firmware.portable import MICROSTEPS, PortableBoard
+from tests.firmware.portable import MICROSTEPS, RAMPED, SLIPPING, PortableBoard
 
 A_DEGREE = MICROSTEPS // 360
 
@@ -90,6 +90,34 @@ def test_a_mark_out_of_its_place_ends_what_runs_and_asks_for_a_home(board: Porta
     assert refused.code == Refusal.NOT_HOMED
     assert ended(board, Home()).outcome == Outcome.DONE
     assert board.c.host_stands() == 0
+
+
+@pytest.mark.parametrize("approach", Approach)
+@pytest.mark.parametrize("start", [-30, 20, 350])
+def test_a_mark_that_does_not_come_ends_what_runs_too(board: PortableBoard, start: int, approach: Approach) -> None:
+    homed(board)
+    board.ask(ConfigureTurntable(0, 0, 20_000, approach))
+    assert ended(board, Turn(start * 1_000_000)).outcome == Outcome.DONE
+    board.c.host_motor(SLIPPING)
+    mark = 360 if start > 0 else 0
+    assert ended(board, Turn(mark * 1_000_000 - 5_000_000)).outcome == Outcome.DONE
+    # it stands on the very place, and the next move does not begin anew to wait for the mark
+    assert ended(board, Turn(mark * 1_000_000)).outcome == Outcome.DONE
+    assert ended(board, Turn(mark * 1_000_000 + 6_000_000)).outcome == Outcome.LOST_STEPS
+    statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
+    assert statistics.lost_steps != 0
+    board.c.host_motor(RAMPED)
+    assert ended(board, Home()).outcome == Outcome.DONE
+
+
+def test_turning_to_and_fro_over_the_mark_is_no_lost_step(board: PortableBoard) -> None:
+    homed(board)
+    choice = random.Random(8)
+    for approach in Approach:
+        board.ask(ConfigureTurntable(0, 0, 1000, approach))
+        for _ in range(12):
+            turn = choice.choice([-360, 0, 360]) * 1_000_000
+            assert ended(board, Turn(turn + choice.randrange(-7_000_000, 7_000_000))).outcome == Outcome.DONE
 
 
 def test_an_angle_between_two_microsteps_is_told_as_the_nearest(board: PortableBoard) -> None:
