@@ -1,4 +1,4 @@
-"""The log that a command reads: opened, with one line of warning where it is torn."""
+"""The log that a command reads: opened, with a line of warning where it is torn or its angles are in doubt."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,11 +15,15 @@ LogFile = Annotated[Path, typer.Argument(help="Log (*.mcap), whole or torn.", me
 
 
 def open_log(path: Path) -> "Log":
-    """The log in a file. Warns on standard error where it is torn; raises InputError where there is none."""
+    """The log in a file, with warnings on standard error. Raises InputError where there is none."""
     log = load_log(path)
     if log.torn:
         read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
         typer.echo(f"sonarhw: warning: {path}: torn; {read}; {log.torn}", err=True)
+    for number, scan in enumerate(log.scans, 1):
+        if scan.doubt:
+            which = f"scan {number}: " if len(log.scans) > 1 else ""
+            typer.echo(f"sonarhw: warning: {path}: {which}the turntable lost steps; {scan.doubt}", err=True)
     return log
 
 

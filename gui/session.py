@@ -77,6 +77,8 @@ class Session(QObject):
         self.replay.load(log)
         if log.torn:
             self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
+        for doubt in filter(None, (scan.doubt for scan in log.scans)):
+            self.warned.emit(f"{name}: the turntable lost steps; {doubt}")
 
     def set_scene(self, scene: Scene) -> None:
         """Put the readings into another room, to another place, or before another board."""

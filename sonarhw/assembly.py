@@ -18,10 +18,11 @@ from sonarhw.messages import (
     ReadingMessage,
     Settings,
     Started,
+    StartScan,
     TraceChunk,
     TraceKind,
 )
-from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.readings import FloatArray, Reading, ScanOrder, Trace
 
 FULL_SCALE = 255
 WIDE = 16  # bits of a sample that takes two bytes; all set is 257 × 255
@@ -42,6 +43,11 @@ def radians_of(microdegrees: int) -> float:
 def microdegrees_of(angle: float) -> int:
     """Angle for a message, µdeg."""
     return round(math.degrees(angle) * 1e6)
+
+
+def scan_order(order: StartScan) -> ScanOrder:
+    """The scan of which an order asks for the whole or a part."""
+    return ScanOrder(radians_of(order.start), radians_of(order.step), order.headings, order.sweeps, order.pings)
 
 
 class _PartialTrace:

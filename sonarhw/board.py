@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sonarhw.assembly import microdegrees_of, radians_of
+from sonarhw.assembly import microdegrees_of, radians_of, scan_order
 from sonarhw.conversation import KEPT_READINGS, Conversation, Failing, Refusing
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.line import Line
@@ -201,7 +201,7 @@ class Board(Conversation):
             raise Refusing(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings are not 0")
         self._check_angle(order.start)
         self._check_angle(order.start + order.step * (order.headings - 1))
-        scan = ScanOrder(radians_of(order.start), radians_of(order.step), order.headings, order.sweeps, order.pings)
+        scan = scan_order(order)
         last = order.first + order.count if order.count else scan.readings
         return scan.readings, self._scan(scan, range(order.first, last), now)
 

@@ -13,11 +13,14 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
+import numpy as np
+
 from sonarhw.arrivals import Progress
+from sonarhw.assembly import microdegrees_of, radians_of, scan_order
 from sonarhw.conversation import UNHEARD
 from sonarhw.device_clock import DeviceClock
 from sonarhw.driver import TRIES, Answer, Command, Driver, raise_if_refused
-from sonarhw.errors import DeviceError, Incompatible, InputError, LinkLost, NoAnswer, WrongDevice
+from sonarhw.errors import DeviceError, Incompatible, InputError, LinkLost, LostSteps, NoAnswer, WrongDevice
 from sonarhw.link import BAUD
 from sonarhw.messages import (
     MAX_TEST,
@@ -29,6 +32,7 @@ from sonarhw.messages import (
     Capabilities,
     Configure,
     ConfigureTurntable,
+    Feature,
     Hello,
     Home,
     Info,
@@ -45,6 +49,7 @@ from sonarhw.messages import (
     Turn,
 )
 from sonarhw.readings import Reading
+from sonarhw.zero_mark import BEFORE, BEHIND, doubt, nearest_mark
 
 SEEK_BAUDS = (BAUD, 1_000_000, 500_000)  # where a device may be: fresh, of version 1.0, or left at a higher speed
 LINK_TESTS = 32
@@ -219,11 +224,21 @@ class Dialogue:
         return (yield from self._act(message, job))
 
     def scan(self, order: StartScan, job: Job) -> Script[Outcome]:
-        """Scan, having found the zero; with as many orders to the device as it takes until all readings are here."""
+        """Scan, having found the zero, and look at the zero mark again. Raises LostSteps, after all readings."""
         if self._configured is None:
             yield from self.configure(_DEFAULTS)
         if not self._homed and (outcome := (yield from self.home(job))) is not Outcome.DONE:
             return outcome
+        try:
+            outcome = yield from self._make_readings(order, job)
+            if outcome is Outcome.DONE and not job.stop_wanted:
+                yield from self._see_mark(order, job)
+        except LostSteps as error:
+            raise _with_doubt(error, order, job.progress.numbers()) from error
+        return outcome
+
+    def _make_readings(self, order: StartScan, job: Job) -> Script[Outcome]:
+        """With as many orders to the device as it takes until all readings are here."""
         progress, fruitless = job.progress, 0
         while (stretch := progress.stretch()) and fruitless < _FRUITLESS:
             before = progress.received
@@ -234,6 +249,19 @@ class Dialogue:
         if stretch:
             raise NoAnswer(f"{self.where}: reading {stretch[0]} does not arrive, however often; is the cable sound?")
         return Outcome.DONE
+
+    def _see_mark(self, order: StartScan, job: Job) -> Script[None]:
+        """Turn over the nearest zero mark: a device that lost steps since it saw one says so there."""
+        able = self.capabilities
+        if able is None or not able.features & Feature.LOST_STEPS:
+            return
+        before = BEFORE + radians_of(able.backlash)
+        lowest, highest = radians_of(able.lowest_angle) + before, radians_of(able.highest_angle) - BEHIND
+        stands = scan_order(order).ping_at(job.progress.total - 1)[1]
+        mark = nearest_mark(stands, lowest, highest)
+        for angle in () if mark is None else (mark - before, mark + BEHIND):
+            if (yield from self._act(Turn(microdegrees_of(angle)), job)) is not Outcome.DONE:
+                return
 
     def _order(self, order: StartScan, stretch: tuple[int, int], job: Job) -> StartScan:
         """The order for a stretch of a scan; older firmware knows only whole scans."""
@@ -324,8 +352,19 @@ class Dialogue:
             return Outcome.STOPPED if finished is None else Outcome(finished.outcome)
         if finished.outcome == Outcome.LOST_STEPS:
             self._homed = False
+            raise LostSteps(f"{self.where}: {finished.text or 'steps were lost'}")
         raise DeviceError(f"{self.where}: {command.name} failed: {finished.text or 'the board does not say why'}")
 
 
 def _settled(command: Command) -> Callable[[], bool]:
     return lambda: command.settled
+
+
+def _with_doubt(error: LostSteps, order: StartScan, numbers: list[int]) -> LostSteps:
+    """The error with what it means for the readings of a scan that have come."""
+    if not numbers:
+        return error
+    scan = scan_order(order)
+    angles = np.array([scan.ping_at(number)[1] for number in numbers])
+    kept = f"{len(numbers)} reading{' is' if len(numbers) == 1 else 's are'} kept"
+    return LostSteps(f"{error} {kept}; {doubt(angles)}")

@@ -12,6 +12,7 @@
     │   ├── DeviceReset        it started anew; the driver greets it again and goes on             exit 1
     │   ├── WrongDevice        another scanner than before answers                                 exit 1
     │   ├── Incompatible       it speaks another protocol version                                  exit 1
+    │   ├── LostSteps          its zero mark was not where it should be: angles may be off         exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
     ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
     ├── LogError               a log cannot be written                                             exit 1
@@ -71,6 +72,10 @@ class WrongDevice(DeviceError):
 
 class Incompatible(DeviceError):
     """The device speaks a protocol version this driver does not."""
+
+
+class LostSteps(DeviceError):
+    """The zero mark came out of its place, or not at all: angles since it was last seen in it may be off."""
 
 
 class CommandRefused(DeviceError):

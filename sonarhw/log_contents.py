@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Protocol
 
-from sonarhw.messages import Finished, Info, Settings
+import numpy as np
+
+from sonarhw.messages import Finished, Info, Outcome, Settings
 from sonarhw.readings import Reading
+from sonarhw.zero_mark import doubt
 
 FORMAT_VERSION = 1
 PROFILE = "sonarhw"  # of the MCAP header
@@ -69,6 +72,13 @@ class RecordedScan:
     settings: Settings | None
     readings: tuple[Reading, ...]  # by number; their traces stay in the file until they are looked at
     finished: Finished | None  # None where the log ends before the scan does
+
+    @property
+    def doubt(self) -> str | None:
+        """Where steps were lost: a clause that says which readings may stand at wrong angles."""
+        if not self.readings or self.finished is None or self.finished.outcome != Outcome.LOST_STEPS:
+            return None
+        return doubt(np.array([reading.angle for reading in self.readings]))
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,11 @@ from sonarhw.messages import (
     Accepted,
     Finished,
     Hello,
+    Home,
     Info,
     Message,
     MessageError,
+    Outcome,
     ReadingMessage,
     Refused,
     Settings,
@@ -86,6 +88,7 @@ class Follower:
         self._scans: list[FollowedScan] = []
         self._hello: int | None = None  # sequence number of the newest
         self._greeted_at = 0  # number of scans when the conversation began
+        self._homed = False  # whether the zero was sought since the newest scan was ordered
         self._newest_us = 0
         self._newest: tuple[int, int] | None = None  # number of the newest reading and its place
         self._ahead: dict[int, Span] = {}  # traces whose reading has not come, by number
@@ -129,6 +132,8 @@ class Follower:
     def _from_host(self, frame: Frame, message: Message) -> list[Reading]:
         if isinstance(message, Hello) and frame.sequence != self._hello:
             self._hello, self._greeted_at = frame.sequence, len(self._scans)
+        if isinstance(message, Home):
+            self._homed = True
         if isinstance(message, StartScan) and not self._is_current(frame.sequence):
             if self._scans and self._scans[-1].goes_on_with(message):
                 self._go_on(frame.sequence)
@@ -154,29 +159,35 @@ class Follower:
                 return []
             case Refused() if self._is_current(message.command) and not self._scans[-1].answered:
                 self._scans.pop()
-            case Finished() if self._is_current(message.command):
-                scan = self._scans[-1]
-                # what only fills a gap made fewer than the scan has
-                if scan.finished is None or message.readings >= scan.finished.readings:
-                    scan.finished = message
+            case Finished() if self._scans:
+                self._finish(self._scans[-1], message)
             case ReadingMessage() if self._scans and message.fired_us < self._scans[-1].since_us:
                 return []
         return self._assembler.feed(message)
+
+    def _finish(self, scan: FollowedScan, message: Finished) -> None:
+        # what only fills a gap made fewer than the scan has
+        if self._is_current(message.command) and (not scan.finished or message.readings >= scan.finished.readings):
+            scan.finished = message
+        elif scan.finished and message.outcome == Outcome.LOST_STEPS and not self._homed:
+            # noticed behind it, on the way over the zero mark
+            scan.finished = replace(scan.finished, outcome=Outcome.LOST_STEPS, text=message.text)
 
     def _is_current(self, command: int) -> bool:
         return len(self._scans) > self._greeted_at and self._scans[-1].command == command
 
     def _begin(self, command: int, order: StartScan | None = None) -> None:
-        self._forget_traces(command)
+        self._forget(command)
         self._scans.append(FollowedScan(command, order, self._newest_us, self.settings))
 
     def _go_on(self, command: int) -> None:
-        self._forget_traces(command)
+        self._forget(command)
         scan = self._scans[-1]
         scan.command, scan.since_us = command, self._newest_us
         self._greeted_at = len(self._scans) - 1
 
-    def _forget_traces(self, command: int) -> None:
+    def _forget(self, command: int) -> None:
+        self._homed = False
         # a new scan numbers its readings anew, which the assembler learns from a Started
         self._assembler.feed(Started(command, 0))
         self._newest, self._ahead = None, {}

@@ -229,7 +229,8 @@ class Scanner:
         """Readings as they are completed, each once; one sent again comes later than its number says.
 
         Without an order: a whole turn in steps of 5 degrees. The zero is found first where it is not known. Stops the
-        board when the iteration is given up. Raises what `home` does.
+        board when the iteration is given up. Behind the last reading the turntable is turned over its zero mark. Raises
+        what `home` does, and LostSteps, after all readings, where the mark was out of its place.
         """
         with self._using():
             self._scan = job = self._begin(self._session.scanning(_start_scan(order or sector())))

@@ -65,11 +65,11 @@ class Turntable:
         return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
 
     def mark_misplaced(self, now: float) -> bool:
-        """Whether the zero mark came out of its place, or not at all, on the way it was sent last."""
+        """Whether the mark came out of its place, or not at all, on the way it was sent last; it comes once a turn."""
         error = self.error(now)
         believed = self._from, self._to
         true = self._from + error, self._to + error
-        return abs(error) > _EXACT and any(min(way) <= _EXACT and max(way) >= -_EXACT for way in (believed, true))
+        return abs(error) > _EXACT and any(_passes_mark(min(way), max(way)) for way in (believed, true))
 
     def slip(self, angle: float) -> None:
         """Miss steps: from now on it stands `angle` (rad) from where it believes."""
@@ -95,3 +95,7 @@ class Turntable:
         self._from, self._to, self._start = self._position(now), angle, now
         self._arrival = now + abs(self._to - self._from) / speed
         return self._arrival
+
+
+def _passes_mark(low: float, high: float) -> bool:
+    return math.floor((high + _EXACT) / math.tau) >= math.ceil((low - _EXACT) / math.tau)

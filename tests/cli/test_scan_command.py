@@ -19,6 +19,7 @@ from sonarhw.board import Board, BoardIdentity
 from sonarhw.endpoint import serve
 from sonarhw.log import read_log
 from sonarhw.reading_csv import HEADER
+from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
 COMMAND = (sys.executable, "-c", "from cli.app import main; main()")
@@ -130,6 +131,22 @@ def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Bo
     assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
     assert recorded.torn is None
     assert 5 <= len(recorded.readings) < 72
+
+
+def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serve(faulty("wedge@r5"), tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert run(["scan", endpoint.url, "--out", str(log)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "72 readings are kept; all 72 angles may be off, from 0° on" in err
+    assert run(["log", "info", str(log)]) == 0
+    out, err = capsys.readouterr()
+    assert "72 of 72 readings" in out
+    assert "; steps were lost: all 72 angles may be off" in out
+    assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
 
 
 def test_without_a_scanner_there_is_no_log(log: Path) -> None:

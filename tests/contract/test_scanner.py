@@ -2,6 +2,7 @@
 
 import math
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from sonarhw.link import Link
 from sonarhw.log import LogWriter, read_log
 from sonarhw.messages import Outcome, StartScan
-from sonarhw.readings import Reading, ScanOrder
+from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.scanner import Scanner
 from tests.contract.talk import Talk
 from tests.sonarhw.example_logs import METADATA
@@ -54,6 +55,15 @@ def test_a_scan_given_up_in_the_middle_leaves_the_scanner_ready_for_the_next(fre
                 break
         assert scanner.turn(0.1) is Outcome.DONE
         assert_whole(list(scanner.scan(ORDER)), ORDER)
+
+
+def test_a_scan_anywhere_ends_over_a_mark_that_is_in_its_place(free_url: str) -> None:
+    with Scanner.open(free_url) as scanner:
+        before = scanner.device_statistics().lost_steps
+        for turns in (-1, 0, 1):
+            order = replace(sector(360 * turns - 8, 360 * turns + 9, 8), sweeps=2)
+            assert_whole(list(scanner.scan(order)), order)
+        assert scanner.device_statistics().lost_steps == before
 
 
 def test_stop_from_another_thread_ends_a_scan_with_the_readings_made(free_url: str) -> None:

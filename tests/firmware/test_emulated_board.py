@@ -23,7 +23,7 @@ from sonarhw.board import Board
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.emulated import EmulatedBoard, emulated_board
 from sonarhw.endpoint import serve
-from sonarhw.errors import DeviceError
+from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link import Link
 from sonarhw.messages import AskStatistics, Outcome, ReadingMessage, ResetCause, StartScan, Statistics
 from sonarhw.readings import Reading, Trace
@@ -264,6 +264,19 @@ def test_a_table_that_slipped_is_noticed_at_the_mark() -> None:
         with pytest.raises(DeviceError, match="steps were lost"):
             list(scanner.scan(sector(-60, 60, 10)))
         assert abs(scanner.device_statistics().lost_steps) == pytest.approx(64, abs=2)
+
+
+@pytest.mark.parametrize("mishap", ["slips", "is held"])
+def test_a_table_that_loses_steps_in_a_single_sweep_is_found_out_behind_it(mishap: str) -> None:
+    readings = []
+    with scanner_on(Echoes(0.020)) as (board, scanner):
+        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be off, from 40° on"):  # noqa: PT012
+            for reading in scanner.scan(sector(40, 130, 10)):
+                readings.append(reading)
+                if reading.number == 3:
+                    board.slip(64) if mishap == "slips" else board.wedge(60)
+        assert len(readings) == 9
+        assert scanner.device_statistics().lost_steps
 
 
 def test_a_table_that_is_held_finds_no_zero_and_says_so() -> None:
