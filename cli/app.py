@@ -30,6 +30,14 @@ from cli import (
 from cli import log as log_command
 from sonarhw.errors import SonarError
 
+# what the library that checks options says, and what we say
+_REWORDED = (
+    ("Value error, ", ""),
+    ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
+    ("Input should be a valid number, unable to parse string as a number", "expected a number"),
+    ("Input should be ", "expected a number "),
+)
+
 app = typer.Typer(
     name="sonarhw",
     help="Scan a room with an ultrasonic ranging board and see the scan over its prediction.",
@@ -89,7 +97,7 @@ def run(arguments: list[str] | None = None) -> int:
     except SonarError as error:
         return _complain(str(error), error.exit_status)
     except typer.TyperException as error:
-        return _complain(error.format_message(), error.exit_code)
+        return _complain(_reworded(error.format_message()), error.exit_code)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
@@ -98,6 +106,12 @@ def run(arguments: list[str] | None = None) -> int:
         # files are named by whoever writes them; what fills up without a name is standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
         return _complain(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
+
+
+def _reworded(message: str) -> str:
+    for theirs, ours in _REWORDED:
+        message = message.replace(theirs, ours)
+    return message
 
 
 def _complain(message: str, status: int) -> int:
@@ -110,8 +124,3 @@ def _close_quietly() -> int:
     # Python flushes standard output once more at exit and would complain about the pipe that is gone
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
-
-
-def main() -> None:
-    """Entry point of the `sonarhw` command."""
-    sys.exit(run())

@@ -9,7 +9,7 @@ import typer
 
 from cli.demo_room import PLACE, demo_room, demo_url
 from cli.gui import gui
-from cli.output import make_folder, whole_file
+from cli.output import made_folder, whole_file
 
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
 STEP_DEGREES = 3.0
@@ -26,8 +26,9 @@ def demo(
     """
     if headless is None and _has_display():
         return gui()
-    with demo_room() as room_file:
-        _without_a_window(room_file, headless or RESULT)
+    folder = headless or RESULT
+    with demo_room() as room_file, made_folder(folder):
+        _without_a_window(room_file, folder)
     return 0
 
 
@@ -46,7 +47,6 @@ def _without_a_window(room_file: Path, folder: Path) -> None:
     from cli.compare import compare_log, draw_comparison, summary_lines
     from cli.scan import scan
 
-    make_folder(folder)
     log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
     scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
     comparison = compare_log(log, room_file, PLACE)

@@ -7,7 +7,7 @@ import typer
 
 from cli.numbers import counted
 from cli.options import refuse_existing
-from cli.output import make_folder, whole_file
+from cli.output import made_folder, whole_file
 from cli.progress import progress
 from sonarhw.errors import InputError
 
@@ -22,9 +22,8 @@ def figures(
     text = folder / PAGE
     pictures = [folder / picture_name(exhibit) for exhibit in EXHIBITS]
     _check(folder, [text, *pictures], force)
-    make_folder(folder)
     held = []
-    with progress(len(EXHIBITS), lambda: "Drawing") as advance:
+    with made_folder(folder), progress(len(EXHIBITS), lambda: "Drawing") as advance:
         for exhibit, out in zip(EXHIBITS, pictures, strict=True):
             held += [claim.holds for claim in claims(exhibit)]
             _write(out, picture(exhibit))

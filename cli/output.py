@@ -10,7 +10,7 @@ import secrets
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import StringIO
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -69,12 +69,24 @@ def whole_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
         raise OutputError(f"{path}: {error.strerror or error}; {free}choose another {option}") from error
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder for several files, if it is not there. Raises InputError."""
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """A folder for several files, made if it is not there; where the block ends badly none is left that is empty.
+
+    Raises InputError.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made: {error.strerror}; give another folder") from error
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
+        raise
 
 
 @contextmanager

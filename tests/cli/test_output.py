@@ -229,7 +229,7 @@ def test_standard_output_that_takes_nothing_is_one_line(
     tmp_path: Path, arguments: list[str | Path], redirection: str, told: str
 ) -> None:
     write_example(tmp_path / "scan.mcap", 4)
-    command = shlex.join([sys.executable, "-c", "from cli.app import main; main()", *map(str, arguments)])
+    command = shlex.join([sys.executable, "-c", "from cli.entry import main; main()", *map(str, arguments)])
     done = subprocess.run(
         f"{command} {redirection}", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False
     )

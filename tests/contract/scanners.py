@@ -20,7 +20,7 @@ from tests.sonarhw.plain_echoes import PlainEchoes
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
-_SONARHW = (sys.executable, "-c", "from cli.app import main; main()")
+_SONARHW = (sys.executable, "-c", "from cli.entry import main; main()")
 _SER2NET = """%YAML 1.1
 ---
 connection: &scanner

@@ -12,7 +12,7 @@ import pytest
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
 
-SONARHW = [sys.executable, "-c", "from cli.app import main; main()"]
+SONARHW = [sys.executable, "-c", "from cli.entry import main; main()"]
 
 
 def started(tmp_path: Path, *arguments: str) -> subprocess.Popen[str]:
