@@ -4,7 +4,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,6 +24,7 @@ from cli.options import (
     ToDegrees,
     check_temperature,
     checked_out,
+    chosen_place,
     scan_order,
     speed_of_air,
 )
@@ -120,7 +121,7 @@ def _metadata(room_file: Path | None, place: str | None) -> "LogMetadata":
     from sim.room import load_room
 
     room = load_room(room_file)
-    here = room.place(place)
+    here = chosen_place(room, place)
     return LogMetadata(
         made_by="scan", started=time.time(), room_file=room_file.name, room_text=room.text, place=here.name
     )
@@ -135,6 +136,7 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
     metadata = replace(metadata, board=board.name, board_text=board.text)
     taken = _Taken()
     with (
+        _what_is_kept_told(wish, taken),
         interruption(scanner.stop) as interrupted,
         LogWriter(wish.out, metadata, overwrite=wish.force, warn=_warn) as log,
         _no_log_without_readings(log, taken, interrupted),
@@ -150,7 +152,27 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata") -> None:
             kept = f"; {_are(taken.count)} kept in {wish.out}" if taken.count else ""
             raise type(error)(f"{error}{kept}") from error
     typer.echo(f"{counted(taken.count, 'reading')}, {taken.echoes} with an echo, in {wish.out}", err=True)
+    _warn_of_another_count(taken, wish)
     _warn_of_the_link(scanner)
+
+
+@contextmanager
+def _what_is_kept_told(wish: _Wish, taken: "_Taken") -> Iterator[None]:
+    """Say what an interrupted scan has left, once its log is closed."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = f"{_are(taken.count)} kept in {wish.out}" if taken.count else "nothing is recorded"
+        with suppress(OSError):  # the terminal may be gone
+            typer.echo(f"sonarhw: interrupted; {kept}", err=True)
+        raise
+
+
+def _warn_of_another_count(taken: "_Taken", wish: _Wish) -> None:
+    """A replayed log plays what it holds, whatever is ordered."""
+    if taken.count != wish.order.readings:
+        more = "no more" if taken.count < wish.order.readings else "so many, and a replay plays them all"
+        _warn(f"{taken.count} of {counted(wish.order.readings, 'reading')} came: the log holds {more}")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:

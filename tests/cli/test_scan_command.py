@@ -19,10 +19,11 @@ from sonarhw.board import Board, BoardIdentity
 from sonarhw.endpoint import serve
 from sonarhw.log import read_log
 from sonarhw.reading_csv import HEADER
+from tests.sonarhw.example_logs import write_example
 from tests.sonarhw.faulty_boards import faulty
 from tests.sonarhw.plain_echoes import PlainEchoes, echo_time
 
-COMMAND = (sys.executable, "-c", "from cli.app import main; main()")
+COMMAND = (sys.executable, "-c", "from cli.entry import main; main()")
 SIMPLE_ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
 
 
@@ -113,11 +114,12 @@ def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
         with started("scan", endpoint.url, "--out", log, "--print") as process:
             lines(process, 6)
             process.send_signal(number)
-            assert end(process) == (130, "")
+            status, errors = end(process)
         assert not board.busy
     recorded = read_log(log)
     assert recorded.torn is None
     assert 5 <= len(recorded.readings) < 72
+    assert (status, errors) == (130, f"sonarhw: interrupted; {len(recorded.readings)} readings are kept in {log}\n")
 
 
 def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Board, log: Path) -> None:
@@ -131,6 +133,23 @@ def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Bo
     assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
     assert recorded.torn is None
     assert 5 <= len(recorded.readings) < 72
+
+
+@pytest.mark.parametrize(
+    ("stop", "told"),
+    [
+        ("360", "4 of 72 readings came: the log holds no more"),
+        ("15", "4 of 3 readings came: the log holds so many, and a replay plays them all"),
+    ],
+)
+def test_a_replay_of_another_length_than_ordered_is_a_warning(
+    stop: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_example(tmp_path / "old.mcap", 4)
+    assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "new.mcap"), "--to", stop]) == 0
+    assert f"sonarhw: warning: {told}\n" in capsys.readouterr().err
+    assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "same.mcap"), "--to", "20"]) == 0
+    assert "warning" not in capsys.readouterr().err
 
 
 def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log(
@@ -203,7 +222,7 @@ def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(boar
 
 SMALL_DISK = """
 import resource, sys
-from cli.app import main
+from cli.entry import main
 
 # a file that may grow no further fails as a full disk does: with an OSError from write
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
@@ -238,7 +257,7 @@ def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
         Timer(3.0, signal.raise_signal, (signal.SIGINT,)).start()
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
-    (line,) = capsys.readouterr().err.splitlines()
+    line, _ = capsys.readouterr().err.splitlines()
     told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
     assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
 
