@@ -60,9 +60,9 @@ def recover(
     recorded = load_log(log)
     copy_log(recorded, out, overwrite=force)
     kept = f"{out}: {counted(len(recorded.readings), 'reading')} in {counted(len(recorded.scans), 'scan')}"
-    lost = (
-        f"{_lost(recorded)}; {log} was torn: {recorded.torn}" if recorded.torn else f"nothing is lost, {log} was whole"
-    )
+    lost = f"nothing is lost, {log} was whole"
+    if recorded.torn:
+        lost = f"{_lost(recorded)}; {log} was {recorded.condition}: {recorded.torn}"
     typer.echo(f"{kept}; {lost}")
 
 
@@ -101,7 +101,7 @@ def _described(log: "Log") -> list[tuple[str, str]]:
         lines.append(("sound", f"{log.settings.speed_of_sound / 1000:.3f} m/s"))
     lines += [(f"scan {number}", _scan_line(scan)) for number, scan in enumerate(log.scans, 1)]
     lines.append(("frames", str(len(log.frames))))
-    lines.append(("file", f"torn: {log.torn}" if log.torn else "whole"))
+    lines.append(("file", f"{log.condition}: {log.torn}" if log.torn else log.condition))
     return lines
 
 

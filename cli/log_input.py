@@ -1,4 +1,4 @@
-"""The log that a command reads: opened, with a line of warning where it is torn or its angles are in doubt."""
+"""The log that a command reads: opened, with a line of warning where it is torn, damaged or its angles are in doubt."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +19,7 @@ def open_log(path: Path) -> "Log":
     log = load_log(path)
     if log.torn:
         read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
-        typer.echo(f"sonarhw: warning: {path}: torn; {read}; {log.torn}", err=True)
+        typer.echo(f"sonarhw: warning: {path}: {log.condition}; {read}; {log.torn}", err=True)
     for number, scan in enumerate(log.scans, 1):
         if scan.doubt:
             which = f"scan {number}: " if len(log.scans) > 1 else ""

@@ -16,7 +16,7 @@ from sonarhw.errors import NoPlate
 from sonarhw.readings import FloatArray, Reading
 
 GATE = 0.30  # m either side of the distance told: what is further off is not the plate
-_FEWEST = 5  # headings that hear the plate
+FEWEST = 5  # headings that hear the plate
 _MIDDLE = 0.5  # share of the arc in which the echo is strong enough to be told on time
 
 
@@ -41,9 +41,9 @@ def calibrate(readings: Sequence[Reading], distance: float, direction: float, ga
     angles, heard, ranges = _by_heading(readings, distance, gate)
     weights = heard / np.maximum(1, _pings(readings, angles))
     hits = np.flatnonzero(weights)
-    if len(hits) < _FEWEST:
+    if len(hits) < FEWEST:
         raise NoPlate(
-            f"the plate is heard at {len(hits)} headings, at least {_FEWEST} are needed: "
+            f"the plate is heard at {len(hits)} heading{'' if len(hits) == 1 else 's'}, at least {FEWEST} are needed: "
             f"is it {distance:g} m away and does it face the scanner? Take smaller steps or a larger plate"
         )
     if weights[0] or weights[-1]:

@@ -91,6 +91,12 @@ class Log:
     frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
     torn: str | None  # where the file ends too early or is damaged, as a clause; None: it is whole
+    damaged: bool = False  # not at its end alone
+
+    @property
+    def condition(self) -> str:
+        """The word for it: whole, torn or damaged."""
+        return "damaged" if self.damaged else "torn" if self.torn else "whole"
 
     @property
     def readings(self) -> tuple[Reading, ...]:

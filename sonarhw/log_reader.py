@@ -59,17 +59,18 @@ def read_log(path: Path) -> Log:
         head = _Head(path)
         ending = read_ending(file)
         index = _closed(file, head, ending) if ending else None
-        torn = None
+        damage: list[Damage] = []
         if index is None:
             index, damage = _gone_through(file, head)
             if ending and not ending.sound and not damage:
-                damage.append("its checksum does not match, though every chunk of frames is as it was written")
-            torn = _torn(damage)
+                damage.append(Damage("its checksum does not match, though every chunk of frames is as it was written"))
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
+    torn = _torn(damage)
     metadata = head.metadata(torn, talks=bool(index.info or index.scans))
     scans = tuple(_recorded(scan, file) for scan in index.scans)
-    return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn)
+    damaged = not all(place.at_end for place in damage)
+    return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn, damaged)
 
 
 def _recorded(scan: IndexedScan, file: OpenFile) -> RecordedScan:
@@ -127,15 +128,15 @@ def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
     return None
 
 
-def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[str]]:
+def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
     """What the readable frames tell, and what could not be read."""
     follower, topics = Follower(), known_topics()
-    damage: list[str] = []
+    damage: list[Damage] = []
     speeds: _Speeds = {}
     for item in read_records(file):
         match item:
             case Damage():
-                damage.append(item.text)
+                damage.append(item)
             case Message():
                 if frame := recorded_frame(item, topics):
                     follower.take(frame, item.at)
@@ -146,7 +147,7 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[str]]:
                     head.take(item)
                     topics.update(channel_of(item))
                 except UNREADABLE:
-                    damage.append(f"the record that begins at byte {item.at} is left out: it is damaged")
+                    damage.append(Damage(f"the record that begins at byte {item.at} is left out: it is damaged"))
     index = index_of(follower)
     return replace(index, scans=tuple(_with_speed(scan, speeds) for scan in index.scans)), damage
 
@@ -175,11 +176,11 @@ def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
     return replace(scan, columns={**columns, "speed_of_sound": filled})
 
 
-def _torn(damage: list[str]) -> str | None:
+def _torn(damage: list[Damage]) -> str | None:
     # a disk may have spoilt thousands of records: the first says enough in a line
     more = len(damage) - 1
     others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
-    return f"{damage[0]}{others}" if damage else None
+    return f"{damage[0].text}{others}" if damage else None
 
 
 def _metadata(path: Path, fields: dict[str, str]) -> LogMetadata:

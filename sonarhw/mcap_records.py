@@ -83,6 +83,7 @@ class Damage:
     """A place that cannot be read, as a clause."""
 
     text: str
+    at_end: bool = False  # nothing but the end of the file is missing
 
 
 def is_mcap(file: OpenFile) -> bool:
@@ -126,7 +127,7 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
             sound = end
         at = end
     where = f", in the record that begins at byte {at}" if at < file.size else ""
-    yield Damage(f"the file ends too early at byte {file.size}{where}")
+    yield Damage(f"the file ends too early at byte {file.size}{where}", at_end=True)
 
 
 def _record_at(file: OpenFile, at: int) -> Record | None:

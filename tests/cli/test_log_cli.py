@@ -128,13 +128,14 @@ def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.Capt
     missing = 50 - len(kept.readings)
     assert 1 <= missing <= 6
     assert {0, 49} < {reading.number for reading in kept.readings}
-    assert f"{missing} of 50 readings are missing; {damaged} was torn: the record that begins at byte" in told
+    assert f"{missing} of 50 readings are missing; {damaged} was damaged: the record that begins at byte" in told
     for reading in kept.readings:
         assert_readings_close(reading, example_reading(reading.number, trace=True))
     assert run(["log", "info", str(damaged)]) == 0
     out, err = capsys.readouterr()
+    assert "file      damaged: the record" in out
     assert f"scan 1    {50 - missing} of 50 readings" in out
-    assert err.startswith(f"sonarhw: warning: {damaged}: torn; {50 - missing} whole readings are read; ")
+    assert err.startswith(f"sonarhw: warning: {damaged}: damaged; {50 - missing} whole readings are read; ")
 
 
 def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
