@@ -47,6 +47,7 @@ def calibrate(
     if not nearest < distance < profile.max_range:
         raise InputError(f"--distance {distance:g}: this board hears from {nearest:.2g} to {profile.max_range:g} m")
     order = scan_order(direction - width / 2, direction + width / 2, step, pings=pings)
+    _check_sector(order, width, step)
     with sigterm_raises(), connect(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
     from sonarhw.calibration import calibrate as calibrated
@@ -54,6 +55,17 @@ def calibrate(
     found = calibrated(readings, distance, math.radians(direction))
     _write(out, _with_calibration(profile.text, out.stem, found))
     typer.echo(_told(found, distance))
+
+
+def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
+    from sonarhw.calibration import FEWEST
+
+    needed = FEWEST + 2
+    if order.headings < needed:
+        raise InputError(
+            f"--width {width:g}, --step {step:g}: {counted(order.headings, 'heading')}; expected at least {needed}, "
+            f"{FEWEST} that hear the plate and one on either side that does not: widen the sector or take smaller steps"
+        )
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":

@@ -15,6 +15,7 @@ from cli.options import (
     ReceiverChoice,
     ReceiverName,
     checked_out,
+    chosen_place,
     chosen_receiver,
 )
 from cli.output import whole_file
@@ -77,7 +78,7 @@ def compare_log(
     room = None if room_file is None else load_room(room_file)
     log = open_log(log_file)
     room = room or _recorded_room(log_file, log.metadata)
-    here = room.place(place if place is not None else _recorded_place(log.metadata, room))
+    here = chosen_place(room, place if place is not None else _recorded_place(log.metadata, room))
     chosen = load_board(board) if board else board_of_log(log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")

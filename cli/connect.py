@@ -12,7 +12,7 @@ from urllib.parse import parse_qsl
 
 import typer
 
-from cli.options import DEFAULT_BOARD
+from cli.options import DEFAULT_BOARD, chosen_place
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def fake_device(
     from sim.room import load_room
 
     room = load_room(room_file)
-    here, profile = room.place(place), load_board(board)
+    here, profile = chosen_place(room, place), load_board(board)
     from sim.truth import RoomEchoes
     from sonarhw.board import Board, BoardIdentity
     from sonarhw.faults import NO_FAULTS

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -22,6 +23,7 @@ SPACING = 0.1  # s between readings whose file tells no time
 # what the frames of a log can carry
 MOST_DEGREES = 2147.0
 MOST_RANGE = 700.0  # m
+_FAR = 20.0  # m; farther than any of these boards hears
 LONGEST = 1e9  # s
 _PINGS = 256
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
@@ -66,6 +68,17 @@ def import_csv(
     write_scan(out, LogMetadata("import", time.time()), readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
+    _warn_of_far_ranges(readings, scale)
+
+
+def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
+    ranges = [reading.range for reading in readings if reading.range is not None]
+    if ranges and (middle := median(ranges)) > _FAR:
+        typer.echo(
+            f"sonarhw: warning: half of the ranges are over {middle:.4g} m, farther than such a board hears; "
+            f"are they centimetres? --scale {scale / 100:g}",
+            err=True,
+        )
 
 
 @dataclass(frozen=True)

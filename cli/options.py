@@ -13,6 +13,7 @@ from sonarhw.readings import ScanOrder, headings_between
 
 if TYPE_CHECKING:
     from sim.board import Board, Receiver
+    from sim.room import Place, Room
 
 RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
 PlaceName = Annotated[
@@ -78,6 +79,17 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
             f"--step {step:g}: makes {headings:.6g} headings of a sweep, more than {MOST_HEADINGS}; take wider steps"
         )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def chosen_place(room: "Room", wanted: str | None) -> "Place":
+    """The place of a room that --place names, with a warning where it lies outside. Raises InputError."""
+    place = room.place(wanted)
+    if room.is_outside(place.position):
+        x, y = place.position
+        typer.echo(
+            f"sonarhw: warning: place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}", err=True
+        )
+    return place
 
 
 def chosen_receiver(name: ReceiverName | None, board: "Board") -> "Receiver":

@@ -14,6 +14,7 @@ from cli.options import (
     PlaceName,
     RoomFile,
     checked_out,
+    chosen_place,
 )
 from cli.output import text_output
 
@@ -49,7 +50,7 @@ def paths(
 
     checked_out(out, (".csv", STDOUT), force, room_file)
     room = load_room(room_file)
-    here, board = room.place(place), load_board(DEFAULT_BOARD)
+    here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
     search = PathSearch(
         2 * reach,

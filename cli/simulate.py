@@ -24,6 +24,7 @@ from cli.options import (
     StepDegrees,
     ToDegrees,
     checked_out,
+    chosen_place,
     chosen_receiver,
     scan_order,
 )
@@ -118,7 +119,7 @@ def simulate(
     wish = trace_wish(traces, rate, kind)
     order = scan_order(start, stop, step)
     room = load_room(room_file)
-    here, chosen = room.place(place), load_board(board)
+    here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, wish)
     _check_meaning(Model(model.value), options, here)

@@ -41,6 +41,19 @@ class Enclosures:
             shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
         return shut
 
+    def shut_out(self, point: FloatArray, walls: FloatArray) -> bool:
+        """Whether `point` (2,) lies in no chain, where one goes round all `walls` (n, 4) of the room."""
+        ends = walls.reshape(-1, 2)
+        chains = np.split(self.walls, self.starts[1:]) if len(self.starts) else []
+        round_all = any(
+            (chain.reshape(-1, 2).min(axis=0) <= ends.min(axis=0) + MEETING).all()
+            and (chain.reshape(-1, 2).max(axis=0) >= ends.max(axis=0) - MEETING).all()
+            for chain in chains
+        )
+        return round_all and not any(
+            inside(point[None], chain)[0] or _distances(point, chain).min() <= MEETING for chain in chains
+        )
+
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:
     """The closed chains of walls (n, 4) whose meeting ends have equal coordinates, each corner of two walls."""

@@ -92,6 +92,10 @@ class Room:
         inside = np.hypot(*(self.posts[:, :2] - position).T) <= self.posts[:, 2]
         return (len(self.walls) + np.flatnonzero(inside)).tolist()
 
+    def is_outside(self, position: tuple[float, float]) -> bool:
+        """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
+        return self.enclosures.shut_out(np.array(position), self.walls)
+
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
 

@@ -44,7 +44,10 @@ def test_the_profile_says_what_the_plate_has_shown(tmp_path: Path, capsys: pytes
     assert load_board(str(again)).range_offset == pytest.approx(profile.range_offset, abs=1e-5)
 
 
-@pytest.mark.parametrize("options", [("--distance", "0.1"), ("--distance", "100"), ("--width", "1")])
+@pytest.mark.parametrize(
+    "options",
+    [("--distance", "0.1"), ("--distance", "100"), ("--width", "1"), ("--width", "12", "--step", "2")],
+)
 def test_bad_usage_is_one_line_and_leaves_no_profile(
     options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,6 +55,13 @@ def test_bad_usage_is_one_line_and_leaves_no_profile(
     assert run(["calibrate", "socket://127.0.0.1:9", "--distance", "1", "--out", str(out), *options]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not out.exists()
+
+
+def test_a_sector_of_too_few_headings_is_refused_before_anything_turns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert calibrated(tmp_path / "bench.toml", "--width", "2", "--step", "2") == 2
+    assert "--width 2, --step 2: 1 heading; expected at least 7" in capsys.readouterr().err
 
 
 def test_a_missing_plate_is_told_and_leaves_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

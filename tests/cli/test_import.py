@@ -57,6 +57,24 @@ def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) 
     assert [reading.range is None for reading in readings] == [False, True]
 
 
+@pytest.mark.parametrize(
+    ("text", "options", "warned"),
+    [
+        ("deg,cm\n0,80\n5,95\n10,120\n", [], "over 95 m, farther than such a board hears; are they centimetres?"),
+        ("deg,cm\n0,80\n5,95\n10,120\n", ["--scale", "0.01"], ""),
+        ("deg,cm\n0,1\n5,2\n10,120\n", [], ""),
+        ("deg,cm\n0,\n", [], ""),
+    ],
+)
+def test_ranges_that_look_like_centimetres_are_a_warning(
+    text: str, options: list[str], warned: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imported(tmp_path, text, *options)
+    err = capsys.readouterr().err
+    assert bool(err) == bool(warned)
+    assert warned in err
+
+
 def test_ranges_come_from_the_speed_of_sound_at_20_degrees(tmp_path: Path) -> None:
     (reading,) = imported(tmp_path, "deg,cm\n0,1\n")
     assert reading.speed_of_sound == pytest.approx(343.987, abs=1e-3)

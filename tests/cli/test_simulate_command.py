@@ -224,8 +224,36 @@ def test_wrong_use_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.C
     assert captured.err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--receiver", "x"], "Invalid value for '--receiver': 'x' is not one of 'first-echo', 'board'."),
+        (["--sections", "x"], "Invalid value for '--sections': expected a whole number"),
+        (["--sections", "0"], "Invalid value for '--sections': expected a number greater than or equal to 1"),
+        (["--step", "x"], "Invalid value for '--step': expected a number"),
+    ],
+)
+def test_a_wrong_value_is_told_in_our_own_words(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["simulate", *FIGURE_9, *arguments]) == 2
+    assert capsys.readouterr().err == f"sonarhw: {told}\n"
+
+
+def test_a_place_outside_the_room_is_answered_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
+    warning = "sonarhw: warning: place '5,5' at 5, 5 m lies outside room 'Simple room'\n"
+    assert run(["simulate", room, "--place", "0.5,0.5", "--step", "90", "--out", log]) == 0
+    assert capsys.readouterr().err == ""
+    for command in (["simulate", room, "--step", "90"], ["paths", room], ["compare", log, "--room", room]):
+        assert run([*command, "--place", "5,5"]) == 0
+        assert capsys.readouterr().err == warning
+
+
 def test_closed_pipe_ends_quietly() -> None:
-    command = [sys.executable, "-c", "from cli.app import main; main()", "paths", *FIGURE_9]
+    command = [sys.executable, "-c", "from cli.entry import main; main()", "paths", *FIGURE_9]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stderr is not None

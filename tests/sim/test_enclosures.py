@@ -9,7 +9,7 @@ import pytest
 from sim.enclosures import Enclosures, find_enclosures
 from sim.paths import Paths, PathSearch, find_paths
 from sim.room import Room
-from tests.sim.rooms_for_tests import polygon_room, star_room
+from tests.sim.rooms_for_tests import polygon_room, room_of, star_room
 
 SEARCH = PathSearch(8.0, 0.00696, 6)
 BOX = """
@@ -83,3 +83,19 @@ def test_crossing_walls_of_one_chain_still_shut_off_only_what_no_sound_reaches()
     eight = polygon_room([(-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0)])
     for position in ((0.5, 0.1), (-0.6, 0.0), (0.0, 0.6), (3.0, 0.2)):
         assert_same_paths(find_paths(eight, position, SEARCH), find_paths(without_enclosures(eight), position, SEARCH))
+
+
+@pytest.mark.parametrize(
+    ("point", "outside"),
+    [((1.0, 1.0), False), ((5.0, 5.0), True), ((-0.1, 1.0), True), ((0.0, 1.0), False), ((2.9, 2.9), True)],
+)
+def test_outside_is_what_no_chain_goes_round(point: tuple[float, float], outside: bool) -> None:
+    bent = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0)])
+    assert bent.is_outside(point) is outside
+
+
+def test_an_open_room_has_no_outside_nor_has_the_floor_round_a_box() -> None:
+    assert not polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)], closed=False).is_outside((9.0, 9.0))
+    box = [(1.0, 1.0, 2.0, 1.0), (2.0, 1.0, 2.0, 2.0), (2.0, 2.0, 1.0, 2.0), (1.0, 2.0, 1.0, 1.0)]
+    assert not room_of([(0.0, 0.0, 9.0, 0.0), *box]).is_outside((0.5, 0.5))
+    assert room_of(box).is_outside((0.5, 0.5))
