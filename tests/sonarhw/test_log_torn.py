@@ -2,6 +2,7 @@ import random
 import signal
 import subprocess
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from mcap.writer import Writer
 
 from sonarhw.errors import LogError, NotALog
 from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.readings import Reading
 from tests.sonarhw.example_logs import METADATA, assert_readings_close, example_reading, write_example
 
 COUNT = 12
@@ -24,6 +26,13 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return path
 
 
+@lru_cache
+def readings_of(whole: Path) -> tuple[Reading, ...]:
+    """The readings of a log that nobody touches, by number."""
+    return read_log(whole).readings
+
+
+@lru_cache
 def chunk_ends(path: Path) -> list[tuple[int, int]]:
     """Where each chunk ends, and how many readings end by then."""
     with path.open("rb") as file:
@@ -49,7 +58,7 @@ def assert_cut_keeps_whole_readings(whole: Path, torn: Path, at: int) -> None:
     assert log.torn is not None
     assert f"at byte {at}" in log.torn
     assert len(log.readings) == kept
-    for got, wanted in zip(log.readings, read_log(whole).readings, strict=False):
+    for got, wanted in zip(log.readings, readings_of(whole), strict=False):
         assert_readings_close(got, wanted)
 
 
@@ -120,6 +129,7 @@ def test_however_much_is_damaged_is_told_in_a_short_line(whole: Path, tmp_path: 
     assert len(torn) < 120
 
 
+@lru_cache
 def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
     """Begin and end of each chunk, and whether it holds a reading."""
     with path.open("rb") as file:
@@ -156,7 +166,7 @@ def test_damage_in_the_middle_costs_the_readings_it_touches_and_no_other(
     touched = [reading for start, stop, reading in spans if start < end and begin < stop]
     log = read_log(path)
     assert len(log.readings) >= COUNT - sum(touched)
-    originals = {reading.number: reading for reading in read_log(whole).readings}
+    originals = readings_of(whole)
     for reading in log.readings:
         assert_readings_close(reading, originals[reading.number])
     assert log.torn is not None or path.read_bytes() == content
