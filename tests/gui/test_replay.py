@@ -15,6 +15,7 @@ from gui.playback import SPEEDS, Playback
 from gui.scene import Scene
 from gui.status import Source, lost_in
 from sonarhw.log import Log, read_log
+from sonarhw.messages import Outcome
 from tests.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.gui.driving import predicted, until
 
@@ -105,6 +106,15 @@ def test_a_torn_log_says_so_in_the_banner_and_shows_what_it_holds(
     assert 0 < kept < ORDER.readings
     assert window.banner.message.startswith("⚠ torn.mcap: ")
     assert f"{kept} whole readings are shown" in window.banner.message
+
+
+def test_a_log_of_a_scan_that_lost_steps_says_so_in_the_banner(qtbot: QtBot, window: MainWindow, log: Log) -> None:
+    (scan,) = log.scans
+    assert scan.finished is not None
+    lost = replace(scan.finished, outcome=Outcome.LOST_STEPS)
+    window.session.show_log(replace(log, scans=(replace(scan, finished=lost),)), "bench.mcap")
+    told = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be off"
+    until(qtbot, lambda: window.banner.message.startswith(told))
 
 
 def test_a_log_opened_in_the_window_brings_its_own_room(
