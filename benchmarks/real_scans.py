@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cli.app import run
-from compare.fit import fit_scan
+from compare.fit.plain import fit_scan
 from compare.match import Summary, compare_readings
 from sim.board import load_board
 from sim.models import Model

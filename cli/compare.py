@@ -67,7 +67,7 @@ def compare_log(
     receiver: ReceiverName | None = None,
 ) -> "Comparison":
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
-    from compare.fit import fit_scan
+    from compare.fit.plain import fit_scan
     from compare.match import compare_readings
     from compare.recorded_board import board_of_log
     from sim.board import load_board

@@ -15,6 +15,7 @@
     │   ├── LostSteps          its zero mark was not where it should be: angles may be off         exit 1
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
     ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
+    ├── Cancelled              long work was asked to end before it was done                   exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
@@ -88,6 +89,10 @@ class CommandRefused(DeviceError):
 
 class NoPlate(SonarError):
     """What was heard is not a plate by which to calibrate."""
+
+
+class Cancelled(SonarError):
+    """Long work was asked to end before it was done; there is no result."""
 
 
 class LogError(SonarError):

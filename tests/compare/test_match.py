@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compare.explain import explain
-from compare.fit import fit_scan
+from compare.fit.plain import fit_scan
 from compare.match import Comparison, Kind, classify, compare_readings
 from sim.board import load_board
 from sim.prediction import predict_scan
