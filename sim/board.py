@@ -204,7 +204,11 @@ def load_board(wanted: str) -> Board:
 
 def parse_board(text: str, where: str) -> Board:
     """The board in the text of a profile. Raises InputError naming `where` and the key."""
-    file = parse_toml(text, where, BoardFile)
+    return board_from(parse_toml(text, where, BoardFile), text)
+
+
+def board_from(file: BoardFile, text: str = "") -> Board:
+    """The board that a checked profile describes; `text` is what a log carries of it."""
     values = file.model_dump()
     chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
     made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring, "text": text}

@@ -53,7 +53,7 @@ def predict_scan(
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
         return received_by(_predict_by_heading(room, place, board, headings, options), options)
-    paths = _paths(room, place, board, search_for(room, board, options), options)
+    paths = paths_for(room, place, board, options)
     return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
 
 
@@ -75,6 +75,11 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
 def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
     """Whether sound goes the same ways at every heading, so that one search is enough for a scan."""
     return board.carrier.turns_about_face and unit is not Unit.REFLECT
+
+
+def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:
+    """Every path that `board` could hear at `place`, whatever its heading, where one search serves all headings."""
+    return _paths(room, place, board, search_for(room, board, options), options)
 
 
 def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:

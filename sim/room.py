@@ -181,6 +181,30 @@ def with_post(room: Room, post: tuple[float, float, float], name: str, reflectan
     return replace(room, posts=np.vstack((room.posts, [post])), **rows)
 
 
+def with_air(room: Room, air: Air) -> Room:
+    """The room in other air."""
+    return _where_it_stands(room, air=air)
+
+
+def with_material(room: Room, material: str, reflectance: float, scatter: float = 0.0) -> Room:
+    """The room with another reflectance (amplitude ratio) and scatter (share of the reflected power) of a material."""
+    of_it = np.array([name == material for name in room.materials], dtype=np.bool_)
+    return _where_it_stands(
+        room,
+        reflectances=np.where(of_it, reflectance * math.sqrt(1 - scatter), room.reflectances),
+        scattered=np.where(of_it, reflectance * math.sqrt(scatter), room.scattered),
+    )
+
+
+def _where_it_stands(room: Room, **changes: Any) -> Room:
+    """The room with something changed that moves no wall: what is known of where things stand is kept."""
+    changed = replace(room, **changes)
+    for known in ("surfaces", "enclosures", "edges_on_walls"):
+        if known in room.__dict__:
+            changed.__dict__[known] = room.__dict__[known]
+    return changed
+
+
 def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: float, span: Span) -> dict[str, Any]:
     more = (name,) * count
     return {

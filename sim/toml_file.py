@@ -2,7 +2,7 @@
 
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -20,10 +20,21 @@ Model = TypeVar("Model", bound=TomlModel)
 
 def parse_toml(text: str, where: str, model: type[Model]) -> Model:
     """The checked content of a file. Raises InputError naming `where`, the line or the key, and what was expected."""
+    return checked(parse_table(text, where), where, model)
+
+
+def parse_table(text: str, where: str) -> dict[str, Any]:
+    """The content of a file as it stands there. Raises InputError naming `where` and the line."""
     try:
-        return model.model_validate(_arrays_as_tuples(tomllib.loads(text)))
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not TOML: {error}") from error
+
+
+def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
+    """What a file says, as its model. Raises InputError naming `where`, the key, and what was expected."""
+    try:
+        return model.model_validate(_arrays_as_tuples(values))
     except ValidationError as error:
         first = error.errors()[0]
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""

@@ -1,0 +1,23 @@
+"""Sight: how far it is to the first surface along a line, for many lines at once.
+
+Takes points, directions and a room's surfaces; hands on distances.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from sim.grid import Surfaces
+from sim.rays import first_hit
+from sonarhw.readings import FloatArray
+
+
+@njit(cache=True)
+def distances_ahead(points: FloatArray, headings: FloatArray, surfaces: Surfaces) -> FloatArray:
+    """Distance (m) from each of `points` (n, 2) along `headings` (n,) rad to the first surface, (n,); inf: none."""
+    distances = np.empty(headings.shape[0])
+    for k in range(headings.shape[0]):
+        x, y = math.cos(headings[k]), math.sin(headings[k])
+        distances[k] = first_hit(points[k, 0], points[k, 1], x, y, -1, surfaces)[0]
+    return distances
