@@ -39,10 +39,10 @@ def loudest_by_separation(ka: float) -> FloatArray:
 
     (721,) float for angles of 0 to π; what a path loses at its best heading, so that hopeless ones can be dropped.
     """
-    apart = np.linspace(0, math.pi, _SEPARATIONS)
-    aside = np.linspace(-math.pi / 2, math.pi / 2, 2 * _SEPARATIONS - 1)
-    one = beam_gain(aside, ka)
-    return np.array([float((one * beam_gain(aside + angle, ka)).max()) for angle in apart])
+    one = beam_gain(np.linspace(-math.pi / 2, math.pi / 2, 2 * _SEPARATIONS - 1), ka)
+    # the other is the same, turned by two steps for each separation; beyond 90° there is nothing
+    other = np.concatenate((one, np.zeros(len(one))))
+    return np.array([float((one * other[2 * turn : 2 * turn + len(one)]).max()) for turn in range(_SEPARATIONS)])
 
 
 @compiled
