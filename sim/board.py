@@ -77,6 +77,7 @@ class BoardFile(TomlModel):
     )
     own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
     integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
+    fixed_gain: bool = False
     gain_steps: tuple[Positive, ...] = ()  # s
     gain_step_db: Annotated[float, Field(ge=0, le=20)] = GAIN_STEP_DB
     blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s
@@ -98,6 +99,12 @@ class BoardFile(TomlModel):
     def _one_carrier(self) -> "BoardFile":
         if self.ring is not None and self.mount != ON_AXIS:
             raise ValueError("[mount] and [ring]: a board has one of them, a head on a turntable or a ring of sensors")
+        return self
+
+    @model_validator(mode="after")
+    def _one_gain(self) -> "BoardFile":
+        if self.fixed_gain and self.gain_steps:
+            raise ValueError("fixed_gain and gain_steps: a gain stays as it is or rises, not both")
         return self
 
     @model_validator(mode="after")
@@ -138,7 +145,8 @@ class Board:
     rise_cycles: float = RISE_CYCLES  # time constant of swelling and ringing each way, in cycles
     own_burst_db: float = OWN_BURST_DB  # how loud its own burst is in its receiver, over full scale
     integration_cycles: float = INTEGRATION_CYCLES  # time constant of the detector, in cycles; 0: none
-    gain_steps: tuple[float, ...] = ()  # when the gain rises by a step; empty: the ideal gain
+    fixed_gain: bool = False  # its gain never rises: far echoes are fainter, and levels count from a wall 0.5 m ahead
+    gain_steps: tuple[float, ...] = ()  # when the gain rises by a step; empty: the ideal gain, or the fixed one
     gain_step_db: float = GAIN_STEP_DB
     blanking_inhibit: float | None = None  # when BINH ends blanking early; None: it stays low
     rearm: float = REARM  # from one echo to the next that can be heard

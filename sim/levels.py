@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.board import Board
+from sim.gain import lost_db
 from sim.mount import Unit
 from sim.paths import Paths
 from sim.room import Place, Room
@@ -64,7 +65,7 @@ def is_blanked(lengths: FloatArray, board: Board, room: Room) -> BoolArray:
 
 def strengths(room: Room, board: Board, paths: Paths) -> FloatArray:
     """Amplitude of every path before the beam, (p,) float."""
-    return np.asarray(paths.gains * 10 ** (-board.excess_absorption(room.air) * paths.lengths / 20))
+    return np.asarray(paths.gains * 10 ** (-lost_db(paths.lengths, board, room.air) / 20))
 
 
 def faintest_noticed(board: Board) -> float:

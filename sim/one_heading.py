@@ -14,6 +14,7 @@ import numpy as np
 
 from sim.board import Board
 from sim.compiled import compiled
+from sim.gain import NEAREST, lost_db
 from sim.grid import Cells, IntArray, Listing, Surfaces
 from sim.rays import first_among, reflect
 from sim.room import Place, Room
@@ -56,7 +57,8 @@ class _Limits(NamedTuple):
     blanked: float  # m of path
     longest: float  # m of path
     threshold: float  # amplitude
-    decay: float  # 1/m, of what air takes beyond the ideal gain
+    decay: float  # 1/m, of what air takes and the gain does not give back
+    spreads: bool  # whether the gain gives back nothing, and so spreading counts, from a way of 1 m on
     wavelength: float  # m
     spacing: float  # rad
     passes: bool  # whether sound that meets the transducer unheard goes on
@@ -71,11 +73,14 @@ def range_at(
     Sound that meets the transducer unheard passes, or ends where it is `blocking`.
     """
     ka = board.wavenumber(room.air) * board.aperture_radius
+    at_1_m, at_2_m = lost_db(np.array([1.0, 2.0]), board, room.air).tolist()
+    per_metre = at_2_m - at_1_m - 20 * math.log10(2.0) if board.fixed_gain else at_1_m
     limits = _Limits(
         2 * board.blanked_range(room.air),
         2 * board.max_range,
-        10 ** (board.threshold_db / 20),
-        math.log(10) / 20 * board.excess_absorption(room.air),
+        10 ** ((board.threshold_db + at_1_m - per_metre) / 20),
+        math.log(10) / 20 * per_metre,
+        board.fixed_gain,
         board.wavelength(room.air),
         spacing,
         not blocking,
@@ -218,6 +223,8 @@ def _moved(ray: _Ray, distance: float) -> _Ray:
 def _is_over_threshold(ray: _Ray, arriving: float, limits: _Limits) -> bool:
     spread = math.sqrt(ray.travelled / ray.width) if ray.width > 0.0 else 1.0
     loss = math.exp(-limits.decay * ray.travelled) if limits.decay != 0.0 else 1.0
+    if limits.spreads:
+        loss /= max(ray.travelled, NEAREST)
     over: bool = ray.amplitude * spread * loss * arriving > limits.threshold
     return over
 

@@ -13,6 +13,7 @@ from sim.audible import Front
 from sim.bends import EdgeStrength
 from sim.board import Board, Receiver
 from sim.by_heading import HeadingPaths, Leg, find_by_heading
+from sim.gain import most_gained
 from sim.levels import faintest_noticed, is_blanked, leg_amplitudes, noticed, strengths
 from sim.mount import FACE_REFLECTANCES, Unit
 from sim.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
@@ -84,14 +85,17 @@ def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions
 
 def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
     """Which paths `board` could hear."""
+    max_length = 2 * board.max_range
+    # weather makes little difference to an edge; a gain that gives nothing back, much
+    gained = most_gained(board, room.air, max_length) if board.fixed_gain else 1.0
     return PathSearch(
-        2 * board.max_range,
+        max_length,
         board.wavelength(room.air),
         options.max_bounces,
         options.diffraction,
         options.rays,
         options.edge_strength,
-        10 ** ((board.threshold_db - BENT_BELOW_THRESHOLD) / 20),
+        10 ** ((board.threshold_db - BENT_BELOW_THRESHOLD) / 20) / gained,
     )
 
 
@@ -114,12 +118,11 @@ def _predict_by_heading(
     search = search_for(room, board, options)
     faintest = faintest_noticed(board)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    # air that takes less than the ideal gain gives back
-    most_gained = max(1.0, 10 ** (-board.excess_absorption(room.air) * search.max_length / 20))
+    gained = most_gained(board, room.air, search.max_length)
 
     def find(crowded: Room, leg: Leg) -> Paths:
         start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
-        front = Front(leg.sender.heading, leg.listener.heading, ka, faintest / most_gained)
+        front = Front(leg.sender.heading, leg.listener.heading, ka, faintest / gained)
         search_leg = replace(search, max_length=leg.max_length, front=front)
         # one point for both lets a search use every way twice
         paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)

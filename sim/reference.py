@@ -21,6 +21,7 @@ import numpy as np
 
 from sim.board import Board
 from sim.edges import inside_wedge
+from sim.gain import lost_db
 from sim.mount import CARRIER_REFLECTANCE, ON_AXIS, Unit, with_faces
 from sim.one_heading import FIRST_RAY, RAY_SPACING
 from sim.room import Place, Room
@@ -84,7 +85,7 @@ class _Setting:
 
     def over_threshold(self, ray: Ray, arriving: float = 1.0) -> bool:
         """Whether a ray is still loud enough, losing `arriving` at the receiver."""
-        loss = self.board.excess_absorption(self.room.air) * ray.travelled
+        loss = float(lost_db(np.array(ray.travelled), self.board, self.room.air))
         return ray.amplitude * ray.spread * arriving > 10 ** ((self.board.threshold_db + loss) / 20)
 
 

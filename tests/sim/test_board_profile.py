@@ -70,6 +70,10 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
         ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
         ("rearm = 0.0", "rearm: expected greater than 0"),
+        (
+            "gain_steps = [0.002]\nfixed_gain = true",
+            "fixed_gain and gain_steps: a gain stays as it is or rises, not both",
+        ),
         ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
         ("own_burst_db = nan", "own_burst_db: expected a finite number"),
         (CHIRP.replace("10", "11"), "chirp: expected transmit_cycles = 16 cycles in all, got 17"),

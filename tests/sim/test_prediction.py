@@ -7,14 +7,16 @@ from itertools import groupby
 import numpy as np
 import pytest
 
+from sim.air import absorption
 from sim.board import board_names, load_board
 from sim.models import Model, predict_with
-from sim.mount import Unit
+from sim.mount import Mount, Unit
 from sim.predicted_scan import PredictedScan
 from sim.prediction import PredictionOptions, predict_scan
-from sim.room import load_room
+from sim.room import Place, load_room
 from sim.transducer import beam_gain
 from sim.weighing import beam, beam_table
+from tests.sim.rooms_for_tests import room_of
 
 ROOM = load_room("rooms/simple.toml")
 PAPER = load_board("paper")
@@ -96,6 +98,25 @@ def test_dry_air_is_louder_but_not_on_paper() -> None:
         board = load_board(name)
         usual, drier = (predict_scan(r, r.places["figure9"], board, np.array([math.pi / 2])) for r in (ROOM, dry))
         assert (drier.levels_at(0)[3] > usual.levels_at(0)[3] + 0.5) == louder
+
+
+def test_gain_that_never_rises_leaves_spreading_and_absorption_to_be_heard() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True)
+    for ahead in (0.25, 0.5, 1.0, 2.0):
+        room = room_of(np.array([[ahead, -5.0, ahead, 5.0]]))
+        scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.zeros(1))
+        way = 2 * ahead
+        lost = 20 * math.log10(way) + absorption(board.frequency, room.air) * (way - 1)
+        assert scan.echoes(0)[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
+
+
+def test_search_heading_by_heading_finds_all_that_a_fixed_gain_lets_be_heard() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True, threshold_db=-16.0)
+    off_axis = replace(board, mount=Mount(ahead=1e-9))
+    arena, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0, 360, 11.0))
+    together, by_heading = (predict_scan(arena, arena.places["p1"], b, headings) for b in (board, off_axis))
+    assert by_heading.ranges == pytest.approx(together.ranges, abs=1e-6, nan_ok=True)
+    assert 3 < np.isnan(together.ranges).sum() < len(headings) / 2
 
 
 def test_shipped_boards_load() -> None:
