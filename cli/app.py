@@ -26,6 +26,7 @@ from cli import (
     replay,
     scan,
     simulate,
+    study,
 )
 from cli import log as log_command
 from sonarhw.errors import SonarError
@@ -64,6 +65,7 @@ app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
+app.command("study")(study.study)
 app.command("gui")(gui.gui)
 
 

@@ -16,6 +16,7 @@
     │   └── CommandRefused     it said no, with a code and a text                                  exit 1
     ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
     ├── Cancelled              long work was asked to end before it was done                   exit 1
+    ├── WorkersLost            processes or a cluster that work on a study ended before it     exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
@@ -93,6 +94,10 @@ class NoPlate(SonarError):
 
 class Cancelled(SonarError):
     """Long work was asked to end before it was done; there is no result."""
+
+
+class WorkersLost(SonarError):
+    """Processes or machines that worked on a study are gone before it is done."""
 
 
 class LogError(SonarError):

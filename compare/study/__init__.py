@@ -1,1 +1,13 @@
-"""Studies: many predicted scans over grids and random draws, from a TOML file to a folder of Parquet."""
+"""Studies: many predicted scans over grids and random draws, from a TOML file to a folder of Parquet.
+
+from compare.study import load_study, read_study, run_study
+
+run_study(load_study(Path("study.toml")), Path("results"))
+results = read_study("results")  # an xarray.Dataset
+"""
+
+from compare.study.reading import read_study, read_tables
+from compare.study.run import run_study
+from compare.study.spec import load_study
+
+__all__ = ["load_study", "read_study", "read_tables", "run_study"]

@@ -1,0 +1,117 @@
+"""Workers: who makes the parts of a study: this process, several beside it, or a Dask cluster.
+
+Takes a `Study` and the numbers of its parts; hands on each `Part` as it is done, in any order. A part is the same
+whoever makes it.
+"""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+from typing import Any
+
+from compare.study.parts import Part, make_part
+from compare.study.spec import Study
+from sonarhw.errors import InputError, WorkersLost
+
+_ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ANSWER_WITHIN = 10.0  # s, a scheduler that is there
+
+
+def core_count() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[Part, None, None]:
+    """The parts, made by so many processes of this machine. Raises WorkersLost where one of them is killed."""
+    workers = min(workers, len(numbers))
+    if workers <= 1:
+        yield from (make_part(study, number) for number in numbers)
+        return
+    # the first is made here: what is compiled for it the others find compiled
+    first, *others = numbers
+    yield make_part(study, first)
+    with _one_thread_each(), _pool(workers) as pool:
+        waiting = [pool.submit(make_part, study, number) for number in others]
+        try:
+            for done in as_completed(waiting):
+                yield done.result()
+        except BrokenProcessPool as error:
+            raise WorkersLost("a process of the study was killed; what is done is kept: add --resume") from error
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    # spawned, not forked: alike on every system, and no thread of this process is cut in half
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
+
+
+def _begin() -> None:
+    """A worker leaves Ctrl-C to the process that began it, and ends with that."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    wait([parent])
+    os._exit(1)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes begun meanwhile compute in one thread each: there is one for every core already."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Generator[Part, None, None]:
+    """The parts, made by the Dask cluster whose scheduler is at a URL. A worker lost, its parts go to the others.
+
+    Raises InputError where Dask is not installed or nobody answers there, WorkersLost where a part is given up.
+    """
+    distributed = _distributed()
+    try:
+        client = distributed.Client(scheduler, timeout=_ANSWER_WITHIN, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there; expected tcp://HOST:PORT"
+        ) from error
+    with client:
+        waiting = client.map(make_part, [study] * len(numbers), list(numbers), pure=False)
+        finished: Any = distributed.as_completed(waiting)
+        try:
+            for done in finished:
+                yield done.result()
+                # its bytes need not stay on the worker
+                done.release()
+        except distributed.KilledWorker as error:
+            raise WorkersLost("workers of the cluster were lost; what is done is kept: add --resume") from error
+        finally:
+            client.cancel(waiting)
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            "--scheduler: Dask is not installed; install sonarhw with its extra: pip install 'sonarhw[study]'"
+        ) from error
+    return distributed
