@@ -6,14 +6,14 @@ Takes points, directions and a room's surfaces; hands on distances.
 import math
 
 import numpy as np
-from numba import njit
 
+from sim.compiled import compiled
 from sim.grid import Surfaces
 from sim.rays import first_hit
 from sonarhw.readings import FloatArray
 
 
-@njit(cache=True)
+@compiled
 def distances_ahead(points: FloatArray, headings: FloatArray, surfaces: Surfaces) -> FloatArray:
     """Distance (m) from each of `points` (n, 2) along `headings` (n,) rad to the first surface, (n,); inf: none."""
     distances = np.empty(headings.shape[0])
