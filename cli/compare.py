@@ -39,7 +39,10 @@ def compare(
     ] = None,
     receiver: ReceiverChoice = None,
     model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
-    fit: Annotated[str, typer.Option(help="Search for heading, offset or both.", metavar="heading,offset")] = "",
+    fit: Annotated[
+        str,
+        typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw measured over predicted.", metavar="FILE.png")] = None,
     force: Force = False,
@@ -88,7 +91,7 @@ def compare_log(
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
         found = fit_scan(log.readings, room, here, chosen, free, model=believed, options=options)
-        heading, offset = found.heading, found.offset
+        heading, offset, here = found.heading, found.offset, found.place
     return compare_readings(
         log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options
     )
@@ -137,7 +140,10 @@ def summary_lines(summary: "Summary") -> list[str]:
         )
     if summary.median_abs_error_m is not None:
         lines.append(f"median error {summary.median_abs_error_m * 1000:.1f} mm")
-    if summary.no_echo_agreement is not None:
-        lines.append(f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy)")
+    if summary.no_echo_agreement is not None and summary.no_echo_roc_area is not None:
+        lines.append(
+            f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy); "
+            f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
+        )
     lines.append(f"turntable step 0 at {summary.heading_deg:.1f}°, range offset {summary.offset_m * 1000:+.0f} mm")
     return lines

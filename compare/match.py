@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from compare.silence import roc_area
 from sim.board import Board
 from sim.models import Model, predict_with
 from sim.paths import Paths
@@ -62,6 +63,7 @@ class Summary:
     within_5cm: float | None  # matched / n_echo; None where nothing was measured
     median_abs_error_m: float | None
     no_echo_agreement: float | None  # balanced accuracy of silence; None where one side is empty
+    no_echo_roc_area: float | None  # how well predicted levels tell silent headings from sounding ones; None likewise
     classes: dict[str, int]
     explained: float | None  # share of n_echo with some predicted echo within 5 cm
     heading_deg: float  # of turntable step 0 in the room
@@ -90,6 +92,7 @@ class Comparison:
             within_5cm=matched / len(echoes) if echoes else None,
             median_abs_error_m=float(np.median(errors)) if errors else None,
             no_echo_agreement=_balanced_accuracy(kinds),
+            no_echo_roc_area=roc_area(self.prediction.over_threshold, [row.measured is not None for row in self.rows]),
             classes={kind.value: kinds[kind] for kind in Kind},
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
             heading_deg=round(math.degrees(self.heading), 9) % 360,

@@ -87,6 +87,17 @@ class PredictedScan:
         with np.errstate(divide="ignore"):
             return np.asarray(20 * np.log10(amplitudes))
 
+    @cached_property
+    def over_threshold(self) -> FloatArray:
+        """Level over the threshold of the loudest path that the board listens for at each heading, (n,) dB.
+
+        Below 0 nothing is heard; -inf where nothing arrives, beyond the beam or outside the time of listening. The
+        higher, the surer is an echo, whatever its range.
+        """
+        listened = ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
+        loudest = [self.levels_at(k)[listened].max(initial=-np.inf) for k in range(len(self.headings))]
+        return np.array(loudest, dtype=np.float64) - self.board.threshold_db
+
     def signal_at(self, index: int, duration: float) -> Signal:
         """The receive signal at heading `index` for `duration` s from the start of transmission."""
         speed, noise = self.room.air.speed_of_sound, self._noise_at(index)

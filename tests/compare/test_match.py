@@ -106,13 +106,21 @@ def test_other_classes_are_explained() -> None:
 def test_fit_finds_heading_and_offset_of_a_scan_of_the_model(heading_deg: float, offset: float) -> None:
     readings = scan_of_the_model(6, math.radians(heading_deg), offset)
     fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
-    assert math.degrees(fit.heading) == pytest.approx(heading_deg, abs=0.5)
+    assert math.degrees(fit.heading) == pytest.approx(heading_deg, abs=0.5 + 1e-9)
     assert fit.offset == pytest.approx(offset, abs=0.005)
+
+
+def test_fit_finds_where_nearby_a_scan_of_the_model_was_taken() -> None:
+    readings = scan_of_the_model(6, 0.5, 0.01)
+    believed = replace(PLACE, position=(PLACE.position[0] + 0.02, PLACE.position[1] - 0.01))
+    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}))
+    assert fit.place.position == pytest.approx(PLACE.position, abs=1e-9)
+    assert fit.offset == pytest.approx(0.01)
 
 
 def test_fit_leaves_alone_what_is_not_free() -> None:
     fit = fit_scan(scan_of_the_model(6, 1.0, 0.02), ROOM, PLACE, PAPER, frozenset({"heading"}))
-    assert fit.offset == 0.0
+    assert (fit.offset, fit.place) == (0.0, PLACE)
 
 
 def test_fit_refuses_what_it_does_not_know() -> None:
