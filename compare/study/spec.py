@@ -164,8 +164,11 @@ def _check_count(study: Study, where: str) -> None:
 
 
 def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom, Room]:
-    text = read_text(spec.parent / section.file, "room file")
-    room = parse_room(text, section.file)
+    try:
+        text = read_text(spec.parent / section.file, "room file")
+        room = parse_room(text, section.file)
+    except InputError as error:
+        raise InputError(f"{spec}: rooms[{number}].file: {error}") from error
     places = tuple(room.places) if section.places is None else section.places
     where = f"{spec}: rooms[{number}].places"
     if not places:

@@ -4,12 +4,13 @@ Takes a `Study` and the numbers of its parts; hands on each `Part` as it is done
 whoever makes it.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
@@ -87,6 +88,9 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
     Raises InputError where Dask is not installed or nobody answers there, WorkersLost where a part is given up.
     """
     distributed = _distributed()
+    # what is lost is told here, in one line; Dask would add tracebacks of its own
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(scheduler, timeout=_ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
@@ -95,16 +99,14 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
         ) from error
     with client:
         waiting = client.map(make_part, [study] * len(numbers), list(numbers), pure=False)
-        finished: Any = distributed.as_completed(waiting)
+        finished: Any = distributed.as_completed(waiting, loop=client.loop)
         try:
             for done in finished:
                 yield done.result()
                 # its bytes need not stay on the worker
                 done.release()
-        except distributed.KilledWorker as error:
-            raise WorkersLost("workers of the cluster were lost; what is done is kept: add --resume") from error
-        finally:
-            client.cancel(waiting)
+        except (distributed.KilledWorker, CancelledError) as error:
+            raise WorkersLost("the cluster was lost, or its workers; what is done is kept: add --resume") from error
 
 
 def _distributed() -> Any:
