@@ -1,15 +1,44 @@
-"""The fit from end to end: search, refinement, uncertainties.
+"""The fit from end to end: poses to begin with, refinement, several answers, uncertainties, warnings.
 
 Takes scans, a room, a board and what is free; hands on a `FitResult`.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
-from compare.fit.parameters import Parameter
-from compare.fit.result import FitOptions, FitResult, PlacedScan, Progress
+import numpy as np
+
+from compare.fit.beginnings import Beginning, beginnings, is_same
+from compare.fit.likelihood import Noise
+from compare.fit.objective import MIDDLING, NOISES, Objective, Problem, make_problem
+from compare.fit.parameters import OF_PLACE, Kind, Parameter
+from compare.fit.posterior import REGION, covariance_of, samples_of
+from compare.fit.refine import refined
+from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
+from compare.fit.warnings import warnings_of
 from sim.board import Board
+from sim.mount import Unit
 from sim.room import Room
-from sonarhw.errors import InputError
+from sonarhw.errors import Cancelled, InputError
+from sonarhw.readings import FloatArray
+
+_PROMISING = 25.0  # of the coarse likelihood's logarithm: what is worse by more is no other answer
+_OTHERS = 3  # answers beside the best that are climbed to
+_AS_GOOD = 6.0  # of the likelihood's logarithm: answers nearer than that to the best are told
+_NORMAL_REGION = 1.96  # standard deviations
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the work, from one share of the whole to another."""
+
+    doing: str
+    begin: float
+    end: float
+
+
+_SEARCH, _CLIMB, _SAMPLE = _Part("searching", 0.0, 0.5), _Part("refining", 0.5, 0.7), _Part("how sure", 0.7, 1.0)
 
 
 def fit_scans(
@@ -25,6 +54,140 @@ def fit_scans(
     """What explains `scans` best, among all values of the `free` parameters, and how sure that is.
 
     `progress` is called with the share that is done and what is being done; where `cancelled` says so, the fit ends
-    with `sonarhw.errors.Cancelled`. Raises InputError where nothing is free or no reading has an echo.
+    with `sonarhw.errors.Cancelled`. Raises InputError where nothing is free, a scan has no echo, or board or unit are
+    such that every heading has paths of its own in another way than by a head off its axis.
     """
-    raise InputError("nothing is free; name what the fit may choose")
+    options = options or FitOptions()
+    check_fit(scans, board, free, options)
+    problem = make_problem(scans, room, board, free, options.prediction, options.all_echoes)
+
+    def tick(part: _Part, share: float) -> None:
+        if cancelled is not None and cancelled():
+            raise Cancelled("the fit was cancelled")
+        if progress is not None:
+            progress(part.begin + (part.end - part.begin) * share, part.doing)
+
+    found = _begin(problem, options, lambda share: tick(_SEARCH, share))
+    answers = _answers(problem, found, lambda share: tick(_CLIMB, share))
+    best, objective = answers[0].values, problem.near(answers[0].values)
+    samples = np.empty((0, problem.size))
+    if options.samples:
+        samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
+    tick(_SAMPLE, 1.0)
+    return _result(problem, objective, answers, samples)
+
+
+def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:
+    """Raises InputError where such a fit cannot be made."""
+    if not free:
+        raise InputError("nothing is free; name what the fit may choose")
+    if not scans:
+        raise InputError("nothing to fit: no scan was given")
+    for scan in scans:
+        if all(reading.range is None for reading in scan.readings):
+            raise InputError(f"nothing to fit: no reading of {scan.name or 'this scan'} has an echo")
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to fit")
+    if options.prediction.unit is not Unit.PASS:
+        raise InputError("a fit takes sound to pass the sensor (unit pass); block and reflect are for predictions")
+
+
+def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Beginning]]:
+    """The poses to begin with, for each scan."""
+    count = len(problem.scans)
+    if not options.global_search:
+        return [[Beginning(problem.start(), 0.0)] for _ in range(count)]
+    return [beginnings(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
+
+
+def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[float], None]) -> list[Beginning]:
+    """The best values of all, and behind them others that are about as good."""
+    starts = list(_starts(problem, found))
+    middling = [_climbed(problem, start, (MIDDLING,), lambda: tick(0.0)) for start in starts]
+    middling.sort(key=lambda one: -one.score)
+    tops: list[Beginning] = []
+    for done, one in enumerate(middling):
+        tick(done / len(middling))
+        if middling[0].score - one.score < _PROMISING and not any(
+            is_same(problem, one.values, other.values) for other in tops
+        ):
+            tops.append(_climbed(problem, one.values, (None,), lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
+    tops.sort(key=lambda one: -one.score)
+    return [one for one in tops if tops[0].score - one.score < _AS_GOOD]
+
+
+def _climbed(
+    problem: Problem, values: FloatArray, stages: tuple[Noise | None, ...], tick: Callable[[], None]
+) -> Beginning:
+    top = refined(problem, values, None, stages, tick=tick)
+    return Beginning(top, problem.near(top)(top))
+
+
+def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArray]:
+    """The best pose of every scan together; then, one scan at a time, another one of it."""
+    best = problem.start()
+    for scan, several in enumerate(found):
+        rows = _pose_rows(problem, scan)
+        best[rows] = several[0].values[rows]
+    yield best
+    for scan, several in enumerate(found):
+        rows = _pose_rows(problem, scan)
+        for other in several[1 : 1 + _OTHERS]:
+            if several[0].score - other.score < _PROMISING:
+                start = best.copy()
+                start[rows] = other.values[rows]
+                yield start
+
+
+def _pose_rows(problem: Problem, scan: int) -> list[int]:
+    return [
+        row
+        for row, parameter in enumerate(problem.parameters)
+        if parameter.kind in OF_PLACE and parameter.scan in (scan, None)
+    ]
+
+
+def _result(problem: Problem, objective: Objective, answers: list[Beginning], samples: FloatArray) -> FitResult:
+    count, best = len(problem.parameters), answers[0]
+    if len(samples):
+        middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
+        lower, upper = np.percentile(samples, REGION, axis=0)
+    else:
+        middle, covariance = best.values, covariance_of(objective, best.values)
+        reach = _NORMAL_REGION * np.sqrt(np.diag(covariance))
+        lower, upper = middle - reach, middle + reach
+    deviations = np.sqrt(np.diag(covariance))
+    estimates = {
+        parameter.name: _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
+        for row, parameter in enumerate(problem.parameters)
+    }
+    safe = np.maximum(deviations[:count], 1e-300)
+    room, places, board = problem.setting(middle)
+    result = FitResult(
+        parameters=problem.parameters,
+        estimates=estimates,
+        correlations=np.asarray(covariance[:count, :count] / np.outer(safe, safe)),
+        noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(NOISES)},
+        warnings=(),
+        modes=tuple(_mode(problem, one, best.score) for one in answers),
+        room=room,
+        places=places,
+        board=board,
+        score=best.score,
+        samples=samples[:, :count],
+    )
+    return replace(result, warnings=warnings_of(result))
+
+
+def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
+    # a heading in 0 up to 360°, and its region about it
+    by = value % math.tau - value if parameter.kind is Kind.HEADING else 0.0
+    return Estimate(float(value + by), float(deviation), float(lower + by), float(upper + by))
+
+
+def _mode(problem: Problem, answer: Beginning, best: float) -> Mode:
+    values = {
+        parameter.name: float(value % math.tau if parameter.kind is Kind.HEADING else value)
+        for parameter, value in zip(problem.parameters, answer.values, strict=False)
+    }
+    return Mode(values, answer.score - best)

@@ -1,0 +1,85 @@
+"""How sure a fit is: samples of the posterior, from which come standard deviations, regions and correlations.
+
+Takes an `Objective` at its top; hands on samples. They are drawn by emcee's affine-invariant ensemble (Goodman and
+Weare 2010, Foreman-Mackey et al. 2013): where an echo comes or goes the likelihood has steps, and its
+curvature at the top says too little.
+"""
+
+import math
+from collections.abc import Callable
+
+import emcee
+import numpy as np
+from numpy.random import RandomState
+
+from compare.fit.objective import Objective
+from sonarhw.readings import FloatArray
+
+_BURN = 0.4  # of the samples more, thrown away at the beginning
+_WIDEST = 30.0  # steps: where the likelihood is flat, the ensemble begins no wider
+_FLATTEST = 0.05  # curvature in units of the widths, where 1 is a normal distribution's
+REGION = (2.5, 97.5)  # percent
+
+
+def samples_of(
+    objective: Objective, top: FloatArray, count: int, seed: int, tick: Callable[[float], None] = lambda _: None
+) -> FloatArray:
+    """About `count` draws (m, size) from the posterior, the ensemble begun round `top` (size,).
+
+    `tick` is called with the share that is done.
+    """
+    random = RandomState(seed)
+    walkers = 2 * max(12, len(top) + 2)
+    begin = _ensemble(objective, top, walkers, random)
+    sampler = emcee.EnsembleSampler(walkers, len(top), objective)
+    state = emcee.State(begin, random_state=random.get_state())
+    burn, steps = math.ceil(_BURN * count / walkers), math.ceil(count / walkers)
+    for done, _ in enumerate(sampler.sample(state, iterations=burn + steps)):
+        tick(done / (burn + steps))
+    return np.asarray(sampler.get_chain(discard=burn, flat=True))
+
+
+def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: RandomState) -> FloatArray:
+    """Where the ensemble begins, (walkers, size): about as wide as the posterior in each direction."""
+    lower, upper = objective.problem.bounds
+    widths = widths_of(objective, top)
+    begin = top + 0.7 * widths * random.standard_normal((walkers, len(top)))
+    # walkers on one bound would span nothing
+    inside = np.minimum(widths, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
+    return np.asarray(np.clip(begin, lower + inside, upper - inside))
+
+
+def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
+    """By how much each number may change alone until the likelihood has lost half a unit of its logarithm, (size,)."""
+    best, steps = objective(top), objective.problem.steps
+    widths = np.empty(len(top))
+    for row in range(len(top)):
+        width = 0.05
+        while width < _WIDEST and max(_lost(objective, top, row, width * steps[row], best)) < 0.5:
+            width *= 1.5
+        widths[row] = width * steps[row]
+    return widths
+
+
+def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> tuple[float, float]:
+    above, below = top.copy(), top.copy()
+    above[row] += by
+    below[row] -= by
+    return best - objective(above), best - objective(below)
+
+
+def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
+    """Covariance (size, size) by the curvature at the top, taken over as far as half a unit of the logarithm goes."""
+    widths, size = widths_of(objective, top), len(top)
+    curvature, units = np.empty((size, size)), np.diag(widths)
+    best = objective(top)
+    alone = [objective(top + units[row]) + objective(top - units[row]) - 2 * best for row in range(size)]
+    for i in range(size):
+        for j in range(i + 1):
+            both = objective(top + units[i] + units[j]) + objective(top - units[i] - units[j]) - 2 * best
+            curvature[i, j] = curvature[j, i] = alone[i] if i == j else (both - alone[i] - alone[j]) / 2
+    curvature[~np.isfinite(curvature)] = 0.0
+    values, vectors = np.linalg.eigh(-curvature)
+    # no direction is flatter than that its width is all that is known of it
+    spread = vectors / np.maximum(values, _FLATTEST) @ vectors.T
+    return np.asarray(spread * np.outer(widths, widths))

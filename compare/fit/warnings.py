@@ -1,0 +1,65 @@
+"""What a fit cannot tell: several answers, directions in which the data say nothing, values at their bounds.
+
+Takes a `FitResult`; hands on lines for a person.
+"""
+
+import math
+
+from compare.fit.parameters import Kind, Parameter
+from compare.fit.result import Estimate, FitResult
+
+_INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
+_SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
+_AT_BOUND = 0.01  # of the range
+_MANY_STRAYS = 0.3  # for every metre
+
+
+def warnings_of(result: FitResult) -> tuple[str, ...]:
+    """One line for everything that the data do not tell."""
+    lines = [*_several_answers(result)]
+    for parameter in result.parameters:
+        lines += _undetermined(parameter, result.estimates[parameter.name])
+    names = list(result.estimates)
+    for i in range(len(names)):
+        lines += [
+            f"{names[i]} and {names[j]} are only known together (correlation {result.correlations[i, j]:+.2f})"
+            for j in range(i)
+            if abs(result.correlations[i, j]) > _INSEPARABLE
+        ]
+    if result.noise["stray_per_m"] > _MANY_STRAYS:
+        lines.append("many echoes come by no path of the model; something may stand in the room that the file lacks")
+    return tuple(lines)
+
+
+def _several_answers(result: FitResult) -> list[str]:
+    if len(result.modes) < 2:
+        return []
+    told = "; ".join(_pose(result, dict(mode.values)) for mode in result.modes)
+    return [f"{len(result.modes)} answers explain the scan about equally well, the room may be symmetric: {told}"]
+
+
+def _pose(result: FitResult, values: dict[str, float]) -> str:
+    shown = [parameter for parameter in result.parameters if parameter.kind in (Kind.X, Kind.Y, Kind.HEADING)]
+    best = result.modes[0].values
+    changed = [one for one in shown if result.modes[0].values is values or abs(values[one.name] - best[one.name]) > 0]
+    return ", ".join(
+        f"{one.name} {math.degrees(values[one.name]):.1f}°"
+        if one.kind is Kind.HEADING
+        else f"{one.name} {values[one.name]:.3f}"
+        for one in changed or shown
+    )
+
+
+def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
+    lower, upper = (-math.pi, math.pi) if parameter.kind is Kind.HEADING else (parameter.lower, parameter.upper)
+    width = upper - lower
+    known = width / math.sqrt(12)
+    if parameter.deviation is not None:
+        known = min(known, parameter.deviation)
+    if estimate.deviation > _SAYS_NOTHING * known:
+        return [f"the scan hardly tells {parameter.name}: ± as wide as what was known before it"]
+    if parameter.kind is not Kind.HEADING:
+        for bound in (lower, upper):
+            if abs(estimate.value - bound) < _AT_BOUND * width:
+                return [f"{parameter.name} lies at the end of its range, {bound:g}"]
+    return []
