@@ -5,7 +5,7 @@ what is drawn, a place above all, is the same at every point of the grid: points
 place lie side by side and share its paths.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -38,6 +38,9 @@ class Case:
     place: Place
     board_name: str
     board: Board
+    keenest: (
+        Board  # the board with the lowest threshold of all points of the grid: who finds all that any of them hears
+    )
     model: Model
     options: PredictionOptions
     headings: FloatArray  # (n,), rad in the room
@@ -56,6 +59,9 @@ class Cases:
             for known in _KNOWN_OF_WALLS:
                 getattr(room, known)
         self._spots = [(number, place) for number, room in enumerate(study.rooms) for place in room.places]
+        self._thresholds = [
+            float(value) for key, axis in study.axes if key == "board.threshold_db" for value in axis.extremes
+        ]
         lengths = [len(axis.values) if isinstance(axis, Listed) else 1 for _, axis in study.axes]
         self._shape = (len(self._spots), len(study.boards), *lengths)
         self._headings = sector(*study.headings).angles()
@@ -86,6 +92,7 @@ class Cases:
             place,
             study.boards[board_at][0],
             board,
+            replace(board, threshold_db=min([board.threshold_db, *self._thresholds])),
             model,
             options,
             self._headings if board.ring is None else board.ring.headings(place),

@@ -47,13 +47,13 @@ class PathsAtHand:
         self._kept: OrderedDict[object, Paths] = OrderedDict()
 
     def of(self, case: Case) -> Paths:
-        """All that the board of a case could hear."""
+        """All that the board of a case could hear, at any threshold of its study."""
         options = case.options
-        search = search_for(case.room, case.board, options)
-        key = case.where, search, case.board.aperture_radius, options.sections, options.single
+        search = search_for(case.room, case.keenest, options)
+        key = case.where, search, case.board.aperture_radius, options.sections
         paths = self._kept.pop(key, None)
         if paths is None:
-            paths = paths_for(case.room, case.place, case.board, options)
+            paths = paths_for(case.room, case.place, case.keenest, options)
         self._kept[key] = paths
         if len(self._kept) > _PATHS_KEPT:
             self._kept.popitem(last=False)
