@@ -20,7 +20,7 @@ from compare.study import load_study, read_study, read_tables, run_study
 from compare.study.cases import Cases
 from compare.study.parts import part_count
 from compare.study.scans import PathsAtHand, columns_of, predict_case, predict_scans
-from compare.study.spec import Study
+from compare.study.spec import OptionValues, Study
 from sim.models import predict_with
 from sim.room import load_room
 from sonarhw.errors import InputError, SonarError
@@ -211,6 +211,16 @@ def test_results_come_as_arrays_with_what_varied_beside_them(tmp_path: Path) -> 
     # who hears fainter sound hears no less
     by_threshold = results.n_echo.groupby("board.threshold_db").mean().values
     assert by_threshold[0] >= by_threshold[1] >= by_threshold[2]
+
+
+def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -> None:
+    document = Path("docs/study.md").read_text()
+    assert f"```toml\n{EXAMPLE.read_text()}```" in document
+    study = study_of(tmp_path)
+    scans, headings = predict_scans(study, 0, 1)
+    figures = scans.column_names[scans.column_names.index("n") :]
+    assert [name for name in (*figures, *headings.column_names[1:]) if f"`{name}`" not in document] == []
+    assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
 
 
 def test_rings_have_headings_of_their_own(tmp_path: Path) -> None:
