@@ -19,6 +19,7 @@ from compare.fit.parameters import OF_PLACE, Kind, Parameter, applied, reflectan
 from compare.fit.result import PlacedScan
 from sim.air import Air
 from sim.board import Board, Receiver
+from sim.gain import lost_db
 from sim.levels import noticed
 from sim.prediction import PredictionOptions, search_for
 from sim.room import Place, Room
@@ -236,11 +237,9 @@ class Objective:
     def _levels(self, values: FloatArray, scan: int) -> tuple[FloatArray, FloatArray]:
         """Level of each path before the beam, dB, and by what factor moved walls stretch it."""
         paths, lengths = self.paths[scan], self._lengths[scan]
-        level, stretch = paths.gain_db + self._gained[scan], np.ones(len(lengths))
-        board = self.problem.board
-        if board.absorption:
-            air = self.room.air if self.problem.told_speed is None else self._air(values)
-            level = level - board.excess_absorption(air) * lengths
+        level, stretch = paths.gain_db + self._gained[scan] - self._lost[scan], np.ones(len(lengths))
+        if self.problem.told_speed is not None:
+            level += self._lost[scan] - lost_db(lengths, self.problem.board, self._air(values))
         if len(self._reflectance_rows):
             ratio = values[self._reflectance_rows] / self._reflectances
             level = level + paths.touches @ (20 * np.log10(np.maximum(ratio, 1e-9)))
@@ -254,6 +253,11 @@ class Objective:
         return tuple(
             _length(paths.out, paths.rise[:, 0]) + _length(paths.back, paths.rise[:, 1]) for paths in self.paths
         )
+
+    @cached_property
+    def _lost(self) -> tuple[FloatArray, ...]:
+        """What the way takes of each path that the gain does not give back, dB."""
+        return tuple(lost_db(lengths, self.problem.board, self.room.air) for lengths in self._lengths)
 
     @cached_property
     def _gained(self) -> tuple[FloatArray, ...]:
