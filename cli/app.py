@@ -18,6 +18,7 @@ from cli import (
     demo,
     fake,
     figures,
+    fit,
     gui,
     import_csv,
     info,
@@ -66,6 +67,7 @@ app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
 app.command("study")(study.study)
+app.command("fit")(fit.fit)
 app.command("gui")(gui.gui)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
-from cli.log_input import LogFile, open_log
+from cli.log_input import LogFile, open_log, recorded_place, recorded_room
 from cli.numbers import counted
 from cli.options import (
     Force,
@@ -24,8 +24,6 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from compare.match import Comparison, Summary
-    from sim.room import Room
-    from sonarhw.log import LogMetadata
 
 
 def compare(
@@ -80,8 +78,8 @@ def compare_log(
 
     room = None if room_file is None else load_room(room_file)
     log = open_log(log_file)
-    room = room or _recorded_room(log_file, log.metadata)
-    here = chosen_place(room, place if place is not None else _recorded_place(log.metadata, room))
+    room = room or recorded_room(log_file, log.metadata)
+    here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
     chosen = load_board(board) if board else board_of_log(log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
@@ -95,20 +93,6 @@ def compare_log(
     return compare_readings(
         log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options
     )
-
-
-def _recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
-    from sim.room import parse_room
-
-    if not metadata.room_text:
-        raise InputError(f"{log_file}: holds no room; give one with --room")
-    return parse_room(metadata.room_text, f"room inside {log_file}")
-
-
-def _recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
-    """The place a log was recorded at, where this room knows it and --place says nothing."""
-    named = metadata.place in room.places or ("," in metadata.place and not room.places)
-    return metadata.place if named else None
 
 
 def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:

@@ -9,7 +9,8 @@ from cli.numbers import counted
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
-    from sonarhw.log import Log
+    from sim.room import Room
+    from sonarhw.log import Log, LogMetadata
 
 LogFile = Annotated[Path, typer.Argument(help="Log (*.mcap), whole or torn.", metavar="LOG")]
 
@@ -35,3 +36,18 @@ def load_log(path: Path) -> "Log":
         what = "is a folder" if path.is_dir() else "is no file" if path.exists() else "there is no such file"
         raise InputError(f"{path}: {what}; give the name of a log (*.mcap)")
     return read_log(path)
+
+
+def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
+    """The room inside a log. Raises InputError where it holds none."""
+    from sim.room import parse_room
+
+    if not metadata.room_text:
+        raise InputError(f"{log_file}: holds no room; give one with --room")
+    return parse_room(metadata.room_text, f"room inside {log_file}")
+
+
+def recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
+    """The place a log was recorded at, where this room knows it and --place says nothing."""
+    named = metadata.place in room.places or ("," in metadata.place and not room.places)
+    return metadata.place if named else None
