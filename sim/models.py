@@ -8,8 +8,11 @@ from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.board import Board, Receiver
+from sim.compiled import compiled
+from sim.grid import Surfaces
 from sim.paths import Paths
 from sim.predicted_scan import PredictedScan, silent_scan, with_first_echoes
 from sim.prediction import PredictionOptions, predict_scan, received_by
@@ -89,37 +92,41 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
     starts = np.array([board.carrier.stand(place, float(heading)).receiver for heading in headings])
     standing = standing_at(room, place.height)
     section = cut(room, standing)
-    found = [_nearest_in(section, x, y, heading + cone) for (x, y), heading in zip(starts, headings, strict=True)]
-    hits = sorted((hit[1], k, *hit[::2]) for k, hit in enumerate(found) if hit is not None)
-    distances = np.array([distance for distance, *_ in hits], dtype=np.float64)
-    rows = np.array([k for _, k, _, _ in hits], dtype=np.intp)
-    directions = np.array([direction for *_, direction, _ in hits], dtype=np.float64)
+    distances, directions, surfaces = _nearest_hits(starts.reshape(-1, 2), headings[:, None] + cone, section.surfaces)
+    rows = np.argsort(distances, kind="stable")
+    rows = rows[surfaces[rows] >= 0]
+    distances, directions, surfaces = distances[rows], directions[rows], surfaces[rows]
     paths = Paths(
         lengths=2 * distances,
         departures=headings[rows],  # these models take whatever they meet for straight ahead
         arrivals=headings[rows],
-        gains=np.ones(len(hits)),
-        surfaces=np.array([standing[surface] for *_, surface in hits], dtype=np.int32).reshape(-1, 1),
-        edges=np.full(len(hits), -1, dtype=np.int32),
-        bends=np.ones(len(hits), dtype=np.int32),
-        elevations=np.zeros((len(hits), 2)),
+        gains=np.ones(len(rows)),
+        surfaces=np.array(standing, dtype=np.int32)[surfaces].reshape(-1, 1),
+        edges=np.full(len(rows), -1, dtype=np.int32),
+        bends=np.ones(len(rows), dtype=np.int32),
+        elevations=np.zeros((len(rows), 2)),
         points=_there_and_back(starts[rows], directions, distances),
     )
     return with_first_echoes(silent_scan(room, place, board, headings, paths, rows))
 
 
-def _nearest_in(room: Room, x: float, y: float, directions: FloatArray) -> tuple[float, float, int] | None:
-    """Direction (rad), distance (m) and number of the nearest surface among directions; None where all look out."""
-    hits = [
-        (distance, direction, surface)
-        for direction in directions
-        for distance, surface in [first_hit(x, y, math.cos(direction), math.sin(direction), -1, room.surfaces)]
-        if surface >= 0
-    ]
-    if not hits:
-        return None
-    distance, direction, surface = min(hits)
-    return float(direction), float(distance), int(surface)
+@compiled
+def _nearest_hits(
+    starts: FloatArray, directions: FloatArray, surfaces: Surfaces
+) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Of each row of directions (n, m) rad the nearest hit from its start (n, 2) m: distance (m), direction, surface.
+
+    Surface -1, and no distance, where all look out; the first of equal distances.
+    """
+    count = len(starts)
+    distances, chosen, hit = np.full(count, np.inf), np.zeros(count), np.full(count, -1, np.intp)
+    for k in range(count):
+        for direction in directions[k]:
+            dx, dy = math.cos(direction), math.sin(direction)
+            distance, surface = first_hit(starts[k, 0], starts[k, 1], dx, dy, -1, surfaces)
+            if distance < distances[k]:
+                distances[k], chosen[k], hit[k] = distance, direction, surface
+    return distances, chosen, hit
 
 
 def _there_and_back(starts: FloatArray, directions: FloatArray, distances: FloatArray) -> FloatArray:

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from compare.match import TOLERANCE
 from sim.board import Board
+from sim.compiled import compiled
 from sim.models import Model, predict_with
 from sim.prediction import PredictionOptions
 from sim.room import Place, Room
@@ -103,7 +103,7 @@ def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:
         raise InputError("nothing to fit: no reading of this scan has an echo")
 
 
-@njit(cache=True)
+@compiled
 def _agreement(
     table: FloatArray,
     rows: NDArray[np.intp],
