@@ -22,6 +22,7 @@ from cli import (
     gui,
     import_csv,
     info,
+    locate,
     paths,
     ports,
     replay,
@@ -66,6 +67,7 @@ app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
+app.command("locate")(locate.locate)
 app.command("study")(study.study)
 app.command("fit")(fit.fit)
 app.command("gui")(gui.gui)

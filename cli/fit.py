@@ -3,8 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +14,7 @@ from cli.fit_table import figures, lines_of
 from cli.log_input import open_log, recorded_place, recorded_room
 from cli.numbers import counted
 from cli.options import ReceiverChoice, ReceiverName, chosen_receiver
-from cli.progress import progress
+from cli.progress import progress_of_share
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from sonarhw.log import Log
 
 NEAR = 0.25  # m: how far from a place that is named the sensor may have stood
-_PARTS = 100  # of the progress bar
 _NUMBER = r"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)"
 
 
@@ -106,7 +104,7 @@ def fit_logs(
         parameters = tuple(_near(parameter, scans) for parameter in parameters)
     parameters = with_priors(parameters, priors)
     options = FitOptions(PredictionOptions(receiver=chosen_receiver(receiver, chosen)), seed, samples)
-    with _progress_bar() as show:
+    with progress_of_share() as show:
         return fit_scans(scans, room, chosen, parameters, options=options, progress=show)
 
 
@@ -169,19 +167,3 @@ def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
             f"{parameter.upper / unit:g}"
         )
     raise InputError(f"--prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH")
-
-
-@contextmanager
-def _progress_bar() -> Iterator[Callable[[float, str], None]]:
-    """What a fit may call with the share that is done and what goes on."""
-    now, done = "", 0
-    with progress(_PARTS, lambda: now) as tick:
-
-        def show(share: float, doing: str) -> None:
-            nonlocal now, done
-            now = doing
-            while done < int(share * _PARTS):
-                tick()
-                done += 1
-
-        yield show

@@ -4,6 +4,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+_PARTS = 100  # of the bar of what tells its share
+
 
 @contextmanager
 def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None]]:
@@ -25,3 +27,19 @@ def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=total)
         yield lambda: bar.advance(task)
+
+
+@contextmanager
+def progress_of_share() -> Iterator[Callable[[float, str], None]]:
+    """What is to be called with the share that is done, 0 to 1, and in a word what goes on."""
+    now, done = "", 0
+    with progress(_PARTS, lambda: now) as tick:
+
+        def show(share: float, doing: str) -> None:
+            nonlocal now, done
+            now = doing
+            while done < int(share * _PARTS):
+                tick()
+                done += 1
+
+        yield show

@@ -1,0 +1,124 @@
+"""`sonarhw locate`: where in a room a scan was taken, and which way the turntable pointed."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cli.log_input import LogFile, open_log, recorded_room
+from cli.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_receiver
+from cli.output import whole_file
+from cli.progress import progress_of_share
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from compare.locate import Located, Pose
+
+
+def locate(
+    log_file: LogFile,
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: ReceiverChoice = None,
+    height: Annotated[
+        float | None, typer.Option(help="Of the transducer, metres; then floor and ceiling are heard.", metavar="M")
+    ] = None,
+    near: Annotated[
+        float, typer.Option(help="How near to a place of the room a pose counts as that place, metres.", min=0)
+    ] = 0.1,
+    out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar="FILE.png")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
+    force: Force = False,
+) -> None:
+    """Find where in a room a scan was taken and which way it pointed, with nothing known of either."""
+    if out is not None:
+        checked_out(out, (".png",), force, log_file, room_file, board)
+    located = locate_log(log_file, room_file, board, receiver, height)
+    if out is not None:
+        from compare.locate_picture import draw_located
+
+        with whole_file(out) as file:
+            draw_located(located).savefig(file, format="png")
+    figures = _figures(located, near)
+    if as_json:
+        typer.echo(json.dumps(figures, indent=2))
+    else:
+        _tell(figures)
+
+
+def locate_log(
+    log_file: Path,
+    room_file: Path | None = None,
+    board: str | None = None,
+    receiver: ReceiverName | None = None,
+    height: float | None = None,
+) -> "Located":
+    """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
+    from compare.locate import locate
+    from compare.recorded_board import board_of_log
+    from sim.board import load_board
+    from sim.prediction import PredictionOptions
+    from sim.room import load_room
+
+    room = None if room_file is None else load_room(room_file)
+    log = open_log(log_file)
+    room = room or recorded_room(log_file, log.metadata)
+    chosen = load_board(board) if board else board_of_log(log.metadata)
+    if not log.readings:
+        raise InputError(f"{log_file}: holds no readings; nothing can be located")
+    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    with progress_of_share() as show:
+        return locate(
+            log.readings,
+            room,
+            chosen,
+            prediction=options,
+            height=height,
+            tick=lambda share: show(share, "locating"),
+        )
+
+
+def _figures(located: "Located", near: float) -> dict[str, Any]:
+    places = located.places(near)
+    best = max(places, key=places.__getitem__, default=None)
+    return {
+        "poses": [_figures_of(pose) for pose in located.poses],
+        "place": best if best is not None and places[best] > 0 else None,
+        "places": {name: round(share, 6) for name, share in places.items()},
+        "readings_alike": round(located.readings_alike, 3),
+    }
+
+
+def _figures_of(pose: "Pose") -> dict[str, float]:
+    dx, dy, turn = pose.deviations
+    return {
+        "x_m": round(pose.position[0], 6),
+        "y_m": round(pose.position[1], 6),
+        "heading_deg": round(math.degrees(pose.heading), 6) % 360,
+        "offset_m": round(pose.offset, 6),
+        "probability": round(pose.probability, 6),
+        "x_deviation_m": round(dx, 6),
+        "y_deviation_m": round(dy, 6),
+        "heading_deviation_deg": round(math.degrees(turn), 6),
+    }
+
+
+def _tell(figures: dict[str, Any]) -> None:
+    for pose in figures["poses"]:
+        typer.echo(
+            f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
+            f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
+            f"{pose['heading_deg']:.1f}° (± {pose['heading_deviation_deg']:.1f}°), "
+            f"range offset {pose['offset_m'] * 1000:+.0f} mm"
+        )
+    if len(figures["poses"]) > 1 and figures["poses"][0]["probability"] < 0.95:
+        typer.echo("the scan does not tell these apart: the room looks much the same from there")
+    if figures["place"] is not None:
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
+        typer.echo(f"of the room's places: {shares}")

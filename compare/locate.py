@@ -1,0 +1,199 @@
+"""Where am I: the poses from which one scan may have been taken, and how probable each is, over a whole room.
+
+Takes readings, a room and a board; hands on a `Located`. A lattice all over the free space of the room is scored with
+every heading (`compare.fit.search`); from its best maxima, and from the room's own places, the likelihood of a fit is
+climbed. What its peaks weigh against one another is the posterior, where every pose in the room was as likely before.
+
+Neighbouring readings of one echo err alike: an edge too loud in the model is too loud at ten headings. Likelihoods
+are those of readings that err independently, so their logarithm is divided by how many readings say the same thing.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from compare.fit.fitting import check_fit
+from compare.fit.objective import MIDDLING, Objective, Problem, make_problem
+from compare.fit.parameters import free_parameters
+from compare.fit.posterior import covariance_of
+from compare.fit.refine import refined
+from compare.fit.result import FitOptions, PlacedScan
+from compare.fit.search import Scores, maxima, score_positions
+from compare.free_space import find_free_space
+from compare.regions import mean_run
+from sim.board import Board
+from sim.prediction import PredictionOptions
+from sim.room import Place, Room
+from sonarhw.readings import FloatArray, Reading
+
+_POSITIONS = 1000  # of the lattice, about
+_FINEST = 0.06  # m, from one to the next
+_MAXIMA = 12  # of the lattice, that are climbed from
+_HOPELESS = 60.0  # of the lattice's logarithm: what is worse by more is not climbed from
+_SAME = 0.03  # m, and
+_SAME_HEADING = math.radians(10)
+_TOLD = 1e-3  # probability under which a pose is not told
+NEAR = 0.1  # m from a place of the room within which a pose counts as that place
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One answer."""
+
+    position: tuple[float, float]  # m
+    heading: float  # rad: of turntable step 0 in the room, 0..2π
+    offset: float  # m, added to every measured range
+    probability: float
+    deviations: tuple[float, float, float]  # of x and y, m, and of the heading, rad; standard deviations
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where one scan may have been taken."""
+
+    room: Room
+    board: Board
+    readings: tuple[Reading, ...]
+    poses: tuple[Pose, ...]  # the most probable first; together 1 but for what is not worth telling
+    scores: Scores  # rough log-likelihoods of the lattice
+    readings_alike: float  # how many readings there are to one that says something new
+
+    @property
+    def lattice(self) -> FloatArray:
+        """Rough log-posterior of each position of the lattice, over all headings, (p,); the best is 0."""
+        found = self.scores.scores / self.readings_alike
+        best = found.max(axis=1)
+        summed = best + np.log(np.exp(found - best[:, None]).sum(axis=1))
+        return np.asarray(summed - summed.max())
+
+    def places(self, near: float = NEAR) -> dict[str, float]:
+        """Of each place of the room, how probable it is that the scan was taken there, if it was at one of them.
+
+        A pose within `near` (m) of a place counts for it; all 0 where none is near any.
+        """
+        shares = dict.fromkeys(self.room.places, 0.0)
+        for pose in self.poses:
+            for name, place in self.room.places.items():
+                if math.dist(pose.position, place.position) <= near:
+                    shares[name] += pose.probability
+        whole = sum(shares.values())
+        return {name: share / whole if whole else 0.0 for name, share in shares.items()}
+
+
+def locate(
+    readings: Sequence[Reading],
+    room: Room,
+    board: Board,
+    *,
+    prediction: PredictionOptions | None = None,
+    height: float | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Located:
+    """Where in the room, and in which direction, a scan of `board` was taken.
+
+    `height` (m) is that of the transducer, where floor, ceiling and heights of walls are to be heard; `tick` is called
+    with the share that is done. Raises InputError where no reading has an echo or the board is a ring of sensors.
+    """
+    options = FitOptions(prediction=prediction or PredictionOptions())
+    free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
+    scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
+    check_fit([scan], board, free, options)
+    problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
+    scores = _score_lattice(problem, lambda share: tick(0.5 * share))
+    alike = mean_run(*_headings_and_ranges(readings))
+    starts = _starts(scores, room)
+    tops = []
+    for k, start in enumerate(starts):
+        tops.append(_climb(problem, start))
+        tick(0.5 + 0.5 * k / len(starts))
+    poses = _weighed(_different(problem, sorted(tops, key=lambda top: -top[0])), alike)
+    tick(1.0)
+    return Located(room, board, tuple(readings), poses, scores, alike)
+
+
+def _headings_and_ranges(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
+    headings = np.array([reading.angle for reading in readings], dtype=np.float64)
+    return headings, np.array([math.nan if reading.range is None else reading.range for reading in readings])
+
+
+def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
+    room = problem.room
+    whole = find_free_space(room)
+    area = float(whole.free.sum()) * whole.spacing**2
+    spacing = max(_FINEST, math.sqrt(area / _POSITIONS))
+    positions = find_free_space(room, spacing).middles
+    done = iter(range(len(positions)))
+    return score_positions(
+        problem.scans[0],
+        room,
+        problem.board,
+        positions,
+        spacing,
+        problem.places[0].height,
+        lambda: tick(next(done) / len(positions)),
+    )
+
+
+def _starts(scores: Scores, room: Room) -> list[tuple[float, float, float]]:
+    """Where to climb from (x, y, heading): the lattice's maxima, and the room's places with their best headings."""
+    best = float(scores.scores.max())
+    starts = [
+        pose for pose in maxima(scores, _MAXIMA) if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS
+    ]
+    for place in room.places.values():
+        row = scores.scores[_nearest(scores, place.position)]
+        if best - row.max() < _HOPELESS:
+            starts.append((*place.position, float(scores.headings[row.argmax()])))
+    return starts
+
+
+def _nearest(scores: Scores, position: tuple[float, float]) -> int:
+    return int(np.hypot(*(scores.positions - position).T).argmin())
+
+
+def _climb(problem: Problem, start: tuple[float, float, float]) -> tuple[float, FloatArray, Objective]:
+    """The top near a pose: log-likelihood, values, and the objective there."""
+    values = problem.start()
+    values[:3] = start
+    top = refined(problem, problem.with_noise(values, MIDDLING), None, (MIDDLING, None))
+    objective = problem.near(top)
+    return objective(top), top, objective
+
+
+def _different(
+    problem: Problem, tops: list[tuple[float, FloatArray, Objective]]
+) -> list[tuple[float, FloatArray, Objective]]:
+    """The tops, the best first, without those that are another once more."""
+    kept: list[tuple[float, FloatArray, Objective]] = []
+    for top in tops:
+        same = (
+            math.dist(top[1][:2], other[:2]) < _SAME
+            and abs(math.remainder(float(top[1][2] - other[2]), math.tau)) < _SAME_HEADING
+            for _, other, _ in kept
+        )
+        if not any(same):
+            kept.append(top)
+    return kept
+
+
+def _weighed(tops: list[tuple[float, FloatArray, Objective]], alike: float) -> tuple[Pose, ...]:
+    """The poses at the tops with their probabilities: what lies under each peak of the posterior."""
+    promising = [top for top in tops if (tops[0][0] - top[0]) / alike < -math.log(_TOLD)]
+    spreads = [alike * covariance_of(objective, values)[:3, :3] for _, values, objective in promising]
+    volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
+    weights = np.array([score / alike for score, _, _ in promising]) + volumes
+    shares = np.exp(weights - weights.max())
+    shares /= shares.sum()
+    poses = [
+        _pose(values, float(share), np.sqrt(np.diag(spread)))
+        for (_, values, _), share, spread in zip(promising, shares, spreads, strict=True)
+    ]
+    return tuple(sorted((pose for pose in poses if pose.probability >= _TOLD), key=lambda pose: -pose.probability))
+
+
+def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:
+    x, y, heading, offset = values[:4].tolist()
+    dx, dy, turn = deviations.tolist()
+    return Pose((x, y), heading % math.tau, offset, probability, (dx, dy, turn))
