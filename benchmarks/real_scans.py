@@ -1,19 +1,26 @@
 """How much of real scans each model explains: `python -m benchmarks.real_scans [FOLDER]`.
 
-Takes the folder of real scans (scans.csv and a CSV a scan); imports each as a user would, lets heading and range offset
-be found for every model alike, and prints the share of echoes within 5 cm.
+Takes the folder of real scans (scans.csv and a CSV a scan); imports each as a user would, lets heading, range offset
+and a position within 3 cm be found for every model alike, and prints the share of echoes within 5 cm of the prediction
+and the ROC area of silence. `--cross-validation` besides tunes the board without a place or a recording and judges it
+there (minutes; `benchmarks.tune_lego_nxt`).
 """
 
 import csv
+import math
 import sys
 import tempfile
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cli.app import run
 from compare.fit.plain import fit_scan
-from compare.match import Summary, compare_readings
-from sim.board import load_board
+from compare.match import Comparison, Kind, compare_readings
+from compare.silence import roc_area
+from sim.board import Board, load_board
 from sim.models import Model
 from sim.room import load_room
 from sonarhw.log import read_log
@@ -21,6 +28,12 @@ from sonarhw.readings import Reading
 
 MODELS = (Model.NEAREST, Model.CONE, Model.RAY_FOLLOWING)
 DEFAULT_FOLDER = Path("../shared/real_scans")
+ROOM = load_room("rooms/arena.toml")
+NEARBY = frozenset({"heading", "offset", "position"})
+ON_THE_SPOT = frozenset({"heading", "offset"})
+# Echoes of the carrier itself come at the same turntable angle and range wherever it stands
+_OWN_SPREAD = 0.03  # m
+_OWN_SHARE = 0.7  # of the scans
 
 
 @dataclass(frozen=True)
@@ -31,6 +44,19 @@ class RealScan:
     x: float  # m
     y: float  # m
     readings: tuple[Reading, ...]
+
+    @property
+    def spot(self) -> str:
+        """The place as the command line names it."""
+        return f"{self.x},{self.y}"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a model makes of some scans together."""
+
+    share: float  # of the echoes, within 5 cm
+    roc_area: float | None  # silent headings told from sounding ones, all scans together
 
 
 def load_scans(folder: Path) -> list[RealScan]:
@@ -48,32 +74,77 @@ def load_scans(folder: Path) -> list[RealScan]:
     return scans
 
 
-def judge(scan: RealScan, model: Model, board_name: str = "lego-nxt") -> Summary:
-    """The figures of one scan under one model, heading and offset found for it."""
-    room, board = load_room("rooms/arena.toml"), load_board(board_name)
-    place = room.place(f"{scan.x},{scan.y}")
-    free = frozenset({"heading", "offset"})
-    fit = fit_scan(scan.readings, room, place, board, free, model=model)
-    return compare_readings(
-        scan.readings, room, place, board, heading=fit.heading, offset=fit.offset, model=model
-    ).summary()
+def judge(scan: RealScan, model: Model, board: Board, free: frozenset[str] = NEARBY) -> Comparison:
+    """One scan beside one model, with what is `free` found for it."""
+    fit = fit_scan(scan.readings, ROOM, ROOM.place(scan.spot), board, free, model=model)
+    return compare_readings(scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, model=model)
+
+
+def figures(comparisons: Iterable[Comparison]) -> Figures:
+    """The figures of several scans together."""
+    comparisons = list(comparisons)
+    rows = [row for comparison in comparisons for row in comparison.rows]
+    matched = sum(comparison.summary().matched for comparison in comparisons)
+    scores = np.concatenate([comparison.prediction.over_threshold for comparison in comparisons])
+    sounding = [row.measured is not None for row in rows]
+    return Figures(matched / sum(sounding), roc_area(scores, sounding))
+
+
+def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
+    """Scan and row of the echoes that come at one turntable angle and range in most scans, whatever the place."""
+    ranges = np.array([[np.nan if r.range is None else r.range for r in scan.readings] for scan in scans])
+    # at the same row, or the one before or behind it
+    others = np.stack([np.roll(ranges, turn, axis=1) for turn in (-1, 0, 1)])
+    near = (np.abs(ranges[:, None] - others[:, None]) <= _OWN_SPREAD).any(axis=0)
+    elsewhere = np.array([[scan.spot != other.spot for other in scans] for scan in scans])
+    shares = (near & elsewhere[:, :, None]).sum(axis=1) / elsewhere.sum(axis=1)[:, None]
+    return {(scans[k].name, int(row)) for k, row in np.argwhere(shares >= _OWN_SHARE)}
 
 
 def main() -> None:
-    """Print a row a scan, and the share of all echoes."""
-    scans = load_scans(Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FOLDER)
-    print("scan " + "".join(f"{model.value:>28}" for model in MODELS) + "   (share within 5 cm, heading, offset)")
-    totals = dict.fromkeys(MODELS, 0)
-    for scan in scans:
-        summaries = {model: judge(scan, model) for model in MODELS}
-        cells = (
-            f"{s.within_5cm or 0:12.3f} {s.heading_deg:7.1f}° {s.offset_m * 100:+4.1f} cm" for s in summaries.values()
-        )
-        print(f"{scan.name:5}" + "".join(cells))
-        for model, summary in summaries.items():
-            totals[model] += summary.matched
-    echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
-    print("all  " + "".join(f"{totals[model] / echoes:12.3f}{'':16}" for model in MODELS) + f"   of {echoes} echoes")
+    """Print a row a scan, the figures of all scans, what the carrier's own echoes make of them, and held-out ones."""
+    given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
+    scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
+    board = load_board("lego-nxt")
+    for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
+        _tell_models(f"{title} for each scan and model", scans, board, free)
+    if "--cross-validation" in sys.argv:
+        from benchmarks.tune_lego_nxt import tell_cross_validation, try_all
+
+        tell_cross_validation(try_all(scans))
+
+
+def _tell_models(title: str, scans: Sequence[RealScan], board: Board, free: frozenset[str]) -> None:
+    print(f"\n{title}: share within 5 cm, ROC area of silence, and what was found")
+    print("scan " + "".join(f"{model.value:>40}" for model in MODELS))
+    judged = {model: [judge(scan, model, board, free) for scan in scans] for model in MODELS}
+    for k, scan in enumerate(scans):
+        print(f"{scan.name:5}" + "".join(_cell(judged[model][k], scan) for model in MODELS))
+    totals = {model: figures(judged[model]) for model in MODELS}
+    print(
+        "all  " + "".join(f"{total.share:13.3f} {total.roc_area or math.nan:6.3f}{'':20}" for total in totals.values())
+    )
+    own = of_the_carrier(scans)
+    shares = (_share_without(judged[model], scans, own) for model in MODELS)
+    print(f"without {len(own)} echoes that come wherever it stands: " + ", ".join(f"{share:.3f}" for share in shares))
+
+
+def _cell(comparison: Comparison, scan: RealScan) -> str:
+    summary, place = comparison.summary(), comparison.prediction.place.position
+    moved = f"{(place[0] - scan.x) * 100:+3.0f}{(place[1] - scan.y) * 100:+3.0f} cm"
+    figure = f"{summary.within_5cm or 0:13.3f} {summary.no_echo_roc_area or math.nan:6.3f}"
+    return f"{figure} {summary.heading_deg:5.1f}° {summary.offset_m * 100:+4.1f}{moved}"
+
+
+def _share_without(judged: Sequence[Comparison], scans: Sequence[RealScan], own: set[tuple[str, int]]) -> float:
+    """The share within 5 cm of the echoes that are not `own`."""
+    rows = [
+        row
+        for scan, comparison in zip(scans, judged, strict=True)
+        for row in comparison.rows
+        if row.measured is not None and (scan.name, row.index) not in own
+    ]
+    return sum(row.kind is Kind.MATCH for row in rows) / len(rows)
 
 
 if __name__ == "__main__":
