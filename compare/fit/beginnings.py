@@ -48,7 +48,7 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
     found: list[Beginning] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
-        top = refined(alone, begun[k], QUICK, (COARSE,), searches=2, iterations=15)
+        top = refined(alone, begun[k], QUICK, (COARSE,), searches=2, iterations=3)
         if not any(is_same(alone, top, one.values) for one in found):
             found.append(Beginning(top, alone.near(top, QUICK)(top)))
     found.sort(key=lambda one: -one.score)

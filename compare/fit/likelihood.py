@@ -7,8 +7,8 @@ listens, until its first echo or, where it tells several, through all the gaps b
     Σ over echoes  ln(stray + Σ over paths  d N(r - ρ) / (1 - d m))  +  Σ over paths  ln(1 - d m)  -  stray · listened
 
 with N the normal density and m the share of a path's normal that falls into the time of listening. For one echo that
-is exactly the density of the first of independent arrivals. A ping is lost altogether with chance `lost`.
-docs/fit.md derives it.
+is exactly the density of the first of independent arrivals. With chance `lost` a ping hears nothing of the room, and
+what is told of it are strays, if anything. docs/fit.md derives it.
 """
 
 import math
@@ -59,7 +59,7 @@ class Noise(NamedTuple):
     range: float  # m
     level: float  # dB
     missed: float  # chance that a loud echo is not heard
-    lost: float  # chance that a ping comes to nothing
+    lost: float  # chance that a ping hears nothing of the room
     stray: float  # echoes of nothing, for every metre of range
 
 
@@ -129,13 +129,12 @@ def log_likelihoods(
                 if abs(away) < _FAR:
                     densities[e] += chance / silence * math.exp(-0.5 * away * away) / (noise.range * _ROOT_2PI)
 
-        likelihood = unheard - noise.stray * max(0.0, last - ear.opens)
+        strays = -noise.stray * max(0.0, last - ear.opens)
+        likelihood = unheard + strays
         for e in range(count):
             likelihood += math.log(densities[e])
-        if count == 0:
-            likelihoods[i] = math.log(noise.lost + (1.0 - noise.lost) * math.exp(likelihood))
-        else:
-            likelihoods[i] = math.log(1.0 - noise.lost) + likelihood
+        strays += count * math.log(noise.stray)
+        likelihoods[i] = np.logaddexp(math.log(1.0 - noise.lost) + likelihood, math.log(noise.lost) + strays)
     return likelihoods
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.random import RandomState
 
 from compare.fit.objective import Objective
+from compare.fit.refine import widths_of
 from sonarhw.readings import FloatArray
 
 _BURN = 0.4  # of the samples more, thrown away at the beginning
-_WIDEST = 30.0  # steps: where the likelihood is flat, the ensemble begins no wider
 _FLATTEST = 0.05  # curvature in units of the widths, where 1 is a normal distribution's
 REGION = (2.5, 97.5)  # percent
 
@@ -47,25 +47,6 @@ def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: Rando
     # walkers on one bound would span nothing
     inside = np.minimum(widths, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
     return np.asarray(np.clip(begin, lower + inside, upper - inside))
-
-
-def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """By how much each number may change alone until the likelihood has lost half a unit of its logarithm, (size,)."""
-    best, steps = objective(top), objective.problem.steps
-    widths = np.empty(len(top))
-    for row in range(len(top)):
-        width = 0.05
-        while width < _WIDEST and max(_lost(objective, top, row, width * steps[row], best)) < 0.5:
-            width *= 1.5
-        widths[row] = width * steps[row]
-    return widths
-
-
-def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> tuple[float, float]:
-    above, below = top.copy(), top.copy()
-    above[row] += by
-    below[row] -= by
-    return best - objective(above), best - objective(below)
 
 
 def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:

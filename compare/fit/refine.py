@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, minimize
+from scipy.optimize import minimize
 
 from compare.fit.likelihood import Noise
 from compare.fit.objective import COARSE, MIDDLING, NOISES, Objective, Problem
@@ -18,10 +18,12 @@ from sim.prediction import PredictionOptions
 from sonarhw.readings import FloatArray
 
 MOST_SEARCHES = 6  # of paths, for one climb
-MOST_ITERATIONS = 60
+MOST_ITERATIONS = 8
 _SETTLED = 0.5  # steps within which paths need no new search
-_ENOUGH = 1e-5  # of the likelihood's logarithm: less is no gain
-_DIFFERENCE = 0.2  # of a step, by which slopes are taken
+_ENOUGH = 1e-4  # of the likelihood's logarithm: less is no gain
+_NARROW = 0.05  # of a number's width: finer is no gain
+_WORST = -1e12  # what stands for no chance at all
+_WIDEST = 30.0  # steps: where the likelihood is flat, a width is no more
 MOVES_PATHS = (Kind.X, Kind.Y, Kind.WALL)
 
 BoolArray = NDArray[np.bool_]
@@ -57,26 +59,47 @@ def refined(
 def climb(
     objective: Objective, values: FloatArray, movable: BoolArray, iterations: int = MOST_ITERATIONS
 ) -> FloatArray:
-    """Values at the top of one objective, from `values` on; only those `movable` (size,) change."""
-    problem = objective.problem
+    """Values at the top of one objective, from `values` on; only those `movable` (size,) change.
+
+    By Powell's rule, which takes no slopes: searches along lines step over what is rough.
+    """
     rows = np.flatnonzero(movable)
     if not len(rows):
         return values
-    steps, (lower, upper) = problem.steps[rows], (bound[rows] for bound in problem.bounds)
+    lower, upper = objective.problem.bounds
+    widths = widths_of(objective, values)
+
+    def at(scaled: FloatArray) -> FloatArray:
+        moved = values.copy()
+        moved[rows] = np.clip(values[rows] + scaled * widths[rows], lower[rows], upper[rows])
+        return moved
 
     def loss(scaled: FloatArray) -> float:
-        moved = values.copy()
-        moved[rows] = np.clip(values[rows] + scaled * steps, lower, upper)
-        found = -objective(moved)
-        return found if np.isfinite(found) else 1e12
+        return -max(objective(at(scaled)), _WORST)
 
     found = minimize(
         loss,
         np.zeros(len(rows)),
-        method="L-BFGS-B",
-        bounds=Bounds((lower - values[rows]) / steps, (upper - values[rows]) / steps),
-        options={"eps": _DIFFERENCE, "maxiter": iterations, "ftol": _ENOUGH},
+        method="Powell",
+        options={"maxiter": iterations, "ftol": _ENOUGH, "xtol": _NARROW},
     )
-    best = values.copy()
-    best[rows] = np.clip(values[rows] + found.x * steps, lower, upper)
-    return best if -found.fun >= objective(values) else values
+    return at(np.asarray(found.x)) if found.fun < loss(np.zeros(len(rows))) else values
+
+
+def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
+    """By how much each number may change alone until the likelihood has lost half a unit of its logarithm, (size,)."""
+    best, steps = objective(top), objective.problem.steps
+    widths = np.empty(len(top))
+    for row in range(len(top)):
+        width = 0.05
+        while width < _WIDEST and max(_lost(objective, top, row, width * steps[row], best)) < 0.5:
+            width *= 1.5
+        widths[row] = width * steps[row]
+    return widths
+
+
+def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> tuple[float, float]:
+    above, below = top.copy(), top.copy()
+    above[row] += by
+    below[row] -= by
+    return best - objective(above), best - objective(below)

@@ -1,0 +1,193 @@
+"""How right a fit is, and how right it is about that: `python -m benchmarks.fit [DRAWS]`.
+
+Makes scans with known truth, with the errors of real ones: ranges off by 1 mm, levels by 0.5 dB, 2 % of pings lost, 3 %
+of readings anywhere. Prints how far fits are from the truth, how often the truth lies in the region stated for it,
+reflectances found from several places at once, and how long a fit takes with the whole room as prior.
+"""
+
+import math
+import os
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from sim.board import Board, load_board
+from sim.enclosures import inside
+from sim.room import Place, Room, load_room
+from sim.truth import Disturbance, RoomEchoes
+from sonarhw.echo_source import Ping
+from sonarhw.readings import Reading
+
+READINGS = 120
+TIMING = 6e-6  # s, 1 mm of range
+LEVEL = 0.5  # dB
+LOST = 0.02  # of pings
+ANYWHERE = 0.03  # of readings: the range is any
+ERRORS = Disturbance(0.0, 0.0, 0.0, TIMING, LEVEL, 0.0, furniture=False)
+ROOMS = ("simple", "arena", "laboratory")
+DRAWS = 500
+NEAR = 0.1  # m: how far from the truth a drawn fit may look
+FREE = ("position", "heading", "offset", "threshold")
+
+
+def board_of(room: Room) -> Board:
+    """The default board; in the simple room, where everything is within its blanking, one that hears from 0.15 m on."""
+    board = load_board("polaroid-6500")
+    return replace(board, blanking_inhibit=0.9e-3) if room.name == "Simple room" else board
+
+
+def synthetic_scan(
+    room: Room, place: Place, board: Board, seed: int, readings: int = READINGS, echoes: int = 1
+) -> list[Reading]:
+    """A scan all round with the errors above; every reading has its first `echoes` echoes."""
+    source = RoomEchoes(room, place, board, seed, ERRORS)
+    random = np.random.default_rng((seed, 5))
+    speed = room.air.speed_of_sound
+    listen = 2 * board.max_range / speed
+    made = []
+    for number in range(readings):
+        angle = math.tau * number / readings
+        times = source.hear(Ping(angle, 0, 0, listen, trace=False)).echo_times[:echoes]
+        if random.random() < LOST:
+            times = ()
+        if random.random() < ANYWHERE:
+            times = (float(random.uniform(board.listens_from, listen)),)
+        made.append(Reading(number, 0, 0, angle, 0.1 * number, times, speed))
+    return made
+
+
+def place_in(room: Room, random: np.random.Generator, apart: float = 0.12) -> Place:
+    """Somewhere inside the room, `apart` (m) from every wall and post, pointing anywhere."""
+    ends = room.walls.reshape(-1, 2)
+    while True:
+        point = random.uniform(ends.min(axis=0), ends.max(axis=0))
+        if inside(point[None], room.walls)[0] and _clear(room, point) > apart:
+            return Place("drawn", (float(point[0]), float(point[1])), float(random.uniform(0, math.tau)))
+
+
+def _clear(room: Room, point: np.ndarray) -> float:
+    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
+    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    walls = np.hypot(*(starts + share[:, None] * along - point).T)
+    posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
+    return float(np.concatenate((walls, posts)).min())
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A fit of a scan with known truth."""
+
+    room: str
+    errors: dict[str, float]  # by parameter: fitted less true
+    covered: dict[str, bool]  # whether the region stated holds the truth
+    deviations: dict[str, float]
+
+
+def drawn_fit(seed: int, samples: int = 4000) -> Drawn:
+    """The fit of draw number `seed`: a room in turn, a place and everything free as they come."""
+    random = np.random.default_rng((seed, 6))
+    name = ROOMS[seed % len(ROOMS)]
+    room = load_room(f"rooms/{name}.toml")
+    board, place = board_of(room), place_in(room, random)
+    truth = {
+        "x": place.position[0],
+        "y": place.position[1],
+        "heading": place.heading,
+        "offset": float(random.uniform(-0.02, 0.02)),
+        "threshold": board.threshold_db + float(random.uniform(-3, 3)),
+    }
+    real = replace(board, range_offset=-truth["offset"], threshold_db=truth["threshold"])
+    readings = synthetic_scan(room, place, real, seed)
+    near = [_near(parameter, truth, random) for parameter in free_parameters(FREE, ["drawn"], room, board)]
+    result = fit_scans([PlacedScan(readings, place)], room, board, near, options=FitOptions(seed=seed, samples=samples))
+    return Drawn(
+        name,
+        {key: _error(result, key, truth[key]) for key in truth},
+        {key: _covers(result, key, truth[key]) for key in truth},
+        {key: result.estimates[key].deviation for key in truth},
+    )
+
+
+def _near(parameter: Parameter, truth: dict[str, float], random: np.random.Generator) -> Parameter:
+    reach = {"x": NEAR, "y": NEAR, "heading": math.radians(10)}.get(parameter.name)
+    if reach is None:
+        return parameter
+    middle = truth[parameter.name] + float(random.uniform(-0.8, 0.8)) * reach
+    return replace(parameter, lower=middle - reach, upper=middle + reach)
+
+
+def _error(result: FitResult, name: str, true: float) -> float:
+    error = result.estimates[name].value - true
+    return math.remainder(error, math.tau) if name == "heading" else error
+
+
+def _covers(result: FitResult, name: str, true: float) -> bool:
+    estimate = result.estimates[name]
+    shift = estimate.value - _error(result, name, true) - true
+    return estimate.lower <= true + shift <= estimate.upper
+
+
+def coverage_table(drawn: Sequence[Drawn]) -> list[str]:
+    """For every parameter and room: median and worst error, and how often its region holds the truth."""
+    lines = [f"{len(drawn)} draws, {READINGS} readings each, free: {', '.join(FREE)}"]
+    for name in (*ROOMS, "all"):
+        rows = [one for one in drawn if name in (one.room, "all")]
+        for key in rows[0].errors if rows else ():
+            unit, scale = {"heading": ("°", math.degrees(1)), "threshold": ("dB", 1.0)}.get(key, ("mm", 1e3))
+            errors = np.abs([one.errors[key] for one in rows]) * scale
+            stated = np.median([one.deviations[key] for one in rows]) * scale
+            held = np.mean([one.covered[key] for one in rows])
+            lines.append(
+                f"{name:11} {key:10} median error {np.median(errors):7.3f} {unit:2}  95 % below "
+                f"{np.percentile(errors, 95):7.3f} {unit:2}  stated ± {stated:7.3f} {unit:2}  "
+                f"region holds the truth {held:6.1%}"
+            )
+    return lines
+
+
+def reflectance_fit(seed: int, scans: int = 6, readings: int = 360) -> tuple[float, float, float]:
+    """Reflectance of the laboratory's boxes and walls... found from several scans at once: true, found, stated ±."""
+    random = np.random.default_rng((seed, 7))
+    room = load_room("rooms/arena.toml")
+    board, true = board_of(room), float(random.uniform(0.75, 0.95))
+    real = replace(room, reflectances=np.full(len(room.names), true))
+    placed = []
+    for k in range(scans):
+        place = place_in(room, random)
+        placed.append(PlacedScan(synthetic_scan(real, place, board, 100 * seed + k, readings, 5), place, f"scan{k}"))
+    free = free_parameters(("reflectance",), [one.name for one in placed], room, board)
+    result = fit_scans(placed, room, board, free, options=FitOptions(seed=seed, samples=2000))
+    (estimate,) = result.estimates.values()
+    return true, estimate.value, estimate.deviation
+
+
+def timed_fit(seed: int) -> float:
+    """Seconds for a position and heading with the whole arena, eight walls, as prior."""
+    random = np.random.default_rng((seed, 8))
+    room = load_room("rooms/arena.toml")
+    board, place = board_of(room), place_in(room, random)
+    scan = PlacedScan(synthetic_scan(room, place, board, seed), Place("", (1.0, 0.5)))
+    free = free_parameters(("position", "heading"), [""], room, board)
+    begin = time.perf_counter()
+    fit_scans([scan], room, board, free)
+    return time.perf_counter() - begin
+
+
+def main() -> None:
+    """Print it all."""
+    draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
+    timed_fit(0)  # compiles
+    print(f"whole room as prior, {READINGS} readings, 8 walls: {min(timed_fit(k) for k in range(1, 4)):.1f} s a fit")
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
+        for true, found, stated in pool.map(reflectance_fit, range(max(1, draws // 50))):
+            print(f"reflectance {true:.3f}: found {found:.3f} ± {stated:.3f}, off by {found - true:+.3f}")
+
+
+if __name__ == "__main__":
+    main()
