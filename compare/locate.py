@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.fit.fitting import check_fit
+from compare.fit.likelihood import Noise
 from compare.fit.objective import MIDDLING, Objective, Problem, make_problem
 from compare.fit.parameters import free_parameters
 from compare.fit.posterior import covariance_of
-from compare.fit.refine import refined
+from compare.fit.refine import MOST_ITERATIONS, MOST_SEARCHES, refined
 from compare.fit.result import FitOptions, PlacedScan
-from compare.fit.search import Scores, maxima, score_positions
+from compare.fit.search import QUICK, Scores, maxima, score_positions
 from compare.free_space import find_free_space
 from compare.regions import mean_run
 from sim.board import Board
@@ -32,6 +33,7 @@ _POSITIONS = 1000  # of the lattice, about
 _FINEST = 0.06  # m, from one to the next
 _MAXIMA = 12  # of the lattice, that are climbed from
 _HOPELESS = 60.0  # of the lattice's logarithm: what is worse by more is not climbed from
+_PROMISING = 12.0  # of the tempered logarithm, roughly climbed: what is worse by more is not climbed to the end
 _SAME = 0.03  # m, and
 _SAME_HEADING = math.radians(10)
 _TOLD = 1e-3  # probability under which a pose is not told
@@ -82,6 +84,15 @@ class Located:
         return {name: share / whole if whole else 0.0 for name, share in shares.items()}
 
 
+@dataclass(frozen=True)
+class _Top:
+    """A peak of the likelihood."""
+
+    score: float  # natural logarithm
+    values: FloatArray  # of the problem: x, y, heading, offset, and how readings err
+    objective: Objective
+
+
 def locate(
     readings: Sequence[Reading],
     room: Room,
@@ -104,11 +115,8 @@ def locate(
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
     alike = mean_run(*_headings_and_ranges(readings))
     starts = _starts(scores, room)
-    tops = []
-    for k, start in enumerate(starts):
-        tops.append(_climb(problem, start))
-        tick(0.5 + 0.5 * k / len(starts))
-    poses = _weighed(_different(problem, sorted(tops, key=lambda top: -top[0])), alike)
+    tops = _tops(problem, starts, alike, lambda share: tick(0.5 + 0.5 * share))
+    poses = _weighed(_different(tops), alike)
     tick(1.0)
     return Located(room, board, tuple(readings), poses, scores, alike)
 
@@ -153,42 +161,59 @@ def _nearest(scores: Scores, position: tuple[float, float]) -> int:
     return int(np.hypot(*(scores.positions - position).T).argmin())
 
 
-def _climb(problem: Problem, start: tuple[float, float, float]) -> tuple[float, FloatArray, Objective]:
-    """The top near a pose: log-likelihood, values, and the objective there."""
-    values = problem.start()
-    values[:3] = start
-    top = refined(problem, problem.with_noise(values, MIDDLING), None, (MIDDLING, None))
-    objective = problem.near(top)
-    return objective(top), top, objective
+def _tops(
+    problem: Problem, starts: list[tuple[float, float, float]], alike: float, tick: Callable[[float], None]
+) -> list[_Top]:
+    """The tops near those poses, roughly climbed all, and those that may be worth telling to the end."""
+    rough = []
+    for k, start in enumerate(starts):
+        tick(0.5 * k / len(starts))
+        values = problem.start()
+        values[: len(start)] = start
+        values = problem.with_noise(values, MIDDLING)
+        rough.append(_climb(problem, values, QUICK, MIDDLING))
+    best = max(rough, key=lambda top: top.score)
+    promising = _different([top for top in rough if best.score - top.score < _PROMISING * alike])
+    tops = []
+    for k, top in enumerate(promising):
+        tick(0.5 + 0.5 * k / len(promising))
+        tops.append(_climb(problem, top.values, None, None))
+    return tops
 
 
-def _different(
-    problem: Problem, tops: list[tuple[float, FloatArray, Objective]]
-) -> list[tuple[float, FloatArray, Objective]]:
+def _climb(problem: Problem, values: FloatArray, prediction: PredictionOptions | None, noise: Noise | None) -> _Top:
+    """The top near `values`: found to the end, or where `noise` says how readings err, roughly."""
+    searches, iterations = (MOST_SEARCHES, MOST_ITERATIONS) if noise is None else (2, 15)
+    values = refined(problem, values, prediction, (noise,), searches=searches, iterations=iterations)
+    objective = problem.near(values, prediction)
+    return _Top(objective(values), values, objective)
+
+
+def _different(tops: list[_Top]) -> list[_Top]:
     """The tops, the best first, without those that are another once more."""
-    kept: list[tuple[float, FloatArray, Objective]] = []
-    for top in tops:
+    kept: list[_Top] = []
+    for top in sorted(tops, key=lambda one: -one.score):
         same = (
-            math.dist(top[1][:2], other[:2]) < _SAME
-            and abs(math.remainder(float(top[1][2] - other[2]), math.tau)) < _SAME_HEADING
-            for _, other, _ in kept
+            math.dist(top.values[:2], other.values[:2]) < _SAME
+            and abs(math.remainder(float(top.values[2] - other.values[2]), math.tau)) < _SAME_HEADING
+            for other in kept
         )
         if not any(same):
             kept.append(top)
     return kept
 
 
-def _weighed(tops: list[tuple[float, FloatArray, Objective]], alike: float) -> tuple[Pose, ...]:
-    """The poses at the tops with their probabilities: what lies under each peak of the posterior."""
-    promising = [top for top in tops if (tops[0][0] - top[0]) / alike < -math.log(_TOLD)]
-    spreads = [alike * covariance_of(objective, values)[:3, :3] for _, values, objective in promising]
+def _weighed(tops: list[_Top], alike: float) -> tuple[Pose, ...]:
+    """The poses at the tops, the best first, with their probabilities: what lies under each peak of the posterior."""
+    promising = [top for top in tops if (tops[0].score - top.score) / alike < -math.log(_TOLD)]
+    spreads = [alike * covariance_of(top.objective, top.values)[:3, :3] for top in promising]
     volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
-    weights = np.array([score / alike for score, _, _ in promising]) + volumes
+    weights = np.array([top.score / alike for top in promising]) + volumes
     shares = np.exp(weights - weights.max())
     shares /= shares.sum()
     poses = [
-        _pose(values, float(share), np.sqrt(np.diag(spread)))
-        for (_, values, _), share, spread in zip(promising, shares, spreads, strict=True)
+        _pose(top.values, float(share), np.sqrt(np.diag(spread)))
+        for top, share, spread in zip(promising, shares, spreads, strict=True)
     ]
     return tuple(sorted((pose for pose in poses if pose.probability >= _TOLD), key=lambda pose: -pose.probability))
 

@@ -1,0 +1,49 @@
+"""Which place each real scan was taken at, nothing known of it: `python -m benchmarks.real_places [FOLDER]`.
+
+Takes the folder of real scans; locates each in the whole arena, heading unknown, and prints which of the arena's places
+it was, how probable that is, and the most probable pose of all.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+from benchmarks.real_scans import DEFAULT_FOLDER, RealScan, load_scans
+from compare.locate import Located, locate
+from sim.board import load_board
+from sim.room import load_room
+
+
+def locate_scan(scan: RealScan, board_name: str = "lego-nxt") -> Located:
+    """Where in the arena a scan may have been taken."""
+    return locate(scan.readings, load_room("rooms/arena.toml"), load_board(board_name))
+
+
+def true_place(scan: RealScan) -> str:
+    """The name of the place where it was."""
+    places = load_room("rooms/arena.toml").places
+    return min(places, key=lambda name: math.dist(places[name].position, (scan.x, scan.y)))
+
+
+def main() -> None:
+    """Print a row a scan, and how many places are right."""
+    scans = load_scans(Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FOLDER)
+    print("scan  place  found   most probable pose           probability   from the place")
+    right = at_best = 0
+    for scan in scans:
+        located, place = locate_scan(scan), true_place(scan)
+        shares = located.places()
+        found, best = max(shares, key=shares.__getitem__), located.poses[0]
+        away = math.dist(best.position, (scan.x, scan.y))
+        right += found == place
+        at_best += away < 0.1
+        x, y = best.position
+        print(
+            f"{scan.name:5} {place:6} {found:4} {shares[found]:3.0%}  {x:.3f}, {y:.3f} m at "
+            f"{math.degrees(best.heading):5.1f}° {best.probability:12.0%} {away * 100:12.0f} cm"
+        )
+    print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
+
+
+if __name__ == "__main__":
+    main()

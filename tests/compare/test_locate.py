@@ -1,0 +1,85 @@
+"""Where am I: the pose is found in the whole room, and a room that looks alike from two poses is not guessed at."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.real_places import locate_scan, true_place
+from benchmarks.real_scans import DEFAULT_FOLDER, load_scans
+from cli.app import run
+from compare.locate import locate
+from sim.board import load_board
+from sim.prediction import predict_scan
+from sim.room import Place, Room, load_room
+from sonarhw.readings import Reading
+from tests.conftest import Count
+from tests.sim.rooms_for_tests import polygon_room
+
+BOARD = load_board("lego-nxt")
+
+
+def scan_from(room: Room, position: tuple[float, float], heading: float, count: int = 60) -> list[Reading]:
+    """What the board would tell from a pose, its turntable's step 0 pointing along `heading`."""
+    angles = np.arange(count) * (math.tau / count)
+    ranges = predict_scan(room, Place("", position), BOARD, heading + angles).ranges
+    speed = room.air.speed_of_sound
+    return [
+        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(distance) else (2 * distance / speed,), speed)
+        for k, (angle, distance) in enumerate(zip(angles, ranges.tolist(), strict=True))
+    ]
+
+
+@pytest.fixture(scope="module")
+def arena() -> Room:
+    return load_room("rooms/arena.toml")
+
+
+def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
+    located = locate(scan_from(arena, (0.47, 1.13), math.radians(217)), arena, BOARD)
+    best = located.poses[0]
+    assert best.probability > 0.9
+    assert math.dist(best.position, (0.47, 1.13)) < 0.01
+    assert abs(math.remainder(best.heading - math.radians(217), math.tau)) < math.radians(1.5)
+    assert located.scores.positions[located.lattice.argmax()] == pytest.approx((0.47, 1.13), abs=0.08)
+
+
+def test_a_rectangle_looks_the_same_from_two_poses() -> None:
+    room = polygon_room([(0.0, 0.0), (1.7, 0.0), (1.7, 1.1), (0.0, 1.1)])
+    located = locate(scan_from(room, (0.5, 0.4), 0.3), room, BOARD)
+    one, other = located.poses[:2]
+    assert one.probability + other.probability > 0.99
+    assert one.probability == pytest.approx(0.5, abs=0.1)
+    assert np.add(one.position, other.position) == pytest.approx((1.7, 1.1), abs=0.02)
+    assert abs(math.remainder(one.heading - other.heading, math.tau)) == pytest.approx(math.pi, abs=0.03)
+    assert located.places() == {}
+
+
+@pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")
+def test_real_scans_tell_their_place_though_the_arena_looks_alike_from_others(count: Count) -> None:
+    scans = load_scans(DEFAULT_FOLDER)[:: count(4, 1)]
+    right = 0
+    for scan in scans:
+        located = locate_scan(scan)
+        shares = located.places()
+        right += max(shares, key=shares.__getitem__) == true_place(scan)
+        # where it was is always among the answers
+        assert any(math.dist(pose.position, (scan.x, scan.y)) < 0.05 for pose in located.poses)
+    assert right >= len(scans) - count(0, 1)
+
+
+def test_locate_tells_poses_as_json_and_draws_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, picture = tmp_path / "scan.mcap", tmp_path / "located.png"
+    command = ["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--out", str(log)]
+    assert run(command) == 0
+    assert run(["locate", str(log), "--out", str(picture), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["place"] == "p3"
+    best = told["poses"][0]
+    assert math.dist((best["x_m"], best["y_m"]), (1.38, 0.54)) < 0.02
+    assert sum(pose["probability"] for pose in told["poses"]) == pytest.approx(1, abs=0.02)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert run(["locate", str(log), "--out", str(picture)]) == 2
+    assert "--force" in capsys.readouterr().err
