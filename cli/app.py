@@ -31,6 +31,7 @@ from cli import (
     study,
 )
 from cli import log as log_command
+from cli import map as map_command
 from sonarhw.errors import SonarError
 
 # what the library that checks options says, and what we say
@@ -68,6 +69,7 @@ app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
 app.command("locate")(locate.locate)
+app.command("map")(map_command.map_logs)
 app.command("study")(study.study)
 app.command("fit")(fit.fit)
 app.command("gui")(gui.gui)

@@ -1,0 +1,157 @@
+"""`sonarhw map`: what one or several scans say the room is."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cli.log_input import open_log, recorded_place, recorded_room
+from cli.numbers import bearing, counted
+from cli.options import Force, checked_out
+from cli.output import whole_file
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from compare.fit import PlacedScan
+    from compare.map import RoomMap
+    from sim.room import Place, Room
+    from sonarhw.log import Log
+
+
+def map_logs(
+    log_files: Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG...")],
+    places: Annotated[
+        list[str] | None,
+        typer.Option("--place", help="Place of the room, or X,Y in metres; once for each log.", metavar="P"),
+    ] = None,
+    poses: Annotated[
+        list[str] | None,
+        typer.Option("--pose", help="Where and which way (turntable step 0); once for each log.", metavar="X,Y,DEG"),
+    ] = None,
+    room_file: Annotated[
+        Path | None,
+        typer.Option("--room", help="Follow sound round this room; default: the walls found.", metavar="ROOM"),
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="Draw the maps.", metavar="FILE.png")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
+    force: Force = False,
+) -> None:
+    """Map the room from scans: a certainty grid, and walls, corners and edges on which regions of constant depth agree.
+
+    Beside it, the same without readings that came by several reflections, as sound is followed round the room.
+    """
+    from compare.map import map_scans
+    from compare.recorded_board import board_of_log
+    from sim.board import load_board
+    from sim.room import load_room
+
+    if out is not None:
+        checked_out(out, (".png",), force, room_file, board, *log_files)
+    elif not as_json:
+        raise InputError("nothing to leave: give --out FILE.png, --json, or both")
+    room = None if room_file is None else load_room(room_file)
+    logs = [open_log(file) for file in log_files]
+    chosen = load_board(board) if board else board_of_log(logs[0].metadata)
+    scans = _placed(log_files, logs, room, places or [], poses or [])
+    found = map_scans(scans, replace(chosen, range_offset=chosen.range_offset - offset), room)
+    if out is not None:
+        from compare.map.picture import draw_map
+
+        with whole_file(out) as file:
+            draw_map(found, room).savefig(file, format="png")
+    if as_json:
+        typer.echo(json.dumps(_figures(found), indent=2))
+    else:
+        _tell(found)
+
+
+def _placed(
+    files: Sequence[Path], logs: "Sequence[Log]", room: "Room | None", places: Sequence[str], poses: Sequence[str]
+) -> "list[PlacedScan]":
+    from compare.fit import PlacedScan
+
+    if places and poses:
+        raise InputError("--place, --pose: give one of them, once for each log")
+    for option, given in (("--place", places), ("--pose", poses)):
+        if given and len(given) != len(files):
+            raise InputError(f"{option}: expected one for each of {counted(len(files), 'log')}, got {len(given)}")
+    scans = []
+    for k, (file, log) in enumerate(zip(files, logs, strict=True)):
+        if not log.readings:
+            raise InputError(f"{file}: holds no readings; nothing can be mapped")
+        place = _pose(poses[k]) if poses else _place(file, log, room, places[k] if places else None)
+        scans.append(PlacedScan(log.readings, place, file.stem))
+    return scans
+
+
+def _pose(text: str) -> "Place":
+    from sim.room import Place
+
+    try:
+        x, y, degrees = map(float, text.split(","))
+    except ValueError as error:
+        raise InputError(f"--pose {text}: expected X,Y,DEG: metres, metres, degrees") from error
+    if not all(map(math.isfinite, (x, y, degrees))):
+        raise InputError(f"--pose {text}: expected three finite numbers")
+    return Place(text, (x, y), math.radians(degrees))
+
+
+def _place(file: Path, log: "Log", room: "Room | None", wanted: str | None) -> "Place":
+    known = room or recorded_room(file, log.metadata)
+    return known.place(wanted if wanted is not None else recorded_place(log.metadata, known))
+
+
+def _figures(found: "RoomMap") -> dict[str, Any]:
+    layers = {"all": found.plain, "direct": found.direct}
+    return {
+        "readings": sum(len(scan.readings) for scan in found.scans),
+        "rejected": found.rejected,
+        **{
+            name: {
+                "regions": len(layer.features.arcs),
+                "unexplained": len(layer.features.alone),
+                "walls": [
+                    {
+                        "start_m": _rounded(wall.start),
+                        "end_m": _rounded(wall.end),
+                        "normal_deg": round(bearing(wall.normal), 3),
+                        "regions": len(wall.arcs),
+                    }
+                    for wall in layer.features.walls
+                ],
+                "points": [
+                    {
+                        "position_m": _rounded(point.position),
+                        "kind": "corner" if point.is_corner else "edge",
+                        "regions": len(point.arcs),
+                    }
+                    for point in layer.features.points
+                ],
+            }
+            for name, layer in layers.items()
+        },
+    }
+
+
+def _rounded(point: tuple[float, float]) -> list[float]:
+    return [round(point[0], 6), round(point[1], 6)]
+
+
+def _tell(found: "RoomMap") -> None:
+    for title, layer in (("all readings", found.plain), ("direct readings", found.direct)):
+        features = layer.features
+        corners = sum(point.is_corner for point in features.points)
+        typer.echo(
+            f"{title}: {counted(len(features.arcs), 'region')} of constant depth, "
+            f"{counted(len(features.walls), 'wall')}, {counted(corners, 'corner')}, {counted(len(features.points) - corners, 'edge')}; "
+            f"{len(features.alone)} that nothing found explains"
+        )
+    typer.echo(f"{counted(found.rejected, 'reading')} given up: they came by several reflections")

@@ -1,0 +1,67 @@
+"""The picture of a map: what all readings say, beside what is left without those of several reflections.
+
+Takes a `RoomMap` and, where one is known, the room to hold it against; hands on a matplotlib figure that the caller
+saves.
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from compare.map.arcs import Arc, direction
+from compare.map.made import Layer, RoomMap
+from compare.picture import MEASURED, PREDICTED, WALL
+from sim.room import Room
+
+_ARC_STEPS = 20
+
+
+def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
+    """A figure of two plans: certainty grid, arcs, walls and points; `room` is drawn dotted over both."""
+    figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
+    titles = (
+        f"all {echoes} echoes taken for direct ones",
+        f"without {found.rejected} that came by several reflections",
+    )
+    for axes, layer, title in zip(figure.subplots(1, 2, sharex=True, sharey=True), _layers(found), titles, strict=True):
+        _draw_layer(axes, layer)
+        if room is not None:
+            for x0, y0, x1, y1 in room.walls:
+                axes.plot((x0, x1), (y0, y1), ":", color=WALL, lw=1.2)
+        stands = np.array([scan.place.position for scan in found.scans])
+        axes.plot(*stands.T, "^", color="black", ms=7, ls="none", label="sensor")
+        axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
+        axes.set_aspect("equal")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    return figure
+
+
+def _layers(found: RoomMap) -> tuple[Layer, Layer]:
+    return found.plain, found.direct
+
+
+def _draw_layer(axes: Axes, layer: Layer) -> None:
+    axes.imshow(
+        layer.grid.certainty, origin="lower", extent=layer.grid.extent, cmap="Greys", vmin=-1.0, vmax=1.0, alpha=0.75
+    )
+    features = layer.features
+    for arc in features.arcs:
+        axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)
+    axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
+    for wall in features.walls:
+        axes.plot(*np.transpose((wall.start, wall.end)), "-", color=PREDICTED, lw=3)
+    axes.plot([], [], "-", color=PREDICTED, lw=3, label="wall")
+    for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
+        at = np.array([point.position for point in features.points if point.is_corner == is_corner]).reshape(-1, 2)
+        axes.plot(*at.T, mark, color=PREDICTED, mec="white", ms=9, ls="none", label=name)
+
+
+def _outline(arc: Arc) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """The points of an arc, (2, k) m."""
+    angles = np.linspace(arc.bearing - arc.half_width, arc.bearing + arc.half_width, _ARC_STEPS)
+    points = [np.array(arc.centre) + arc.range * direction(float(angle)) for angle in angles]
+    return np.transpose(points)
