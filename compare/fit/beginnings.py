@@ -19,6 +19,7 @@ from sonarhw.readings import FloatArray
 _ROUGH = 16  # maxima of the lattice that are looked at
 _CLIMBED = 6  # of these, that are climbed from
 _SURE = 4.0  # standard deviations of what is known beforehand, beyond which nothing is sought
+_DRAGGING = (Kind.OFFSET, Kind.AHEAD)
 _SAME = 0.02  # m, and
 _SAME_HEADING = math.radians(3)
 
@@ -42,8 +43,10 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
     ]
     if not rows:
         return [Beginning(problem.start(), 0.0)]
+    # ranges that are all off would drag the place along
+    rows += [row for row, parameter in enumerate(problem.parameters) if parameter.kind in _DRAGGING]
     alone = _alone(problem, scan, rows)
-    begun = [alone.with_noise(np.array(pose), COARSE) for pose in _poses(alone, lambda share: tick(0.6 * share))]
+    begun = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
     scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(begun)), reverse=True)
     found: list[Beginning] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
@@ -57,7 +60,9 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
 
 def _alone(problem: Problem, scan: int, rows: list[int]) -> Problem:
     """The problem of one scan's pose, everything else as it is believed to be."""
-    parameters = tuple(replace(problem.parameters[row], scan=0) for row in rows)
+    parameters = tuple(
+        replace(one, scan=0) if one.kind in OF_PLACE else one for one in (problem.parameters[row] for row in rows)
+    )
     return replace(
         problem, scans=(problem.scans[scan],), places=(problem.places[scan],), parameters=parameters, told_speed=None
     )
@@ -69,7 +74,7 @@ def _in_whole(problem: Problem, rows: list[int], values: FloatArray) -> FloatArr
     return whole
 
 
-def _poses(problem: Problem, tick: Tick) -> list[list[float]]:
+def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
     """Values of the parameters at the maxima of the lattice."""
     place, free = problem.places[0], {parameter.kind: parameter for parameter in problem.parameters}
     spans = [
@@ -89,8 +94,13 @@ def _poses(problem: Problem, tick: Tick) -> list[list[float]]:
     )
     scores = _within(scores, free.get(Kind.HEADING), place.heading)
     chosen = maxima(scores, _ROUGH) or [(*place.position, place.heading)]
-    values = [dict(zip(OF_PLACE, pose, strict=True)) for pose in chosen]
-    return [[pose[parameter.kind] for parameter in problem.parameters] for pose in values]
+    begun = []
+    for pose in chosen:
+        values, known = problem.start(), dict(zip(OF_PLACE, pose, strict=True))
+        for row, parameter in enumerate(problem.parameters):
+            values[row] = known.get(parameter.kind, values[row])
+        begun.append(values)
+    return begun
 
 
 def _span(parameter: Parameter) -> tuple[float, float]:

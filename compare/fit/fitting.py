@@ -11,10 +11,10 @@ import numpy as np
 
 from compare.fit.beginnings import Beginning, beginnings, is_same
 from compare.fit.likelihood import Noise
-from compare.fit.objective import MIDDLING, NOISES, Objective, Problem, make_problem
+from compare.fit.objective import COARSE, MIDDLING, NOISES, Objective, Problem, make_problem
 from compare.fit.parameters import OF_PLACE, Kind, Parameter
-from compare.fit.posterior import REGION, covariance_of, samples_of
-from compare.fit.refine import refined
+from compare.fit.posterior import REGION, samples_of
+from compare.fit.refine import covariance_of, refined
 from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from compare.fit.warnings import warnings_of
 from sim.board import Board
@@ -103,7 +103,7 @@ def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None])
 def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[float], None]) -> list[Beginning]:
     """The best values of all, and behind them others that are about as good."""
     starts = list(_starts(problem, found))
-    middling = [_climbed(problem, start, (MIDDLING,), lambda: tick(0.0)) for start in starts]
+    middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
     middling.sort(key=lambda one: -one.score)
     tops: list[Beginning] = []
     for done, one in enumerate(middling):

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.random import RandomState
 
 from compare.fit.objective import Objective
-from compare.fit.refine import widths_of
+from compare.fit.refine import directions_of
 from sonarhw.readings import FloatArray
 
 _BURN = 0.4  # of the samples more, thrown away at the beginning
-_FLATTEST = 0.05  # curvature in units of the widths, where 1 is a normal distribution's
 REGION = (2.5, 97.5)  # percent
 
 
@@ -42,25 +41,8 @@ def samples_of(
 def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: RandomState) -> FloatArray:
     """Where the ensemble begins, (walkers, size): about as wide as the posterior in each direction."""
     lower, upper = objective.problem.bounds
-    widths = widths_of(objective, top)
-    begin = top + 0.7 * widths * random.standard_normal((walkers, len(top)))
+    spread = directions_of(objective, top)
+    begin = top + 0.7 * random.standard_normal((walkers, len(top))) @ spread
     # walkers on one bound would span nothing
-    inside = np.minimum(widths, upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
+    inside = np.minimum(np.hypot.reduce(spread, axis=0), upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
     return np.asarray(np.clip(begin, lower + inside, upper - inside))
-
-
-def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """Covariance (size, size) by the curvature at the top, taken over as far as half a unit of the logarithm goes."""
-    widths, size = widths_of(objective, top), len(top)
-    curvature, units = np.empty((size, size)), np.diag(widths)
-    best = objective(top)
-    alone = [objective(top + units[row]) + objective(top - units[row]) - 2 * best for row in range(size)]
-    for i in range(size):
-        for j in range(i + 1):
-            both = objective(top + units[i] + units[j]) + objective(top - units[i] - units[j]) - 2 * best
-            curvature[i, j] = curvature[j, i] = alone[i] if i == j else (both - alone[i] - alone[j]) / 2
-    curvature[~np.isfinite(curvature)] = 0.0
-    values, vectors = np.linalg.eigh(-curvature)
-    # no direction is flatter than that its width is all that is known of it
-    spread = vectors / np.maximum(values, _FLATTEST) @ vectors.T
-    return np.asarray(spread * np.outer(widths, widths))

@@ -23,6 +23,7 @@ _SETTLED = 0.5  # steps within which paths need no new search
 _ENOUGH = 1e-4  # of the likelihood's logarithm: less is no gain
 _NARROW = 0.05  # of a number's width: finer is no gain
 _WORST = -1e12  # what stands for no chance at all
+_FLATTEST = 0.01  # curvature over a width, where a normal distribution has 1
 _WIDEST = 30.0  # steps: where the likelihood is flat, a width is no more
 MOVES_PATHS = (Kind.X, Kind.Y, Kind.WALL)
 
@@ -67,12 +68,10 @@ def climb(
     if not len(rows):
         return values
     lower, upper = objective.problem.bounds
-    widths = widths_of(objective, values)
+    directions = directions_of(objective, values, rows)
 
-    def at(scaled: FloatArray) -> FloatArray:
-        moved = values.copy()
-        moved[rows] = np.clip(values[rows] + scaled * widths[rows], lower[rows], upper[rows])
-        return moved
+    def at(along: FloatArray) -> FloatArray:
+        return np.asarray(np.clip(values + along @ directions, lower, upper))
 
     def loss(scaled: FloatArray) -> float:
         return -max(objective(at(scaled)), _WORST)
@@ -103,3 +102,35 @@ def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: floa
     above[row] += by
     below[row] -= by
     return best - objective(above), best - objective(below)
+
+
+def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
+    """Covariance (size, size) by the curvature at the top."""
+    directions = directions_of(objective, top)
+    return np.asarray(directions.T @ directions)
+
+
+def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.intp] | None = None) -> FloatArray:
+    """Principal directions of the posterior, (k, size), each as long as its standard deviation by the curvature.
+
+    Only the numbers in `rows` (k,) change; None: all. Slopes of neither side are taken for more than they are: the
+    curvature is that over as far as half a unit of the logarithm goes.
+    """
+    size = len(values)
+    rows = np.arange(size) if rows is None else rows
+    units = np.diag(widths_of(objective, values))[rows]
+    best = objective(values)
+
+    def bent(step: FloatArray) -> float:
+        ends = objective(values + step), objective(values - step)
+        # past a bound there is one end only
+        finite = [end for end in ends if np.isfinite(end)]
+        return 2 * (sum(finite) / len(finite) - best) if finite else -1.0
+
+    alone = [bent(unit) for unit in units]
+    curvature = np.diag(alone)
+    for i in range(len(rows)):
+        for j in range(i):
+            curvature[i, j] = curvature[j, i] = (bent(units[i] + units[j]) - alone[i] - alone[j]) / 2
+    strengths, vectors = np.linalg.eigh(-curvature)
+    return np.asarray((vectors / np.sqrt(np.maximum(strengths, _FLATTEST))).T @ units)
