@@ -149,9 +149,13 @@ def _tell(found: "RoomMap") -> None:
     for title, layer in (("all readings", found.plain), ("direct readings", found.direct)):
         features = layer.features
         corners = sum(point.is_corner for point in features.points)
+        counts = (
+            counted(len(features.walls), "wall"),
+            counted(corners, "corner"),
+            counted(len(features.points) - corners, "edge"),
+        )
         typer.echo(
-            f"{title}: {counted(len(features.arcs), 'region')} of constant depth, "
-            f"{counted(len(features.walls), 'wall')}, {counted(corners, 'corner')}, {counted(len(features.points) - corners, 'edge')}; "
+            f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
             f"{len(features.alone)} that nothing found explains"
         )
     typer.echo(f"{counted(found.rejected, 'reading')} given up: they came by several reflections")

@@ -18,8 +18,7 @@ from compare.fit.fitting import check_fit
 from compare.fit.likelihood import Noise
 from compare.fit.objective import MIDDLING, Objective, Problem, make_problem
 from compare.fit.parameters import free_parameters
-from compare.fit.posterior import covariance_of
-from compare.fit.refine import MOST_ITERATIONS, MOST_SEARCHES, refined
+from compare.fit.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
 from compare.fit.result import FitOptions, PlacedScan
 from compare.fit.search import QUICK, Scores, maxima, score_positions
 from compare.free_space import find_free_space

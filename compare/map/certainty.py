@@ -5,6 +5,7 @@ Sonar, 1985). A reading makes what lies before its range within ±15° emptier, 
 that was reflected on its way makes both where neither is true. Silence says nothing here: a wall at a slant is silent.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from compare.fit.result import PlacedScan
 from sim.board import Board
 from sim.by_heading import standpoints
+from sim.compiled import compiled
 from sim.models import CONE_HALF_ANGLE
 from sonarhw.readings import FloatArray
 
@@ -23,6 +25,7 @@ CELL = 0.02  # m
 DEPTH = 0.05  # m: how far before and behind its range a reading may have met something
 _MARGIN = 0.2  # m round the farthest reading
 _MOST_CELLS = 1200  # along a side
+_RIM = math.tan(CONE_HALF_ANGLE)
 
 
 @dataclass(frozen=True)
@@ -71,22 +74,11 @@ def certainty_grid(
     low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
     cell = max(CELL, float((high - low).max()) / _MOST_CELLS) if cell is None else cell
     columns, rows = np.ceil((high - low) / cell).astype(int)
-    x = low[0] + (np.arange(columns) + 0.5) * cell
-    y = low[1] + (np.arange(rows) + 0.5) * cell
     empty, occupied = np.zeros((rows, columns)), np.zeros((rows, columns))
     # all that is empty first: what must be occupied is then looked for in what is left (their section 4)
-    for (sx, sy), heading, distance in zip(stands.tolist(), headings.tolist(), ranges.tolist(), strict=True):
-        window, away, aside = _cone(x, y, sx, sy, heading, distance)
-        before = np.clip(1 - (away / max(distance - DEPTH, 1e-9)) ** 2, 0.0, 1.0) * (away < distance - DEPTH) * aside
-        empty[window] += before * (1 - empty[window])
-    for (sx, sy), heading, distance in zip(stands.tolist(), headings.tolist(), ranges.tolist(), strict=True):
-        window, away, aside = _cone(x, y, sx, sy, heading, distance)
-        there = np.clip(1 - ((away - distance) / DEPTH) ** 2, 0.0, 1.0) * aside * (1 - empty[window])
-        whole = there.sum()
-        if whole > 0:
-            # one thing made the echo: certainties along the arc make one together
-            there = there / whole
-            occupied[window] += there * (1 - occupied[window])
+    for lay in (_lay_empty, _lay_occupied):
+        for (x, y), heading, distance in zip((stands - low).tolist(), headings.tolist(), ranges.tolist(), strict=True):
+            lay(empty, occupied, cell, x, y, heading, distance)
     most = occupied.max(initial=0.0)
     return CertaintyGrid(float(low[0]), float(low[1]), cell, empty, occupied / most if most else occupied)
 
@@ -105,14 +97,54 @@ def _cones(
     return np.vstack(stands), np.concatenate(directions), np.concatenate(distances)
 
 
-def _cone(
-    x: FloatArray, y: FloatArray, sx: float, sy: float, heading: float, distance: float
-) -> tuple[tuple[slice, slice], FloatArray, FloatArray]:
-    """The window of cells in reach, how far each is away, and how much the cone has there: 1 on its axis, 0 beside."""
-    reach = distance + DEPTH
-    rows = slice(*np.searchsorted(y, (sy - reach, sy + reach)).tolist())
-    columns = slice(*np.searchsorted(x, (sx - reach, sx + reach)).tolist())
-    dx, dy = x[columns][None, :] - sx, y[rows][:, None] - sy
-    away = np.hypot(dx, dy)
-    angle = np.remainder(np.arctan2(dy, dx) - heading + np.pi, 2 * np.pi) - np.pi
-    return (rows, columns), away, np.clip(1 - (angle / CONE_HALF_ANGLE) ** 2, 0.0, 1.0)
+@compiled
+def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """First and last row and column of the cells within reach of a point of the grid, the last not included."""
+    low_row, high_row = int((y - reach) / cell), int((y + reach) / cell) + 1
+    low_column, high_column = int((x - reach) / cell), int((x + reach) / cell) + 1
+    return max(0, low_row), min(shape[0], high_row), max(0, low_column), min(shape[1], high_column)
+
+
+@compiled
+def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float) -> tuple[float, float]:
+    """How far a cell is away, m, and how much of the cone is there: 1 on its axis, 0 from its rim on."""
+    dx, dy = (column + 0.5) * cell - x, (row + 0.5) * cell - y
+    ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
+    if ahead <= 0.0 or abs(aside) >= ahead * _RIM:
+        return 0.0, 0.0
+    return math.hypot(ahead, aside), 1.0 - (math.atan2(aside, ahead) / CONE_HALF_ANGLE) ** 2
+
+
+@compiled
+def _lay_empty(
+    empty: FloatArray, _occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """What lies before the range of a reading taken at x, y (m from the grid's corner) becomes emptier."""
+    before = distance - DEPTH
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, before)
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            if share > 0.0 and away < before:
+                empty[row, column] += share * (1.0 - (away / before) ** 2) * (1.0 - empty[row, column])
+
+
+@compiled
+def _lay_occupied(
+    empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """What lies at the range of a reading becomes fuller; one thing made the echo, so its arc shares one certainty."""
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
+    there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            off = (away - distance) / DEPTH
+            if share > 0.0 and abs(off) < 1.0:
+                there[row - first_row, column - first_column] = share * (1.0 - off**2) * (1.0 - empty[row, column])
+    whole = there.sum()
+    if whole > 0.0:
+        for row in range(first_row, last_row):
+            for column in range(first_column, last_column):
+                more = there[row - first_row, column - first_column] / whole
+                occupied[row, column] += more * (1.0 - occupied[row, column])

@@ -106,18 +106,14 @@ def find_features(arcs: Sequence[Arc]) -> Features:
 def _agreed(arcs: Sequence[Arc], columns: _Columns) -> Iterator[tuple[bool, FloatArray, tuple[int, ...]]]:
     """Feature by feature, the best supported first: whether it is a wall, what it is, and its arcs."""
     hypotheses = list(_hypotheses(arcs))
-    misfits = [_misfits(columns, *hypothesis) for hypothesis in hypotheses]
+    if not hypotheses:
+        return
+    misfits = np.array([_misfits(columns, *hypothesis) for hypothesis in hypotheses])
+    weights = np.array([_WALLS_FIRST if is_wall else 1.0 for is_wall, _ in hypotheses])
     free = np.ones(len(arcs), dtype=np.bool_)
     # two places can always be made to agree; where there are more, more have to
     least = min(3, _places(columns.centres))
-    while hypotheses:
-        support = [
-            _support(misfit, free, columns.centres, least) * (_WALLS_FIRST if is_wall else 1.0)
-            for misfit, (is_wall, _) in zip(misfits, hypotheses, strict=True)
-        ]
-        best = int(np.argmax(support))
-        if support[best] <= 0:
-            return
+    while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
         is_wall, values = hypotheses[best]
         members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
         fitted = _fitted(columns, is_wall, values, members)
@@ -135,12 +131,17 @@ def _misfits(columns: _Columns, is_wall: bool, values: FloatArray) -> FloatArray
     return columns.misfits_of_point(values)
 
 
-def _support(misfits: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> float:
-    """How well arcs agree on a hypothesis; 0 where they are of fewer than `least` places."""
+def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> int | None:
+    """The hypothesis on which free arcs of at least so many places agree best; None: there is none."""
     members = free & (misfits < _FARTHEST)
-    if members.sum() < least or _places(centres[members]) < least:
-        return 0.0
-    return float((_FARTHEST**2 - misfits[members] ** 2).sum())
+    support = np.where(members, _FARTHEST**2 - misfits**2, 0.0).sum(axis=1) * weights
+    support[members.sum(axis=1) < least] = 0.0
+    for row in np.argsort(-support, kind="stable").tolist():
+        if support[row] <= 0:
+            return None
+        if _places(centres[members[row]]) >= least:
+            return int(row)
+    return None
 
 
 def _places(centres: FloatArray) -> int:

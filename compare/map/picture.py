@@ -5,6 +5,7 @@ saves.
 """
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,6 +16,7 @@ from compare.picture import MEASURED, PREDICTED, WALL
 from sim.room import Room
 
 _ARC_STEPS = 20
+_SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
@@ -45,9 +47,8 @@ def _layers(found: RoomMap) -> tuple[Layer, Layer]:
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
-    axes.imshow(
-        layer.grid.certainty, origin="lower", extent=layer.grid.extent, cmap="Greys", vmin=-1.0, vmax=1.0, alpha=0.75
-    )
+    axes.set_facecolor(colormaps[_SHADES](0.5))
+    axes.imshow(layer.grid.certainty, origin="lower", extent=layer.grid.extent, cmap=_SHADES, vmin=-1.0, vmax=1.0)
     features = layer.features
     for arc in features.arcs:
         axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)

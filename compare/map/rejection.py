@@ -1,14 +1,14 @@
 """Rejection: which readings came by several reflections, by following sound round a room.
 
 Takes scans from known places and a room, that of a file or one put together of walls that were found; hands on which
-readings to keep. A reading is given up where the path that accounts for it touched more than one thing on its way.
+readings to keep. A reading is given up where the path that accounts for it was turned back in more than one place.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compare.fit.result import PlacedScan
 from compare.map.arcs import Arc, direction
@@ -16,28 +16,35 @@ from compare.map.certainty import BoolArray
 from compare.map.features import Features, Wall
 from compare.match import compare_readings
 from sim.board import Board
+from sim.paths import Paths
 from sim.prediction import PredictionOptions
 from sim.room import Room, parse_room
 from sonarhw.readings import FloatArray
 
 _REFLECTANCE = 0.9  # of walls that were found; how loud they are decides little
-_MEET = 0.5  # m: found walls are made longer by no more, to meet one another
+_MEET = 1.0  # m: found walls are made longer by no more, to meet one another
 _BEYOND = 0.1  # m: a leg that passes another wall by more passes through it
-_QUICK = PredictionOptions(rays=1440, max_bounces=4)
+_ONE_PLACE = 1e-3  # m
 
 
 def direct_readings(scans: Sequence[PlacedScan], room: Room, board: Board) -> tuple[BoolArray, ...]:
-    """Which readings of each scan came by no more than one touch, or by no path of the room, (n,) bool for each."""
+    """Which readings of each scan came from one place straight back, or by no path of the room, (n,) bool for each."""
     return tuple(_direct(scan, room, board) for scan in scans)
 
 
 def _direct(scan: PlacedScan, room: Room, board: Board) -> BoolArray:
     heading = board.heading_at(0.0, scan.place.heading)
-    options = replace(_QUICK, receiver=board.receiver)
+    options = PredictionOptions(receiver=board.receiver)
     comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading, options=options)
-    paths = comparison.prediction.paths
-    touches = paths.bounces + (paths.edges >= 0)
-    return np.array([row.path is None or touches[row.path] <= 1 for row in comparison.rows], dtype=np.bool_)
+    stops = _stops(comparison.prediction.paths)
+    return np.array([row.path is None or stops[row.path] <= 1 for row in comparison.rows], dtype=np.bool_)
+
+
+def _stops(paths: Paths) -> NDArray[np.intp]:
+    """At how many places each path was turned back, (n,): an inner corner touches two walls in one place."""
+    between = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), 2, 0))
+    # the last leg ends at the sensor, those behind it are NaN
+    return np.asarray((between > _ONE_PLACE).sum(axis=1) - 1)
 
 
 def room_of(features: Features) -> Room | None:
@@ -83,7 +90,7 @@ def _crosses(start: FloatArray, end: FloatArray, first: FloatArray, last: FloatA
 
 
 def _longer(wall: Wall, walls: Sequence[Wall]) -> tuple[FloatArray, FloatArray]:
-    """A wall's ends moved out to where it meets others, by half a metre at most."""
+    """A wall's ends moved out to where it meets others, by a metre at most."""
     start, end = np.array(wall.start), np.array(wall.end)
     along = (end - start) / np.hypot(*(end - start))
     low, high = 0.0, float(np.hypot(*(end - start)))
