@@ -1,0 +1,83 @@
+"""`sonarhw fit`: a table for a person, JSON for a program, one line for what is wrong."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cli.app import run
+
+QUICKLY = ["--samples", "200"]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A predicted scan of the arena from (1.38, 0.54), its step 0 along +x."""
+    out = tmp_path_factory.mktemp("fit") / "p3.mcap"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "4", "--out", str(out)]) == 0
+    return str(out)
+
+
+def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", log, "--place", "1.4,0.5", "--json", *QUICKLY]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert set(figures) == {"estimates", "correlations", "noise", "log_likelihood", "answers", "warnings"}
+    for name, true in (("x", 1.38), ("y", 0.54)):
+        estimate = figures["estimates"][name]
+        assert estimate["value"] == pytest.approx(true, abs=0.002)
+        assert estimate["lower"] <= estimate["value"] <= estimate["upper"]
+        assert estimate["unit"] == "m"
+    heading = figures["estimates"]["heading"]
+    assert heading["unit"] == "°"
+    assert abs((heading["value"] + 180) % 360 - 180) < 1
+
+
+def test_the_table_has_a_row_for_everything_free(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
+    out = capsys.readouterr().out
+    assert "95 % region" in out
+    for name, unit in (("x", " m "), ("y", " m "), ("heading", " ° "), ("offset", " m ")):
+        assert any(line.startswith(f"{name} ") and unit in line for line in out.splitlines())
+    assert "readings err by" in out
+
+
+def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    prior = ["--prior", "x=1.30..1.37", "--free", "x,heading"]
+    assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert 1.30 <= figures["estimates"]["x"]["value"] <= 1.37
+    assert any("end of its range" in warning for warning in figures["warnings"])
+
+
+def test_two_logs_share_an_offset_and_have_places_of_their_own(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "p2.mcap"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p2", "--step", "6", "--out", str(other)]) == 0
+    free = ["--free", "position,offset", "--place", "p3", "--place", "p2"]
+    assert run(["fit", log, str(other), "--json", *QUICKLY, *free]) == 0
+    estimates = json.loads(capsys.readouterr().out)["estimates"]
+    assert list(estimates) == ["x@p3", "x@p2", "y@p3", "y@p2", "offset"]
+    assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--free", "wind"], "--free wind: expected some of x, y"),
+        (["--free", ""], "nothing is free"),
+        (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
+        (["--prior", "wind=1..2"], "what is free: x, y, heading"),
+        (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
+        (["--prior", "x=9+-1"], "a value from"),
+        (["--place", "p3", "--place", "p2"], "expected one for each of 1 log, got 2"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(
+    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, *arguments]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("sonarhw: ")
+    assert told.count("\n") == 1
+    assert complaint in told
