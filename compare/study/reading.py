@@ -4,12 +4,13 @@ Takes a finished folder; hands on arrays with the scans along one axis and their
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from compare.arrays import load_xarray
 from compare.study.parts import read_manifest
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
@@ -44,28 +45,22 @@ def read_study(folder: Path | str) -> "xr.Dataset":
     their headings; NaN where there is no echo. Raises InputError where the folder is no finished study, or xarray is
     not installed.
     """
-    try:
-        import xarray as xr
-    except ImportError as error:
-        raise InputError(
-            "xarray is not installed; install sonarhw with its extra: pip install 'sonarhw[study]'"
-        ) from error
+    xarray = load_xarray()
     scans, headings = read_tables(folder)
     columns = {name: scans[name].to_numpy() for name in scans.column_names}
     number = columns.pop("scan")
     first_figure = list(columns).index("n")
     along = {name: ("scan", values) for name, values in list(columns.items())[:first_figure]}
     figures = {name: ("scan", values) for name, values in list(columns.items())[first_figure:]}
-    dataset = xr.Dataset(
+    dataset = xarray.Dataset(
         figures, coords={"scan": number} | along, attrs={"study": read_manifest(Path(folder))["study"]}
     )
-    return dataset if headings is None else dataset.assign(_arrays(headings, columns["n"]))
+    return cast("xr.Dataset", dataset if headings is None else dataset.assign(_arrays(headings, columns["n"])))
 
 
 def _arrays(headings: pa.Table, counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
     """Every column of the readings as an array of scans by readings, NaN where a scan has no more."""
-    import xarray as xr
-
+    xr = load_xarray()
     filled = np.arange(counts.max()) < counts[:, None]
 
     def spread(name: str) -> FloatArray:
