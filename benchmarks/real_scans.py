@@ -10,11 +10,12 @@ import csv
 import math
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cli.app import run
 from compare.fit.plain import fit_scan
@@ -24,13 +25,14 @@ from sim.board import Board, load_board
 from sim.models import Model
 from sim.room import load_room
 from sonarhw.log import read_log
-from sonarhw.readings import Reading
+from sonarhw.readings import FloatArray, Reading
 
 MODELS = (Model.NEAREST, Model.CONE, Model.RAY_FOLLOWING)
 DEFAULT_FOLDER = Path("../shared/real_scans")
 ROOM = load_room("rooms/arena.toml")
 NEARBY = frozenset({"heading", "offset", "position"})
 ON_THE_SPOT = frozenset({"heading", "offset"})
+UNTUNED = {"aperture_radius": 0.005, "threshold_db": -30.0, "fixed_gain": False}
 # Echoes of the carrier itself come at the same turntable angle and range wherever it stands
 _OWN_SPREAD = 0.03  # m
 _OWN_SHARE = 0.7  # of the scans
@@ -52,11 +54,22 @@ class RealScan:
 
 
 @dataclass(frozen=True)
+class Judged:
+    """What one model makes of one scan of n readings."""
+
+    matched: int  # echoes within 5 cm
+    sounding: NDArray[np.bool_]  # (n,): readings with an echo
+    predicted: NDArray[np.bool_]  # (n,): readings for which one is predicted
+    scores: FloatArray  # (n,), dB: level of the loudest predicted echo over the threshold
+
+
+@dataclass(frozen=True)
 class Figures:
     """What a model makes of some scans together."""
 
     share: float  # of the echoes, within 5 cm
-    roc_area: float | None  # silent headings told from sounding ones, all scans together
+    roc_area: float  # silent headings told from sounding ones by predicted levels, all scans together
+    agreement: float  # and by whether an echo is predicted: balanced accuracy
 
 
 def load_scans(folder: Path) -> list[RealScan]:
@@ -80,14 +93,25 @@ def judge(scan: RealScan, model: Model, board: Board, free: frozenset[str] = NEA
     return compare_readings(scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, model=model)
 
 
-def figures(comparisons: Iterable[Comparison]) -> Figures:
+def judged_of(comparison: Comparison) -> Judged:
+    """What `figures_of` needs of a comparison."""
+    return Judged(
+        sum(row.kind is Kind.MATCH for row in comparison.rows),
+        np.array([row.measured is not None for row in comparison.rows]),
+        np.array([row.predicted is not None for row in comparison.rows]),
+        comparison.prediction.over_threshold,
+    )
+
+
+def figures_of(judged: Sequence[Judged]) -> Figures:
     """The figures of several scans together."""
-    comparisons = list(comparisons)
-    rows = [row for comparison in comparisons for row in comparison.rows]
-    matched = sum(comparison.summary().matched for comparison in comparisons)
-    scores = np.concatenate([comparison.prediction.over_threshold for comparison in comparisons])
-    sounding = [row.measured is not None for row in rows]
-    return Figures(matched / sum(sounding), roc_area(scores, sounding))
+    sounding = np.concatenate([scan.sounding for scan in judged])
+    predicted = np.concatenate([scan.predicted for scan in judged])
+    return Figures(
+        share=sum(scan.matched for scan in judged) / int(sounding.sum()),
+        roc_area=roc_area(np.concatenate([scan.scores for scan in judged]), sounding.tolist()) or math.nan,
+        agreement=float(predicted[sounding].mean() + (~predicted[~sounding]).mean()) / 2,
+    )
 
 
 def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
@@ -108,32 +132,37 @@ def main() -> None:
     board = load_board("lego-nxt")
     for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
         _tell_models(f"{title} for each scan and model", scans, board, free)
+    untuned = [judged_of(judge(scan, Model.RAY_FOLLOWING, replace(board, **UNTUNED))) for scan in scans]
+    print(f"ray following before tuning, with a gain that rises ideally: {told(figures_of(untuned))}")
     if "--cross-validation" in sys.argv:
         from benchmarks.tune_lego_nxt import tell_cross_validation, try_all
 
         tell_cross_validation(try_all(scans))
 
 
+def told(figures: Figures) -> str:
+    """Figures as a row of a table."""
+    return f"{figures.share:.3f} {figures.roc_area:.3f} {figures.agreement:.3f}"
+
+
 def _tell_models(title: str, scans: Sequence[RealScan], board: Board, free: frozenset[str]) -> None:
-    print(f"\n{title}: share within 5 cm, ROC area of silence, and what was found")
-    print("scan " + "".join(f"{model.value:>40}" for model in MODELS))
+    print(f"\n{title}: share within 5 cm; ROC area and balanced accuracy of silence; what was found")
+    print("scan " + "".join(f"{model.value:>42}" for model in MODELS))
     judged = {model: [judge(scan, model, board, free) for scan in scans] for model in MODELS}
     for k, scan in enumerate(scans):
         print(f"{scan.name:5}" + "".join(_cell(judged[model][k], scan) for model in MODELS))
-    totals = {model: figures(judged[model]) for model in MODELS}
-    print(
-        "all  " + "".join(f"{total.share:13.3f} {total.roc_area or math.nan:6.3f}{'':20}" for total in totals.values())
-    )
+    totals = [told(figures_of([judged_of(one) for one in judged[model]])) for model in MODELS]
+    print("all  " + "".join(f"{total:>21}{'':21}" for total in totals))
     own = of_the_carrier(scans)
     shares = (_share_without(judged[model], scans, own) for model in MODELS)
     print(f"without {len(own)} echoes that come wherever it stands: " + ", ".join(f"{share:.3f}" for share in shares))
 
 
 def _cell(comparison: Comparison, scan: RealScan) -> str:
-    summary, place = comparison.summary(), comparison.prediction.place.position
-    moved = f"{(place[0] - scan.x) * 100:+3.0f}{(place[1] - scan.y) * 100:+3.0f} cm"
-    figure = f"{summary.within_5cm or 0:13.3f} {summary.no_echo_roc_area or math.nan:6.3f}"
-    return f"{figure} {summary.heading_deg:5.1f}° {summary.offset_m * 100:+4.1f}{moved}"
+    place = comparison.prediction.place.position
+    moved = f"{(place[0] - scan.x) * 100:+3.0f}{(place[1] - scan.y) * 100:+3.0f}"
+    figures = told(figures_of([judged_of(comparison)]))
+    return f"{figures:>21} {math.degrees(comparison.heading) % 360:6.1f}° {comparison.offset * 100:+4.1f}{moved} cm"
 
 
 def _share_without(judged: Sequence[Comparison], scans: Sequence[RealScan], own: set[tuple[str, int]]) -> float:

@@ -3,10 +3,10 @@
 Takes the folder of real scans; tries apertures and thresholds on a grid, writes the best into sim/boards/lego-nxt.toml
 with where it comes from, and prints what it explains, also of places and recordings that it was not tuned on.
 
-Two numbers are tuned, everything else of the profile is what is known of the sensor. Every candidate gets the mean of
-two figures of all scans: the share of echoes within 5 cm, and the ROC area of silence (`compare.silence`). Of each scan
-only heading, range offset and a position within 3 cm are found. Since a figure of some thousand readings is jagged, a
-candidate's score is the mean of itself and its neighbours on the grid.
+Two numbers are tuned, everything else of the profile is what is known of the sensor. Of each scan only heading, range
+offset and a position within 3 cm are found. Of all candidates whose share of echoes within 5 cm lies within half a
+standard error of the best, the one is taken that best says which headings are silent (balanced accuracy). Since figures
+of a thousand readings are jagged, those of a candidate are averaged with its neighbours' on the grid.
 """
 
 import hashlib
@@ -18,33 +18,33 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from benchmarks.real_scans import DEFAULT_FOLDER, NEARBY, ROOM, Figures, RealScan, load_scans
+from benchmarks.real_scans import (
+    DEFAULT_FOLDER,
+    NEARBY,
+    ROOM,
+    Figures,
+    Judged,
+    RealScan,
+    figures_of,
+    judged_of,
+    load_scans,
+    told,
+)
 from compare.fit.plain import all_round, best_agreement, places_near
 from compare.match import compare_readings
-from compare.silence import roc_area
 from sim.board import Board, load_board
 from sim.paths import Paths
 from sim.prediction import PredictionOptions, paths_for, weigh_paths
 from sim.room import Place
 from sonarhw.readings import FloatArray
 
-APERTURES = np.arange(3.0, 5.51, 0.25) / 1000  # m
-THRESHOLDS = np.arange(-28.0, -11.9, 1.0)  # dB
+APERTURES = np.arange(3.0, 4.76, 0.25) / 1000  # m
+THRESHOLDS = np.arange(-22.0, -13.9, 0.5)  # dB
 PROFILE = Path("sim/boards/lego-nxt.toml")
 
 Known = Mapping[str, Sequence[tuple[Place, Paths]]]  # by spot: the places near it, and the paths of each
-
-
-@dataclass(frozen=True)
-class Judged:
-    """What one candidate makes of one scan."""
-
-    matched: int  # echoes within 5 cm
-    sounding: NDArray[np.bool_]  # (n,): readings with an echo
-    scores: FloatArray  # (n,), dB: level of the loudest predicted echo over the threshold
 
 
 @dataclass(frozen=True)
@@ -59,26 +59,22 @@ class Trial:
         return figures_of([self.judged[(*candidate, name)] for name in names])
 
     def best(self, names: Sequence[str]) -> tuple[int, int]:
-        """The candidate with the highest score on some scans, neighbours counted in."""
-        scores = np.array(
-            [[_score(self.figures((a, t), names)) for t in range(len(THRESHOLDS))] for a in range(len(APERTURES))]
-        )
-        a, t = np.unravel_index(uniform_filter(scores, 3, mode="nearest").argmax(), scores.shape)
+        """The candidate that tells silence best, of those whose share is within half a standard error of the best."""
+        grid = range(len(APERTURES)), range(len(THRESHOLDS))
+        figures = [[self.figures((a, t), names) for t in grid[1]] for a in grid[0]]
+        shares = _smoothed([[found.share for found in row] for row in figures])
+        agreements = _smoothed([[found.agreement for found in row] for row in figures])
+        echoes = sum(int(self.judged[0, 0, name].sounding.sum()) for name in names)
+        enough = shares.max() - 0.5 * math.sqrt(shares.max() * (1 - shares.max()) / echoes)
+        a, t = np.unravel_index(np.where(shares >= enough, agreements, 0.0).argmax(), shares.shape)
         return int(a), int(t)
 
 
-def figures_of(judged: Sequence[Judged]) -> Figures:
-    """Share and ROC area of several scans together."""
-    sounding = np.concatenate([scan.sounding for scan in judged])
-    scores = np.concatenate([scan.scores for scan in judged])
-    return Figures(sum(scan.matched for scan in judged) / int(sounding.sum()), roc_area(scores, sounding.tolist()))
+def _smoothed(figures: list[list[float]]) -> FloatArray:
+    return np.asarray(uniform_filter(np.array(figures), 3, mode="nearest"))
 
 
-def _score(figures: Figures) -> float:
-    return (figures.share + (figures.roc_area or 0.5)) / 2
-
-
-def try_all(scans: Sequence[RealScan], told: Callable[[str], None] = lambda _: None) -> Trial:
+def try_all(scans: Sequence[RealScan], progress: Callable[[str], None] = lambda _: None) -> Trial:
     """Every candidate on every scan; paths are found once and only weighed anew."""
     base = load_board("lego-nxt")
     known = known_paths(scans, replace(base, threshold_db=float(THRESHOLDS.min())))
@@ -88,7 +84,7 @@ def try_all(scans: Sequence[RealScan], told: Callable[[str], None] = lambda _: N
             board = replace(base, aperture_radius=aperture, threshold_db=threshold)
             for name, found in judge_all(scans, board, known).items():
                 judged[a, t, name] = found
-        told(f"aperture radius {aperture * 1000:.2f} mm done")
+        progress(f"aperture radius {aperture * 1000:.2f} mm done")
     return Trial(scans, judged)
 
 
@@ -115,10 +111,7 @@ def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str
         comparison = compare_readings(
             scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, paths=paths
         )
-        sounding = np.array([row.measured is not None for row in comparison.rows])
-        judged[scan.name] = Judged(
-            sum(row.kind == "match" for row in comparison.rows), sounding, comparison.prediction.over_threshold
-        )
+        judged[scan.name] = judged_of(comparison)
     return judged
 
 
@@ -149,12 +142,11 @@ def pooled(trial: Trial, folds: Mapping[str, Sequence[str]]) -> Figures:
 def tell_cross_validation(trial: Trial) -> None:
     """Print what the board explains of places, and of recordings, that it was not tuned on."""
     for title, folds in (("one place", places(trial.scans)), ("one recording", recordings(trial.scans))):
-        print(f"\ntuned without {title}, judged there: share within 5 cm, ROC area of silence")
+        print(f"\ntuned without {title}, judged there: share within 5 cm, ROC area and balanced accuracy of silence")
         for fold, ((a, t), found) in held_out(trial, folds).items():
-            tuned = f"{APERTURES[a] * 1000:.2f} mm, {THRESHOLDS[t]:.0f} dB"
-            print(f"{fold:12} {found.share:.3f} {found.roc_area or math.nan:.3f}   {tuned}")
-        everything = pooled(trial, folds)
-        print(f"{'all':12} {everything.share:.3f} {everything.roc_area or math.nan:.3f}")
+            tuned = f"{APERTURES[a] * 1000:.2f} mm, {THRESHOLDS[t]:.1f} dB"
+            print(f"{fold:12} {told(found)}   {tuned}")
+        print(f"{'all':12} {told(pooled(trial, folds))}")
 
 
 def profile(trial: Trial, fingerprint: str, today: date) -> str:
@@ -169,14 +161,14 @@ def profile(trial: Trial, fingerprint: str, today: date) -> str:
         ("each place, tuned without it", pooled(trial, places(trial.scans))),
         ("each recording, tuned without it", pooled(trial, recordings(trial.scans))),
     )
-    table = "\n".join(f"# {title:34}{row.share:14.3f}{row.roc_area or math.nan:21.3f}" for title, row in rows)
+    table = "\n".join(f"# {title:34}{row.share:12.3f}{row.roc_area:22.3f}{row.agreement:20.3f}" for title, row in rows)
     return f"""\
 # LEGO NXT ultrasonic sensor: 40 kHz, two small transducers, whole centimetres, and a gain that does not rise.
 # Aperture and threshold were tuned on {today} by `python -m benchmarks.tune_lego_nxt`, with the receiver named below,
-# on {len(trial.scans)} scans of rooms/arena.toml from github.com/sacha-cs/roberto, commit e8e3ae61 (SHA-256 of the
-# files {fingerprint}...): {len(readings)} readings, {echoes} echoes. For each scan only heading,
-# range offset and a position within 3 cm were found.
-# {"":34}{"within 5 cm":>14}{"ROC area of silence":>21}
+# on {len(trial.scans)} scans of rooms/arena.toml from github.com/sacha-cs/roberto, commit e8e3ae61
+# ({len(readings)} readings, {echoes} echoes; SHA-256 of the files begins {fingerprint}).
+# Only heading, range offset and a position within 3 cm were found for each scan.
+# {"":34}{"within 5 cm":>12}{"silence: ROC area":>22}{"balanced accuracy":>20}
 {table}
 name = "lego-nxt"
 aperture_radius = {APERTURES[a]:.5f}    # m, tuned
@@ -203,7 +195,7 @@ def fingerprint_of(folder: Path) -> str:
 def main() -> None:
     """Tune, write the profile, print the figures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FOLDER
-    trial = try_all(load_scans(folder), told=print)
+    trial = try_all(load_scans(folder), progress=print)
     text = profile(trial, fingerprint_of(folder), date.today())
     PROFILE.write_text(text, encoding="utf-8")
     print(f"\n{PROFILE}:\n{text}")

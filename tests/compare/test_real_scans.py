@@ -1,23 +1,84 @@
-"""The nine real scans of a known room: the ray-following model explains more of them than walls and cones do."""
+"""The nine real scans of a known room, on which `lego-nxt` was tuned: what it explains, and that nothing else does."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmarks.real_scans import DEFAULT_FOLDER, judge, load_scans
+from benchmarks.real_scans import (
+    DEFAULT_FOLDER,
+    NEARBY,
+    ON_THE_SPOT,
+    Figures,
+    RealScan,
+    figures_of,
+    judge,
+    judged_of,
+    load_scans,
+    of_the_carrier,
+)
+from benchmarks.tune_lego_nxt import PROFILE, fingerprint_of, judge_all, known_paths
+from sim.board import Board, load_board
 from sim.models import Model
+from sonarhw.readings import Reading
 
-pytestmark = pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")
+BOARD = load_board("lego-nxt")
+here = pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")
 
 
-def test_ray_following_explains_more_than_walls_and_cones() -> None:
-    scans = load_scans(DEFAULT_FOLDER)
-    echoes = sum(reading.range is not None for scan in scans for reading in scan.readings)
-    shares = {
-        model: sum(judge(scan, model).matched for scan in scans) / echoes
-        for model in (Model.NEAREST, Model.CONE, Model.RAY_FOLLOWING)
-    }
+@pytest.fixture(scope="module")
+def scans() -> list[RealScan]:
+    return load_scans(DEFAULT_FOLDER)
+
+
+def figures(scans: Sequence[RealScan], model: Model, free: frozenset[str], board: Board = BOARD) -> Figures:
+    return figures_of([judged_of(judge(scan, model, board, free)) for scan in scans])
+
+
+@here
+def test_one_profile_explains_the_echoes_and_tells_silence(scans: list[RealScan]) -> None:
+    found = figures(scans, Model.RAY_FOLLOWING, NEARBY)
     assert len(scans) == 9
-    assert 0.63 < shares[Model.NEAREST] < 0.70
-    assert 0.66 < shares[Model.CONE] < 0.72
-    assert shares[Model.RAY_FOLLOWING] > 0.79
+    assert found.share >= 0.85
+    assert found.roc_area >= 0.90
+    assert found.agreement >= 0.65
+
+
+@here
+def test_ray_following_explains_more_than_walls_and_cones(scans: list[RealScan]) -> None:
+    nearest, cone, followed = (
+        figures(scans, model, ON_THE_SPOT).share for model in (Model.NEAREST, Model.CONE, Model.RAY_FOLLOWING)
+    )
+    assert 0.63 < nearest < 0.70
+    assert 0.66 < cone < 0.72
+    assert followed > cone + 0.13
+
+
+@here
+def test_silence_is_told_by_a_gain_that_never_rises(scans: list[RealScan]) -> None:
+    ideal = replace(BOARD, fixed_gain=False)
+    assert figures(scans, Model.RAY_FOLLOWING, ON_THE_SPOT, ideal).roc_area < 0.80
+    assert figures(scans, Model.RAY_FOLLOWING, ON_THE_SPOT).roc_area > 0.85
+
+
+@here
+def test_profile_says_what_was_found_with_it(scans: list[RealScan]) -> None:
+    found = judge_all(scans, BOARD, known_paths(scans, BOARD))
+    pooled = figures_of([found[scan.name] for scan in scans])
+    told = next(line for line in PROFILE.read_text().splitlines() if line.startswith("# all scans"))
+    assert [float(word) for word in told.split()[3:]] == pytest.approx(
+        [pooled.share, pooled.roc_area, pooled.agreement], abs=0.006
+    )
+    assert fingerprint_of(DEFAULT_FOLDER) in PROFILE.read_text()
+
+
+def test_echoes_of_the_carrier_are_those_that_come_wherever_it_stands() -> None:
+    scans = []
+    for k in range(5):
+        ranges = 0.5 + 0.2 * k + 0.01 * np.arange(20.0)
+        ranges[10:13] = 0.22 + 0.01 * k / 5
+        readings = [Reading(i, 0, 0, 0.1 * i, float(i), (2 * r / 340.0,), 340.0) for i, r in enumerate(ranges)]
+        scans.append(RealScan(f"s{k}", float(k), 0.0, tuple(readings)))
+    assert of_the_carrier(scans) == {(f"s{k}", row) for k in range(5) for row in (10, 11, 12)}
