@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
+from compare.fit.parameters import OF_PLACE
 from sim.board import Board, load_board
 from sim.enclosures import inside
 from sim.room import Place, Room, load_room
@@ -150,20 +151,33 @@ def coverage_table(drawn: Sequence[Drawn]) -> list[str]:
     return lines
 
 
-def reflectance_fit(seed: int, scans: int = 6, readings: int = 360) -> tuple[float, float, float]:
-    """Reflectance of the laboratory's boxes and walls... found from several scans at once: true, found, stated ±."""
+def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
+    """Reflectances of the arena's two halves, from three scans with all their echoes: true, found, stated ±; each."""
     random = np.random.default_rng((seed, 7))
     room = load_room("rooms/arena.toml")
-    board, true = board_of(room), float(random.uniform(0.75, 0.95))
-    real = replace(room, reflectances=np.full(len(room.names), true))
-    placed = []
-    for k in range(scans):
+    board, true = board_of(room), random.uniform(0.75, 0.95, 2)
+    halves = tuple("board" if row < len(room.names) // 2 else "foam" for row in range(len(room.names)))
+    room = replace(room, materials=halves)
+    real = replace(room, reflectances=np.array([true[0] if name == "board" else true[1] for name in halves]))
+    scans = []
+    for k in range(3):
         place = place_in(room, random)
-        placed.append(PlacedScan(synthetic_scan(real, place, board, 100 * seed + k, readings, 5), place, f"scan{k}"))
-    free = free_parameters(("reflectance",), [one.name for one in placed], room, board)
-    result = fit_scans(placed, room, board, free, options=FitOptions(seed=seed, samples=2000))
-    (estimate,) = result.estimates.values()
-    return true, estimate.value, estimate.deviation
+        scans.append(PlacedScan(synthetic_scan(real, place, board, 100 * seed + k, echoes=5), place, f"scan{k}"))
+    free = free_parameters(("position", "heading", "reflectance"), [one.name for one in scans], room, board)
+    near = [_around(one, scans) if one.kind in OF_PLACE else one for one in free]
+    result = fit_scans(scans, room, board, near, options=FitOptions(seed=seed))
+    found = [result.estimates[f"reflectance:{name}"] for name in ("board", "foam")]
+    return [(float(one), each.value, each.deviation) for one, each in zip(true, found, strict=True)]
+
+
+def _around(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
+    place = scans[parameter.scan or 0].place
+    at, reach = {
+        Kind.X: (place.position[0], NEAR),
+        Kind.Y: (place.position[1], NEAR),
+        Kind.HEADING: (place.heading, math.radians(10)),
+    }[parameter.kind]
+    return replace(parameter, lower=at - reach, upper=at + reach)
 
 
 def timed_fit(seed: int) -> float:
@@ -185,8 +199,9 @@ def main() -> None:
     print(f"whole room as prior, {READINGS} readings, 8 walls: {min(timed_fit(k) for k in range(1, 4)):.1f} s a fit")
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
-        for true, found, stated in pool.map(reflectance_fit, range(max(1, draws // 50))):
-            print(f"reflectance {true:.3f}: found {found:.3f} ± {stated:.3f}, off by {found - true:+.3f}")
+        for several in pool.map(reflectance_fit, range(max(1, draws // 50))):
+            for true, found, stated in several:
+                print(f"reflectance {true:.3f}: found {found:.3f} ± {stated:.3f}, off by {found - true:+.3f}")
 
 
 if __name__ == "__main__":
