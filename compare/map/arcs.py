@@ -41,7 +41,7 @@ class Arc:
     @property
     def spread(self) -> float:
         """Standard deviation, rad, of where along it the echo came from: neighbours may have cut a side off."""
-        return max(_SURE, self.half_width / 2)
+        return max(_SURE, self.half_width)
 
 
 def direction(angle: float) -> FloatArray:

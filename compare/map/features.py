@@ -17,10 +17,10 @@ from scipy.optimize import least_squares
 from compare.map.arcs import Arc, BoolArray, direction
 from sonarhw.readings import FloatArray
 
-RANGE_SPREAD = 0.015  # m, standard deviation of an arc's range
+RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
 _FARTHEST = 3.0  # standard deviations of range and bearing together, beyond which an arc does not belong
 _OTHER_PLACE = 0.05  # m: places nearer than this tell nothing new
-_WALLS_FIRST = 1.2  # rooms have more walls than corners: a point has to explain so much more
+_WALLS_FIRST = 1.01  # rooms have more walls than corners: where both fit alike it is a wall
 _AT_CORNER = 0.08  # m from where two walls meet, a point is their corner
 _SHORTEST = 0.1  # m: a wall is drawn at least so long
 
