@@ -1,0 +1,68 @@
+"""What would have to change for another echo to win, against changing it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compare.contest import change_for, contest, steps
+from sim.board import load_board
+from sim.prediction import predict_scan, weigh_paths
+from sim.room import load_room
+
+ROOM = load_room("rooms/arena.toml")
+PLACE = ROOM.places["p3"]
+BOARD = load_board("lego-nxt")
+HEADINGS = np.radians(np.arange(0.0, 360.0, 13.0))
+SCAN = predict_scan(ROOM, PLACE, replace(BOARD, threshold_db=-40.0), HEADINGS)
+_A_LITTLE = 1e-6  # dB
+
+
+def heard_with(threshold: float, index: int) -> float:
+    board = replace(BOARD, threshold_db=threshold)
+    return float(weigh_paths(ROOM, PLACE, board, HEADINGS[index : index + 1], SCAN.paths).ranges[0])
+
+
+def test_each_step_wins_between_its_thresholds_and_nowhere_else() -> None:
+    scan = replace(SCAN, board=BOARD)
+    for index in range(len(HEADINGS)):
+        told = steps(scan, index)
+        assert len(told) >= 1
+        for step in told:
+            if step.level_db > -38.0:
+                assert heard_with(step.level_db - _A_LITTLE, index) == pytest.approx(step.range)
+            if step.above_db > -38.0:
+                assert heard_with(step.above_db + _A_LITTLE, index) == pytest.approx(step.range)
+        assert math.isnan(heard_with(told[-1].level_db + _A_LITTLE, index))
+
+
+def test_margins_are_those_by_which_a_threshold_can_change() -> None:
+    scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
+    for index in range(len(HEADINGS)):
+        found = contest(scan, index)
+        if found.winner is not None and found.margin_db is not None:
+            assert found.winner.path == scan.winners[index]
+            after = heard_with(BOARD.threshold_db + found.margin_db + _A_LITTLE, index)
+            assert (None if math.isnan(after) else after) == (None if found.louder is None else found.louder.range)
+        if found.fainter is not None and found.lacking_db is not None and found.lacking_db < 15:
+            assert heard_with(BOARD.threshold_db - found.lacking_db - _A_LITTLE, index) == found.fainter.range
+
+
+def test_the_change_asked_for_makes_the_model_say_what_was_measured() -> None:
+    scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
+    needed = 0
+    for index in range(len(HEADINGS)):
+        for measured in (*(step.range for step in steps(scan, index)), None):
+            change = change_for(scan, index, measured)
+            assert change is not None
+            if change < -15:
+                continue
+            needed += change != 0
+            after = heard_with(BOARD.threshold_db + change + math.copysign(_A_LITTLE, change), index)
+            assert math.isnan(after) if measured is None else abs(after - measured) <= 0.05 + 1e-9
+    assert needed > len(HEADINGS)
+
+
+def test_no_threshold_makes_an_echo_of_nothing() -> None:
+    assert change_for(weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths), 0, 0.1) is None
