@@ -42,10 +42,15 @@ def compare(
         typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    explained: Annotated[
+        bool, typer.Option("--explain", help="With --json: every reading, all its echoes and who else would win.")
+    ] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw measured over predicted.", metavar="FILE.png")] = None,
     force: Force = False,
 ) -> None:
     """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
+    if explained and not as_json:
+        raise InputError("--explain: goes with --json; without it every reading is explained in a sentence anyway")
     if plot is not None:
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
@@ -53,7 +58,7 @@ def compare(
         with whole_file(plot, "--plot") as file:
             draw_comparison(comparison, file)
     if as_json:
-        typer.echo(json.dumps(asdict(comparison.summary()), indent=2))
+        typer.echo(json.dumps(_figures(comparison, explained), indent=2))
     else:
         _tell(comparison)
 
@@ -103,6 +108,12 @@ def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:
     draw_plan(comparison.prediction, measured).savefig(out, format="png")
 
 
+def _figures(comparison: "Comparison", explained: bool) -> dict[str, object]:
+    from compare.details import details
+
+    return asdict(comparison.summary()) | (details(comparison) if explained else {})
+
+
 def _tell(comparison: "Comparison") -> None:
     from compare.explain import explain
 
@@ -111,6 +122,28 @@ def _tell(comparison: "Comparison") -> None:
     typer.echo()
     for line in summary_lines(comparison.summary()):
         typer.echo(line)
+    for line in _more_lines(comparison):
+        typer.echo(line)
+
+
+def _more_lines(comparison: "Comparison") -> list[str]:
+    """What all echoes of readings with several, and the regions of constant depth, say."""
+    from compare.assign import echo_statistics
+    from compare.region_match import compare_regions
+
+    lines, echoes, regions = [], echo_statistics(comparison), compare_regions(comparison)
+    if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
+        lines.append(f"of all {echoes.echoes} echoes, later ones too, {echoes.explained:.1%} are a predicted one")
+    if echoes.bias_m is not None and echoes.spread_m is not None:
+        lines.append(
+            f"echoes lie {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm from what they are taken for (median; "
+            f"spread {echoes.spread_m * 1000:.1f} mm)"
+        )
+    lines.append(
+        f"regions of constant depth: {len(regions.pairs)} in both, {len(regions.only_measured)} only measured, "
+        f"{len(regions.only_predicted)} only predicted"
+    )
+    return lines
 
 
 def summary_lines(summary: "Summary") -> list[str]:

@@ -1,14 +1,20 @@
-"""The sentence for a reading: what was heard, by which path, and what was not heard for being too near.
+"""The sentence for a reading: what was heard, by which path, what was not heard for being too near, and how near a
+thing it was.
 
 Takes a comparison and the index of a reading; hands on one line for a person.
 """
 
 import math
 
+from compare.contest import Contest, change_for, contest
 from compare.match import Comparison, Kind, Matched
+from sim.board import Receiver
 from sim.predicted_scan import PredictedScan
 
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
+_SLIGHT_DB = 6.0  # a change of the threshold worth telling: twice or half the amplitude
+_BARELY_DB = 1.0  # a margin worth telling
 
 
 def explain(comparison: Comparison, index: int) -> str:
@@ -24,7 +30,30 @@ def explain(comparison: Comparison, index: int) -> str:
         single = prediction.paths.bounces[nearest.path] == 1 and prediction.paths.edges[nearest.path] < 0
         what = "the near wall" if single else f"a nearer echo, {', '.join(prediction.paths.via(nearest.path, room))},"
         parts.append(f"{what} ({nearest.range:.3f} m) lies within blanking".replace(", (", " ("))
+    parts += _how_near(row, prediction)
     return "; ".join(parts)
+
+
+def _how_near(row: Matched, prediction: PredictedScan) -> list[str]:
+    """What a slightly different threshold would change; of the paper's receiver alone, whose levels are exact."""
+    if prediction.receiver is not Receiver.FIRST_ECHO:
+        return []
+    if row.kind in (Kind.MATCH, Kind.BOTH_SILENT):
+        return _barely(contest(prediction, row.index))
+    change = change_for(prediction, row.index, row.measured)
+    if change is None or not 0 < abs(change) <= _SLIGHT_DB:
+        return []
+    return [f"a threshold {abs(change):.1f} dB {'higher' if change > 0 else 'lower'} would make the model agree"]
+
+
+def _barely(found: Contest) -> list[str]:
+    said = []
+    if found.margin_db is not None and found.margin_db <= _BARELY_DB:
+        then = "silence" if found.louder is None else f"{found.louder.range:.3f} m"
+        said.append(f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}")
+    if found.fainter is not None and found.lacking_db is not None and found.lacking_db <= _BARELY_DB:
+        said.append(f"an echo at {found.fainter.range:.3f} m lacks only {found.lacking_db:.1f} dB")
+    return said
 
 
 def describe_path(prediction: PredictedScan, path: int) -> str:

@@ -102,6 +102,19 @@ def test_other_classes_are_explained() -> None:
     assert "a later echo, " in sentence(90, 1.399)
 
 
+def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
+    (echo,) = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2])).echoes(0)[:1]
+    for threshold, measured, told in (
+        (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold, then comes silence"),
+        (echo.level_db - 2.5, 0.657, "top"),
+        (echo.level_db - 0.4, None, "; a threshold 0.4 dB higher would make the model agree"),
+        (min(0.0, echo.level_db + 0.3), 0.657, "; a threshold 0.3 dB lower would make the model agree"),
+    ):
+        board = replace(PAPER, threshold_db=threshold)
+        readings = [reading(0, math.pi / 2, measured)]
+        assert explain(compare_readings(readings, ROOM, PLACE, board), 0).endswith(told)
+
+
 @pytest.mark.parametrize(("heading_deg", "offset"), [(0.0, 0.0), (37.5, 0.02), (200.0, -0.03)])
 def test_fit_finds_heading_and_offset_of_a_scan_of_the_model(heading_deg: float, offset: float) -> None:
     readings = scan_of_the_model(6, math.radians(heading_deg), offset)

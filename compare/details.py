@@ -1,0 +1,96 @@
+"""Details of a comparison for programs: every reading with its echoes, its contest and its sentence, and the regions.
+
+Takes a comparison; hands on plain dictionaries that become JSON: metres, degrees and decibels, None where there is
+nothing.
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from compare.assign import assigned_echoes, echo_statistics
+from compare.contest import Step, change_for, contest
+from compare.explain import explain
+from compare.match import Comparison
+from compare.region_match import compare_regions
+from compare.regions import Region
+from sim.predicted_scan import Echo, PredictedScan
+
+Details = dict[str, Any]
+
+
+def details(comparison: Comparison) -> Details:
+    """What `compare --json --explain` adds to the figures."""
+    return {
+        "echoes": asdict(echo_statistics(comparison)),
+        "readings": [reading_details(comparison, index) for index in range(len(comparison.rows))],
+        "regions": region_details(comparison),
+    }
+
+
+def reading_details(comparison: Comparison, index: int) -> Details:
+    """One reading: what was measured and predicted, which echo is which, who won by how much, and who would have."""
+    row, prediction = comparison.rows[index], comparison.prediction
+    found = contest(prediction, row.index)
+    return {
+        "turntable_deg": _degrees(row.reading.angle),
+        "heading_deg": _degrees(row.heading) % 360,
+        "measured_m": row.measured,
+        "predicted_m": row.predicted,
+        "class": row.kind.value,
+        "explanation": explain(comparison, index),
+        "echoes": [
+            {
+                "measured_m": echo.measured,
+                "predicted_m": echo.predicted,
+                "level_db": echo.level_db,
+                "via": _via(prediction, echo.path),
+            }
+            for echo in assigned_echoes(comparison, index)
+        ],
+        "margin_db": found.margin_db,
+        "next": _who(prediction, found.next),
+        "next_behind_m": found.behind,
+        "with_higher_threshold": _who(prediction, found.louder),
+        "with_lower_threshold": _who(prediction, found.fainter),
+        "lacking_db": found.lacking_db,
+        "threshold_change_db": change_for(prediction, row.index, row.measured),
+    }
+
+
+def region_details(comparison: Comparison) -> Details:
+    """The regions of constant depth of both scans, the pairs first."""
+    found = compare_regions(comparison)
+    return {
+        "pairs": [
+            {
+                "measured": _region(pair.measured),
+                "predicted": _region(pair.predicted),
+                "farther_m": pair.farther,
+                "turned_deg": _degrees(pair.turned),
+                "wider_deg": _degrees(pair.wider),
+            }
+            for pair in found.pairs
+        ],
+        "only_measured": [_region(region) for region in found.only_measured],
+        "only_predicted": [_region(region) for region in found.only_predicted],
+    }
+
+
+def _region(region: Region) -> Details:
+    bearing, width = _degrees(region.bearing) % 360, _degrees(region.width)
+    return {"range_m": region.range, "bearing_deg": bearing, "width_deg": width, "readings": len(region)}
+
+
+def _who(prediction: PredictedScan, echo: Step | Echo | None) -> Details | None:
+    if echo is None:
+        return None
+    return {"range_m": echo.range, "level_db": echo.level_db, "via": _via(prediction, echo.path)}
+
+
+def _via(prediction: PredictedScan, path: int | None) -> list[str] | None:
+    return None if path is None else list(prediction.paths.via(path, prediction.room))
+
+
+def _degrees(angle: float) -> float:
+    return round(math.degrees(angle), 9)
