@@ -114,7 +114,7 @@ def _tell(figures: dict[str, Any]) -> None:
         typer.echo(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
             f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
-            f"{pose['heading_deg']:.1f}° (± {pose['heading_deviation_deg']:.1f}°), "
+            f"{round(pose['heading_deg'], 1) % 360:.1f}° (± {pose['heading_deviation_deg']:.1f}°), "
             f"range offset {pose['offset_m'] * 1000:+.0f} mm"
         )
     if len(figures["poses"]) > 1 and figures["poses"][0]["probability"] < 0.95:

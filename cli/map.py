@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.log_input import open_log, recorded_place, recorded_room
+from cli.log_input import open_log, recorded_room
 from cli.numbers import bearing, counted
 from cli.options import Force, checked_out
 from cli.output import whole_file
@@ -105,8 +105,14 @@ def _pose(text: str) -> "Place":
 
 
 def _place(file: Path, log: "Log", room: "Room | None", wanted: str | None) -> "Place":
+    """The place that was asked for, else where the log says that it was recorded; never just the room's only one."""
     known = room or recorded_room(file, log.metadata)
-    return known.place(wanted if wanted is not None else recorded_place(log.metadata, known))
+    recorded = log.metadata.place
+    if wanted is None and (recorded in known.places or ("," in recorded and log.metadata.room_text == known.text)):
+        wanted = recorded
+    if wanted is None:
+        raise InputError(f"{file}: does not say where in {known.name!r} it was recorded; give --place or --pose")
+    return known.place(wanted)
 
 
 def _figures(found: "RoomMap") -> dict[str, Any]:

@@ -143,5 +143,16 @@ def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
     assert left[0]["start_m"][0] == pytest.approx(0.0, abs=0.01)
     assert run(["map", *logs, "--pose", "0.8,0.3,0", "--json"]) == 2
     assert "--pose: expected one for each of 2 logs, got 1" in capsys.readouterr().err
+    assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--json"]) == 2
+    assert "does not say where" in capsys.readouterr().err
     assert run(["map", *logs]) == 2
     assert "--out FILE.png, --json" in capsys.readouterr().err
+
+
+def test_the_document_says_what_the_command_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = Path("docs/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
+    logs = [str(tmp_path / f"scan{k}.mcap") for k in range(4)]
+    for log, place in zip(logs, ("0.8,0.8", "1.6,1.4", "2.4,0.9", "1.3,0.5"), strict=True):
+        assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0
+    assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--out", str(tmp_path / "map.png")]) == 0
+    assert capsys.readouterr().out == told
