@@ -91,17 +91,19 @@ def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
     widths = np.empty(len(top))
     for row in range(len(top)):
         width = 0.05
-        while width < _WIDEST and max(_lost(objective, top, row, width * steps[row], best)) < 0.5:
+        while width < _WIDEST and _lost(objective, top, row, width * steps[row], best) < 0.5:
             width *= 1.5
         widths[row] = width * steps[row]
     return widths
 
 
-def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> tuple[float, float]:
+def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> float:
+    """What the better-known side loses at `by` from the top; past a bound there is one side only."""
     above, below = top.copy(), top.copy()
     above[row] += by
     below[row] -= by
-    return best - objective(above), best - objective(below)
+    losses = [loss for loss in (best - objective(above), best - objective(below)) if np.isfinite(loss)]
+    return max(losses, default=np.inf)
 
 
 def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
