@@ -1,0 +1,26 @@
+"""Over many scans with known truth, fits are right, and right about how right they are."""
+
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pytest
+
+from benchmarks.fit import drawn_fit
+from tests.conftest import Count
+
+TOLD = 0.95
+
+
+@pytest.mark.timeout(36_000)
+def test_regions_hold_the_truth_as_often_as_they_say(count: Count) -> None:
+    draws = count(6, 500)
+    with ProcessPoolExecutor() as pool:
+        drawn = list(pool.map(drawn_fit, range(draws)))
+    held = np.array([list(one.covered.values()) for one in drawn])
+    # 3 % for 500 draws; for few as much as chance allows
+    allowed = max(0.03, 4 * np.sqrt(TOLD * (1 - TOLD) / held.size))
+    assert abs(held.mean() - TOLD) < allowed
+    for name in ("x", "y"):
+        assert np.percentile([abs(one.errors[name]) for one in drawn], 95) < 0.002
+    headings = [abs(one.errors["heading"]) for one in drawn]
+    assert np.degrees(np.median(headings)) < 0.1
