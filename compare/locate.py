@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from compare.fit.fitting import check_fit
 from compare.fit.likelihood import Noise
@@ -63,10 +64,8 @@ class Located:
 
     @property
     def lattice(self) -> FloatArray:
-        """Rough log-posterior of each position of the lattice, over all headings, (p,); the best is 0."""
-        found = self.scores.scores / self.readings_alike
-        best = found.max(axis=1)
-        summed = best + np.log(np.exp(found - best[:, None]).sum(axis=1))
+        """Rough log-posterior of each position of the lattice, (p,); the best is 0, -inf where no sound comes back."""
+        summed = logsumexp(self.scores.scores / self.readings_alike, axis=1)
         return np.asarray(summed - summed.max())
 
     def places(self, near: float = NEAR) -> dict[str, float]:

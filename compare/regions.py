@@ -16,6 +16,7 @@ from sonarhw.readings import FloatArray, Reading
 # m: by how much ranges of one region may differ in all; a hair over 2 cm, for boards that report whole centimetres
 TOLERANCE = 0.02 + 1e-9
 LEAST_WIDTH = math.radians(10)  # what is narrower may be chance
+_TURNED = 1e-6  # rad
 _GAP = 1.5  # of the usual step between headings: what is farther apart is no neighbour
 
 
@@ -72,7 +73,9 @@ def _runs(headings: FloatArray, ranges: FloatArray, tolerance: float) -> Iterato
     turns = np.remainder(headings, math.tau)
     order = np.argsort(turns, kind="stable")
     steps = np.diff(np.append(turns[order], turns[order][:1] + math.tau))
-    apart = steps > _GAP * max(float(np.median(steps)), 1e-9)
+    # several pings at one heading are no step
+    turned = steps[steps > _TURNED]
+    apart = steps > _GAP * float(np.median(turned)) if len(turned) else np.zeros(len(steps), dtype=np.bool_)
     values = ranges[order]
     # begin behind a jump, so that no region is cut in two where the circle closes
     with np.errstate(invalid="ignore"):

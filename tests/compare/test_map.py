@@ -89,12 +89,19 @@ def test_a_reading_empties_its_cone_and_fills_its_end() -> None:
 
 
 def test_what_is_sure_to_be_empty_is_not_filled_by_another_reading() -> None:
-    place, both = Place("", (0.0, 0.0)), np.ones(2, dtype=np.bool_)
-    near_alone = certainty_grid([PlacedScan([reading(0, 10.0, 0.6)], place)], BOARD, [both[:1]])
-    with_far = certainty_grid([PlacedScan([reading(0, 10.0, 0.6), reading(1, 0.0, 1.5)], place)], BOARD, [both])
-    point = np.array([[0.6 * math.cos(math.radians(2)), 0.6 * math.sin(math.radians(2))]])
-    assert near_alone.at(point)[0] > 0
-    assert with_far.at(point)[0] < near_alone.at(point)[0]
+    """Two spots on the arc of a near reading, as far from its axis; a far reading has looked through one of them."""
+    place, near, far = Place("", (0.0, 0.0)), reading(0, 10.0, 0.6), reading(1, 0.0, 1.5)
+    spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
+
+    def filled(*readings: Reading) -> list[float]:
+        grid = certainty_grid([PlacedScan(readings, place)], BOARD, [np.ones(len(readings), dtype=np.bool_)], 0.005)
+        column, row = np.floor((np.array(spots) - (grid.left, grid.bottom)) / grid.cell).astype(int).T
+        return grid.occupied[row, column].tolist()
+
+    seen_through, beside = filled(near)
+    assert seen_through == pytest.approx(beside, rel=0.05)
+    seen_through, beside = filled(near, far)
+    assert seen_through < 0.5 * beside
 
 
 def test_two_places_tell_a_wall_from_a_point() -> None:

@@ -47,6 +47,14 @@ def test_order_and_turns_of_readings_make_no_difference() -> None:
     assert [sorted(order[list(region.rows)].tolist()) for region in shuffled] == [sorted(r.rows) for r in straight]
 
 
+def test_several_pings_at_a_heading_widen_no_region() -> None:
+    ranges = np.repeat([1.0, 2.0, np.nan], 40)
+    once, thrice = regions_of(HEADINGS, ranges), regions_of(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))
+    assert [(region.bearing, region.width) for region in thrice] == [(region.bearing, region.width) for region in once]
+    assert [len(region) for region in thrice] == [120, 120]
+    assert mean_run(np.repeat(HEADINGS, 3), np.repeat(ranges, 3)) == 3 * mean_run(HEADINGS, ranges)
+
+
 def test_neighbours_of_one_range_and_neighbouring_silence_say_the_same() -> None:
     ranges = np.repeat([1.0, np.nan, 2.0, 3.0], 30)
     assert mean_run(HEADINGS, ranges) == pytest.approx(30)

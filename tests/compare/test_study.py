@@ -107,15 +107,21 @@ def test_a_scan_of_a_study_is_what_simulate_says(tmp_path: Path, capsys: pytest.
     assert scan.n_echo == np.isfinite(simulated[1]).sum()
 
 
-@pytest.mark.parametrize("board", ["paper-b12", "lego-nxt"])  # paths by heading, and paths for all headings
-def test_levels_are_those_of_the_winning_paths(tmp_path: Path, board: str) -> None:
-    study = study_of(tmp_path, SPEC.replace('"paper", "polaroid-6500"', f'"{board}"'))
-    case = replace(Cases(study).case(0), headings=np.radians([10.0, 95.0, 181.0, 268.0]))
+@pytest.mark.parametrize(
+    ("board", "room", "place", "step"),
+    [("paper-b12", "simple", "figure9", 30.0), ("polaroid-6500", "laboratory", "bench", 4.0)],
+)  # paths by heading, and paths for all headings
+def test_levels_are_those_of_the_winning_paths(tmp_path: Path, board: str, room: str, place: str, step: float) -> None:
+    text = SPEC.replace('"paper", "polaroid-6500"', f'"{board}"').replace("simple", room).replace("figure9", place)
+    case = replace(Cases(study_of(tmp_path, text)).case(0), headings=np.radians(np.arange(0.0, 360.0, step)))
     scan = predict_case(case, PathsAtHand())
-    assert (scan.winners >= 0).any()
-    for k, level in enumerate(columns_of(scan).level_db):
-        if scan.winners[k] >= 0:
-            assert level == pytest.approx(scan.levels_at(k)[scan.winners[k]], abs=1e-6)
+    heard = np.flatnonzero(scan.winners >= 0)
+    levels = columns_of(scan).level_db
+    expected = [scan.levels_at(k)[scan.winners[k]] for k in heard]
+    np.testing.assert_allclose(levels[heard], expected, atol=1e-6)
+    winners = scan.paths.select(scan.winners[heard])
+    # that comes out whichever way is taken for the other, unless some leave another way than they come back
+    assert (np.abs(winners.departures - winners.arrivals) > 0.1).any() == (room == "laboratory")
 
 
 def test_a_scan_follows_from_its_number_alone(tmp_path: Path) -> None:
@@ -144,6 +150,8 @@ def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_add
     drawn = np.reshape(scans["board.aperture_radius"], (study.draws, -1))
     assert (drawn == drawn[:, :1]).all()
     assert len(np.unique(drawn)) == study.draws
+    anywhere = np.array(scans["place"]) == "anywhere"
+    assert len(np.unique(np.array(scans["x_m"])[anywhere])) == study.draws
     for key in ("board.aperture_radius", "x_m", "y_m"):
         assert scans[key].to_pylist() == fuller[key].to_pylist()
     warmth = np.unique(fuller["air.temperature_c"])
