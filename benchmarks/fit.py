@@ -6,12 +6,12 @@ reflectances found from several places at once, and how long a fit takes with th
 """
 
 import math
-import os
 import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 
 import numpy as np
 
@@ -197,7 +197,7 @@ def main() -> None:
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
     timed_fit(0)  # compiles
     print(f"whole room as prior, {READINGS} readings, 8 walls: {min(timed_fit(k) for k in range(1, 4)):.1f} s a fit")
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
         for several in pool.map(reflectance_fit, range(max(1, draws // 50))):
             for true, found, stated in several:

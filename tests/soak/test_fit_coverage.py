@@ -1,6 +1,7 @@
 """Over many scans with known truth, fits are right, and right about how right they are."""
 
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ TOLD = 0.95
 
 @pytest.mark.timeout(36_000)
 def test_regions_hold_the_truth_as_often_as_they_say(count: Count) -> None:
-    draws = count(6, 500)
-    with ProcessPoolExecutor() as pool:
+    draws = count(4, 500)
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         drawn = list(pool.map(drawn_fit, range(draws)))
     held = np.array([list(one.covered.values()) for one in drawn])
     # 3 % for 500 draws; for few as much as chance allows
