@@ -13,7 +13,7 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from compare.study.parts import Part, make_part
@@ -38,32 +38,32 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
     # the first is made here: what is compiled for it the others find compiled
     first, *others = numbers
     yield make_part(study, first)
-    with _one_thread_each(), _pool(workers) as pool:
-        waiting = [pool.submit(make_part, study, number) for number in others]
+    # spawned, not forked: alike on every system, and no thread of this process is cut in half
+    context = multiprocessing.get_context("spawn")
+    listener, teller = context.Pipe(duplex=False)
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(listener,))
         try:
-            for done in as_completed(waiting):
+            for done in as_completed([pool.submit(make_part, study, number) for number in others]):
                 yield done.result()
         except BrokenProcessPool as error:
             raise WorkersLost("a process of the study was killed; what is done is kept: add --resume") from error
         finally:
+            # whatever they are at: what is not done by now is not wanted
+            teller.close()
             pool.shutdown(wait=True, cancel_futures=True)
+            listener.close()
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
-    # spawned, not forked: alike on every system, and no thread of this process is cut in half
-    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
-
-
-def _begin() -> None:
-    """A worker leaves Ctrl-C to the process that began it, and ends with that."""
+def _begin(listener: Connection) -> None:
+    """A worker leaves Ctrl-C to the process that began it, and ends when that says so or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(listener,), daemon=True).start()
 
 
-def _end_with(parent: int) -> None:
-    wait([parent])
+def _end_with(listener: Connection) -> None:
+    # nothing is ever sent: it is ready when the other end is closed
+    wait([listener])
     os._exit(1)
 
 
