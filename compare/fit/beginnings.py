@@ -114,10 +114,10 @@ def _span(parameter: Parameter) -> tuple[float, float]:
 def _within(scores: Scores, heading: Parameter | None, given: float) -> Scores:
     """The scores of headings that may be, as values of the parameter: turned by whole circles until they are."""
     lower, upper = (given, given) if heading is None else _span(heading)
-    if not math.isfinite(upper - lower) or upper - lower >= math.tau:
+    middle = (lower + upper) / 2
+    if not math.isfinite(upper - lower):
         return scores
     half = math.pi / scores.headings.size
-    middle = (lower + upper) / 2
     turned = middle + np.remainder(scores.headings - middle + math.pi, math.tau) - math.pi
     allowed = np.abs(turned - middle) <= (upper - lower) / 2 + half
     return replace(

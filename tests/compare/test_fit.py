@@ -211,3 +211,11 @@ def test_the_boards_own_receiver_is_fitted_with_its_own_lateness() -> None:
     assert math.dist(found[Receiver.BOARD].places[0].position, TRUTH.position) < 0.002
     # the paper's receiver has no name for 45 mm between a loud and a faint echo
     assert found[Receiver.BOARD].noise["range_m"] < 0.3 * found[Receiver.FIRST_ECHO].noise["range_m"]
+
+
+def test_a_heading_known_beforehand_is_told_from_its_turn_by_a_circle(readings: list[Reading]) -> None:
+    (heading,) = free_parameters(("heading",), [""], ARENA, BOARD)
+    known = replace(heading, expected=TRUTH.heading - math.tau, deviation=1.0)
+    result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, [known], options=FitOptions(samples=0))
+    # told between 0 and 360° all the same
+    assert result.estimates["heading"].value == pytest.approx(TRUTH.heading, abs=math.radians(0.3))
