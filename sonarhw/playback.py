@@ -1,16 +1,20 @@
 """A log played back: which of its readings have been made by now, on their recorded schedule.
 
-Takes a log and a watcher's clock; hands on how many readings are shown. It plays at any speed, in a loop, and goes to
-any time, scan, sweep or reading, backwards too. No thread and no clock of its own.
+Takes a log and a watcher's clock; hands on how many readings are shown. It plays at any speed, in a loop, without the
+waits in which nothing was measured, and goes to any time, scan, sweep or reading, backwards too. No thread and no clock
+of its own.
 """
 
 import math
 from bisect import bisect_left, bisect_right
+from itertools import pairwise
+from statistics import median
 
 from sonarhw.log_contents import Log
 
 _REACHED = 1e-6  # s: a slider's whole milliseconds must not cut off the last reading
 _PAUSE = 1.0  # s between two scans of a log, however long they lie apart
+_GAP = 5.0  # times the usual wait from one reading to the next; a longer one, if over _PAUSE too, is a gap
 
 
 class Playback:
@@ -21,8 +25,9 @@ class Playback:
         self.readings = log.readings
         self.loop = False  # whether it starts over at the end
         self.playing = False
-        self._times = _schedule(log)
+        self._times = self._recorded = _schedule(log)
         self.duration = self._times[-1] if self._times else 0.0  # s
+        self._skip_gaps = False
         self._speed = 1.0
         self._watched = 0.0  # s that the watcher's clock has told of
         self._anchor = (0.0, self.duration)  # a moment of the watcher's clock and the position then
@@ -50,6 +55,25 @@ class Playback:
             raise ValueError(f"speed is {speed}; expected a factor above 0")
         self.seek(self.position)
         self._speed = speed
+
+    @property
+    def skip_gaps(self) -> bool:
+        """Whether long waits between two readings are left out, and no longer count in the time of the log."""
+        return self._skip_gaps
+
+    @skip_gaps.setter
+    def skip_gaps(self, skip: bool) -> None:
+        made = self.count
+        self._skip_gaps = skip
+        self._times = _without_gaps(self._recorded) if skip else self._recorded
+        self.duration = self._times[-1] if self._times else 0.0
+        self.seek(self._times[made - 1] if made else 0.0)
+
+    @property
+    def scan_starts(self) -> tuple[float, ...]:
+        """When the first reading of each scan was made, s from the beginning; of scans that have one."""
+        scans = (scan for scan, recorded in enumerate(self.log.scans) if recorded.readings)
+        return tuple(self._times[self._first_of(scan)] for scan in scans)
 
     @property
     def count(self) -> int:
@@ -125,3 +149,14 @@ def _schedule(log: Log) -> list[float]:
             times.append(latest)
         began = latest + _PAUSE
     return times
+
+
+def _without_gaps(times: list[float]) -> list[float]:
+    """The schedule with every gap cut to the usual wait; it begins with the first reading."""
+    waits = [later - earlier for earlier, later in pairwise(times)]
+    usual = median(waits) if waits else 0.0
+    longest = max(_GAP * usual, _PAUSE) + _REACHED
+    shortened = [0.0] if times else []
+    for wait in waits:
+        shortened.append(shortened[-1] + (usual if wait > longest else wait))
+    return shortened

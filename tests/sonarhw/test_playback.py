@@ -150,3 +150,41 @@ def test_a_log_without_readings_is_played_in_no_time(log: Log) -> None:
     playback.advance(1.0)
     playback.step(1)
     assert (playback.count, playback.position, playback.playing) == (0, 0.0, False)
+
+
+def waiting(log: Log, scan: int, number: int, wait: float) -> Log:
+    """The log with a wait before a reading of one scan."""
+    late = [
+        replace(reading, time=reading.time + wait * (reading.number >= number)) for reading in log.scans[0].readings
+    ]
+    return replace(log, scans=(replace(log.scans[scan], readings=tuple(late)),))
+
+
+def test_gaps_are_left_out_and_all_else_keeps_its_pace(log: Log) -> None:
+    playback = Playback(waiting(log, 0, 6, 60.0))
+    assert playback.duration == pytest.approx(1.1 + 60.0)
+    playback.seek_reading(8)
+    playback.skip_gaps = True
+    assert (playback.count, playback.duration) == (9, pytest.approx(1.1))
+    assert playback.position == pytest.approx(0.8)
+    playback.skip_gaps = False
+    assert (playback.count, playback.position) == (9, pytest.approx(60.8))
+
+
+def test_the_pause_between_scans_is_no_gap_and_a_scan_of_slow_readings_has_none(log: Log) -> None:
+    playback = Playback(log)
+    playback.skip_gaps = True
+    assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
+    (scan, _) = log.scans
+    slow = tuple(replace(reading, time=scan.began + 4.0 * reading.number) for reading in scan.readings)
+    playback = Playback(replace(log, scans=(replace(scan, readings=slow),)))
+    playback.skip_gaps = True
+    assert playback.duration == pytest.approx(4.0 * (COUNT - 1))
+
+
+def test_scans_begin_where_their_first_reading_is(log: Log) -> None:
+    empty = replace(log.scans[0], readings=())
+    playback = Playback(replace(log, scans=(log.scans[0], empty, log.scans[1])))
+    first, second = playback.scan_starts
+    playback.seek(second)
+    assert (first, playback.count) == (pytest.approx(0.0), COUNT + 1)
