@@ -154,10 +154,9 @@ def test_a_log_without_readings_is_played_in_no_time(log: Log) -> None:
 
 def waiting(log: Log, scan: int, number: int, wait: float) -> Log:
     """The log with a wait before a reading of one scan."""
-    late = [
-        replace(reading, time=reading.time + wait * (reading.number >= number)) for reading in log.scans[0].readings
-    ]
-    return replace(log, scans=(replace(log.scans[scan], readings=tuple(late)),))
+    readings = log.scans[0].readings
+    late = tuple(replace(reading, time=reading.time + wait * (reading.number >= number)) for reading in readings)
+    return replace(log, scans=(replace(log.scans[scan], readings=late),))
 
 
 def test_gaps_are_left_out_and_all_else_keeps_its_pace(log: Log) -> None:
