@@ -1,0 +1,89 @@
+"""Changes to a scene as a hand makes them: the sensor moved or turned, corners, walls and posts dragged.
+
+Takes a scene, what was taken hold of and where it was dragged; hands on the changed scene and what was done, in words
+for undo. Refuses with InputError: nothing is half done.
+"""
+
+import math
+from dataclasses import replace
+
+from gui.grips import Grip, Part
+from gui.room_edit import Point, move_corner, move_post, move_wall, resize_post
+from gui.scene import Scene
+from sim.room import Place, Room
+from sim.room_file import MOST_DISTANT
+from sonarhw.errors import InputError
+
+GRID = 0.001  # m: a hand is no more exact, and files stay readable
+_SMALLEST_RADIUS = 0.002  # m
+Edit = tuple[Scene, str]  # the scene afterwards, and what was done
+
+
+def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
+    """The scene with what was gripped dragged to a point. Raises InputError where it cannot be there."""
+    room = scene.room
+    if room is None:
+        raise InputError("without a room there is nothing to move; open a room file")
+    if grip.part is Part.SENSOR:
+        here = scene.standing.position
+        return sensor_at(scene, (here[0] + to[0] - grip.at[0], here[1] + to[1] - grip.at[1]))
+    if grip.part is Part.BEAM:
+        middle = scene.standing.position
+        return sensor_turned(scene, bearing(middle, to) - bearing(middle, grip.at))
+    if grip.part is Part.CORNER:
+        return with_room(scene, move_corner(room, grip.at, on_grid(to))), "moving a corner"
+    name = room.names[grip.surface]
+    by = on_grid((to[0] - grip.at[0], to[1] - grip.at[1]))
+    if grip.part is Part.WALL:
+        return with_room(scene, move_wall(room, grip.surface, by)), f"moving {name}"
+    x, y, radius = map(float, room.posts[grip.surface - len(room.walls)])
+    if grip.part is Part.POST:
+        return with_room(scene, move_post(room, grip.surface, on_grid((x + by[0], y + by[1])))), f"moving {name}"
+    radius += math.dist((x, y), to) - math.dist((x, y), grip.at)
+    radius = max(_SMALLEST_RADIUS, on_grid((radius, 0.0))[0])
+    return with_room(scene, resize_post(room, grip.surface, radius)), f"resizing {name}"
+
+
+def sensor_at(scene: Scene, position: Point) -> Edit:
+    """The scene with the sensor elsewhere, looking as before. Raises InputError inside a post."""
+    position = on_grid(position)
+    if max(map(abs, position)) > MOST_DISTANT:
+        raise InputError(f"the sensor can stand no farther than {MOST_DISTANT:g} m off")
+    return _standing(scene, position, scene.place.heading), "moving the sensor"
+
+
+def sensor_turned(scene: Scene, by: float) -> Edit:
+    """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad, to a tenth of a degree."""
+    heading = math.radians(round(math.degrees(scene.place.heading + by) % 360, 1))
+    return _standing(scene, scene.place.position, heading), "turning the sensor"
+
+
+def with_room(scene: Scene, room: Room) -> Scene:
+    """The scene in the changed room. Raises InputError where the sensor would then be inside a post."""
+    _check_free(room, scene.place)
+    return replace(scene, room=room)
+
+
+def bearing(middle: Point, at: Point) -> float:
+    """Direction from one point to another, rad."""
+    return math.atan2(at[1] - middle[1], at[0] - middle[0])
+
+
+def on_grid(point: Point) -> Point:
+    """The nearest point of whole millimetres."""
+    x, y = (round(value / GRID) * GRID for value in point)
+    return round(x, 6), round(y, 6)
+
+
+def _standing(scene: Scene, position: Point, heading: float) -> Scene:
+    # a place of its own, named as `--place X,Y` would be: those that the file names stay where they are
+    place = Place(f"{position[0]:g},{position[1]:g}", position, heading, scene.place.height)
+    _check_free(scene.room, place)
+    return replace(scene, place=place)
+
+
+def _check_free(room: Room, place: Place) -> None:
+    for post in room.posts_at(place.position):
+        low, high = room.heights[post]
+        if place.height is None or low <= place.height <= high:
+            raise InputError(f"the sensor cannot stand inside {room.names[post]}: sound could not leave it")
