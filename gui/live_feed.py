@@ -1,9 +1,11 @@
-"""The live scan as the session sees it: started, stopped, and asked every tick for what is new.
+"""The live scanner as the session sees it: sent on errands, stopped, and asked every tick for what is new.
 
-Takes the way to a scanner; hands on readings, how things stand, and once, when a scan has broken, what to tell.
+Takes the way to a scanner; hands on readings, how things stand, and once, when an errand has failed, what to tell.
 """
 
-from gui.live_scan import LiveScan, LiveStatus, Phase, ScannerOpener, ScanWish
+from gui.live_device import LiveDevice
+from gui.live_scan import ConnectErrand, Errand, HomeErrand, ScanErrand, ScannerOpener, ScanWish, TurnErrand
+from gui.live_status import LinkSeen, LiveStatus, Phase, trouble
 from gui.scene import Scene
 from sonarhw.errors import LogError, SonarError
 from sonarhw.readings import Reading
@@ -12,69 +14,115 @@ _IDLE = LiveStatus(Phase.DONE)
 
 
 class LiveFeed:
-    """At most one live scan, and what it has brought."""
+    """At most one connection, at most one errand on it, and what the last scan has brought."""
 
     def __init__(self, opener: ScannerOpener | None, wish: ScanWish) -> None:
-        self.possible = opener is not None
+        self.wish = wish
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
-        self._wish = wish
-        self._scan: LiveScan | None = None
-        self._status = _IDLE
+        self._device: LiveDevice | None = None
+        self._asked = False  # whether an errand is what the window is about
         self._end_told = True
 
     @property
+    def possible(self) -> bool:
+        """Whether there is a way to a scanner."""
+        return self._opener is not None
+
+    @property
     def phase(self) -> Phase | None:
-        """How far the scan is; None before the first and after `forget`."""
-        return self._status.phase if self._scan else None
+        """How far the errand is; None before the first and after `forget`."""
+        return self._device.status.phase if self._device and self._asked else None
 
     @property
     def status(self) -> LiveStatus:
-        """What was known of the scan when its readings were last taken: an end is shown with what it brought."""
-        return self._status
+        """What is known of the errand."""
+        return self._device.status if self._device and self._asked else _IDLE
+
+    @property
+    def link(self) -> LinkSeen | None:
+        """The connection as it was seen last; None where there is none."""
+        return self._device.link if self._device else None
+
+    @property
+    def trouble(self) -> str:
+        """What to tell of a scanner that is away; empty where all is well."""
+        return trouble(self.link, self.phase)
 
     @property
     def running(self) -> bool:
         """Whether more is to come."""
         return not self.status.ended
 
+    def use(self, opener: ScannerOpener | None) -> None:
+        """From now on go another way to a scanner, or none."""
+        self.hang_up()
+        self._opener = opener
+
+    def connect(self) -> None:
+        """See who answers."""
+        self._ask(ConnectErrand())
+
+    def home(self) -> None:
+        """Find the zero of the turntable."""
+        self._ask(HomeErrand())
+
+    def turn(self, angle: float) -> None:
+        """Turn the turntable to `angle`, rad."""
+        self._ask(TurnErrand(angle))
+
     def start(self, scene: Scene) -> None:
         """Begin a scan; what the one before brought is forgotten."""
-        if self._opener is not None:
-            self.readings, self._end_told = (), False
-            self._scan = LiveScan(self._opener, scene, self._wish)
-            self._status = self._scan.status
-            self._scan.start()
+        if self.possible and not self.running:
+            self.readings = ()
+            self._ask(ScanErrand(scene, self.wish))
 
     def stop(self) -> None:
-        """Ask for the end."""
-        if self._scan is not None:
-            self._scan.stop()
+        """Ask for the end of the errand."""
+        if self._device is not None:
+            self._device.stop()
+
+    def hang_up(self) -> None:
+        """Stop what runs and let go of the port."""
+        if self._device is not None:
+            self._device.stop()
+            self._device.hang_up()
 
     def forget(self) -> None:
-        """Forget the scan that is over; something else is shown now."""
-        self._scan, self._status, self.readings, self._end_told = None, _IDLE, (), True
+        """Forget the errand that is over; something else is shown now."""
+        self._asked, self.readings, self._end_told = False, (), True
 
     def close(self) -> None:
         """Stop the board and wait until the log is closed."""
-        if self._scan is not None:
-            self._scan.stop()
-            self._scan.join()
+        self.hang_up()
+        if self._device is not None:
+            self._device.join()
 
     def take(self) -> tuple[int, str]:
         """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
-        if self._scan is None:
+        if self._device is None:
             return 0, ""
-        status = self._status = self._scan.status  # before the readings, so that none comes after the end
-        fresh = tuple(self._scan.take())
+        status = self.status  # before the readings, so that none comes after the end
+        fresh = tuple(self._device.take())
         if fresh:
             self.readings += fresh
-        if self._scan.warnings:
-            return len(fresh), self._scan.warnings.popleft()
+        if self._device.warnings:
+            return len(fresh), self._device.warnings.popleft()
         if not status.ended or self._end_told:
             return len(fresh), ""
         self._end_told = True
         return len(fresh), _told(status)
+
+    def _ask(self, errand: Errand) -> None:
+        if self._opener is None or self.running:
+            return
+        self._asked, self._end_told = True, False
+        before = self._device
+        if before is None or before.over or before.leaving:
+            self._device = LiveDevice(self._opener, errand, before)
+            self._device.start()
+        else:
+            before.ask(errand)
 
 
 def _told(status: LiveStatus) -> str:

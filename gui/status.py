@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from gui.live_scan import Phase
+from gui.live_scan import ScanWish
+from gui.live_status import LinkSeen, Phase
 from sonarhw.log import RecordedScan
 
 
@@ -33,11 +34,15 @@ class Status:
     recording: Path | None = None
     log_name: str = ""  # of the log that is replayed
     predicting: bool = False
+    wish: ScanWish | None = None  # what the next scan does
+    link: LinkSeen | None = None  # the connection to a scanner
+    trouble: str = ""  # what is being done about a scanner that is away
+    angle: float | None = None  # of the turntable, rad, as last told
 
     @property
     def scanning(self) -> bool:
-        """Whether a live scan runs."""
-        return self.phase in (Phase.CONNECTING, Phase.HOMING, Phase.SCANNING)
+        """Whether a scanner is at work."""
+        return self.phase is not None and self.phase.busy
 
 
 def lost_in(scan: RecordedScan) -> int:

@@ -51,7 +51,7 @@ _TICK = 0.05  # s; how soon a closing is noticed
 
 
 class Scanner:
-    """A scanner that has answered. One thread uses it; only `stop` may be called from another."""
+    """A scanner that has answered. One thread uses it; another may call `stop` and look at how it stands."""
 
     def __init__(self, url: str, session: Session, find: Callable[[], str] | None = None) -> None:
         """Begin to connect; `open` is the way in."""
@@ -114,6 +114,12 @@ class Scanner:
         """How it stands with the device, from disconnected to streaming to lost."""
         with self._changed:
             return self._session.state
+
+    @property
+    def loss(self) -> SonarError | None:
+        """Why the device is away, while it is waited for; None while it is there."""
+        with self._changed:
+            return self._session.loss
 
     @property
     def info(self) -> DeviceInfo:

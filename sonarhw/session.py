@@ -103,6 +103,11 @@ class Session:
         return replace(books, resets=self.clock.resets)
 
     @property
+    def loss(self) -> SonarError | None:
+        """Why the device is away; None while it is there, or before it was."""
+        return None if self._lost_at is None else self._why
+
+    @property
     def job(self) -> Job | None:
         """What is at work, or waits for the device to come back."""
         return self._jobs[0] if self._jobs else None

@@ -13,7 +13,8 @@ from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
 
 from gui.app import WindowStart, open_application, open_window
-from gui.live_scan import LiveScan, ScannerOpener, ScanWish
+from gui.live_device import LiveDevice
+from gui.live_scan import ScanErrand, ScannerOpener, ScanWish
 from gui.main_window import MainWindow
 from gui.scene import Scene
 from sim.board import load_board
@@ -88,7 +89,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         window.close()
         window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
-    ours = {"live scan", "find paths", "compare readings", "open files"}
+    ours = {"live scanner", "watch the line", "find paths", "compare readings", "open files"}
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 
 
@@ -97,8 +98,9 @@ def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPath
     """A log of a whole scan with traces."""
     wish = ScanWish(tmp_path_factory.mktemp("recorded"), ORDER)
     with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveScan(lambda: Scanner.open(endpoint.url), scene, wish)
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, wish))
         live.start()
+        live.hang_up()
         live.join()
     assert live.status.error is None
     return live.status.recording
