@@ -1,0 +1,117 @@
+"""The B-scan as a picture: levels become colours, heading and range become places, flat or polar.
+
+Takes `BScan`s and how they are wanted; hands on arrays of pixels with the area that they cover. Colours are looked up
+before places are, so that a picture of half a million pixels costs some milliseconds.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from functools import lru_cache
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import LinearSegmentedColormap
+from numpy.typing import NDArray
+
+from gui.bscan import SAME_HEADING, BScan, RangeCells
+from gui.levels import in_db
+from gui.palette import Palette
+from sonarhw.readings import FloatArray
+
+Pixels = NDArray[np.uint8]  # (width, height, 4), first the left column, from below; not opaque where nothing is known
+COLOURS = 256
+_SIDE = 800  # pixels of a polar picture
+_COLUMNS = 1440  # of a flat one
+_TURN = round(math.tau / SAME_HEADING)
+_DIFFERENCE_DB = 30.0
+_DIFFERENCE = 0.5  # of full scale
+
+
+class Pane(Enum):
+    """What a B-scan shows."""
+
+    MEASURED = "Measured"
+    PREDICTED = "Predicted"
+    DIFFERENCE = "Difference"
+
+
+@dataclass(frozen=True)
+class BScanWish:
+    """What a person wants to see of the B-scan."""
+
+    panes: tuple[Pane, ...]
+    polar: bool
+    decibels: bool
+
+
+@dataclass(frozen=True)
+class ColourScale:
+    """Which colour is which level."""
+
+    colours: NDArray[np.uint8]  # (COLOURS, 4)
+    low: float
+    high: float
+    label: str  # with its unit
+
+    def of(self, values: FloatArray) -> NDArray[np.uint32]:
+        """The colour of every value, same shape, four bytes in one; nothing at all where it is NaN."""
+        steps = (values - self.low) * ((COLOURS - 1) / (self.high - self.low))
+        unknown = np.isnan(steps)
+        rows = np.where(unknown, 0.0, steps).clip(0, COLOURS - 1).astype(np.intp)
+        return np.asarray(np.where(unknown, np.uint32(0), self.colours.view(np.uint32)[rows, 0]))
+
+
+def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) -> ColourScale:
+    """The colours of one pane; those of a difference run from predicted's colour by the paper's to measured's."""
+    if pane is not Pane.DIFFERENCE:
+        colours = _bytes(colormaps["cividis"])
+        if decibels:
+            return ColourScale(colours, floor_db, 0.0, "level (dB of full scale)")
+        return ColourScale(colours, 0.0, 1.0, "level (of full scale)")
+    named = [palette.predicted, palette.paper, palette.measured]
+    colours = _bytes(LinearSegmentedColormap.from_list("difference", named))
+    reach, unit = (_DIFFERENCE_DB, "dB") if decibels else (_DIFFERENCE, "of full scale")
+    return ColourScale(colours, -reach, reach, f"measured − predicted ({unit})")
+
+
+def _bytes(colours: LinearSegmentedColormap) -> NDArray[np.uint8]:
+    return np.asarray(colours(np.linspace(0, 1, COLOURS), bytes=True), dtype=np.uint8)
+
+
+def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: bool) -> Pixels:
+    """The picture of one pane: flat over heading (all of the turn) and range, or polar with heading 0 to the right."""
+    coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
+    rows = bscan.rows_at(np.arange(_TURN) * SAME_HEADING)
+    # one row more, of nothing: where a gap is, -1 picks it
+    coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
+    if polar:
+        headings, cells = _polar_places(bscan.cells.count)
+        beyond = np.concatenate((rows, [-1])) % len(coloured)
+        pixels = np.take(coloured.reshape(-1), np.take(beyond * bscan.cells.count, headings) + cells)
+        pixels = pixels.reshape(_SIDE, _SIDE)
+    else:
+        pixels = coloured[rows[np.arange(_COLUMNS) * _TURN // _COLUMNS]]
+    return np.ascontiguousarray(pixels).view(np.uint8).reshape(*pixels.shape, 4)
+
+
+@lru_cache(maxsize=4)
+def _polar_places(count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Of every pixel of a polar picture the tenth of a degree, _TURN beyond the last cell, and the cell; both flat."""
+    along = (np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1
+    x, y = np.meshgrid(along, along, indexing="ij")
+    cells = np.floor(np.hypot(x, y) * count)
+    headings = np.round(np.mod(np.arctan2(y, x), math.tau) / SAME_HEADING) % _TURN
+    headings[cells >= count] = _TURN
+    return headings.astype(np.int32).ravel(), cells.clip(0, count - 1).astype(np.int32).ravel()
+
+
+def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
+    """Where a flat picture lies: left and width in degrees, bottom and height in m (left, bottom, width, height)."""
+    half = 180.0 / _COLUMNS
+    return -half, 0.0, 360.0, cells.reach
+
+
+def polar_area(cells: RangeCells, middle: tuple[float, float]) -> tuple[float, float, float, float]:
+    """Where a polar picture round `middle` lies in the room, m (left, bottom, width, height)."""
+    return middle[0] - cells.reach, middle[1] - cells.reach, 2 * cells.reach, 2 * cells.reach
