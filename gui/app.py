@@ -12,35 +12,21 @@ from types import FrameType
 
 import pyqtgraph as pg
 from PySide6.QtCore import QTimer
-from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 
 from gui.display import check_display
 from gui.garbage import collected_between_events
 from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
+from gui.look import Look
 from gui.main_window import MainWindow
-from gui.palette import INK, PAPER
 from gui.recording import recordings_folder
 from gui.scene import Scene
 from gui.session import Session
+from gui.theme import apply_look
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
 
 INTERRUPTED = 130
-_ROLES = {
-    QPalette.ColorRole.Window: "#F3F3F1",
-    QPalette.ColorRole.Base: PAPER,
-    QPalette.ColorRole.AlternateBase: "#EEEEEE",
-    QPalette.ColorRole.Button: "#E9E9E6",
-    QPalette.ColorRole.WindowText: INK,
-    QPalette.ColorRole.Text: INK,
-    QPalette.ColorRole.ButtonText: INK,
-    QPalette.ColorRole.ToolTipBase: "#FFFFE8",
-    QPalette.ColorRole.ToolTipText: INK,
-    QPalette.ColorRole.Highlight: "#0072B2",
-    QPalette.ColorRole.HighlightedText: PAPER,
-}
-_FAINT = "#9A9A9A"
 
 
 @dataclass(frozen=True)
@@ -71,18 +57,13 @@ def run_window(start: WindowStart) -> int:
 
 
 def open_application() -> QApplication:
-    """The one application of this process, light and the same on every system."""
+    """The one application of this process, the same on every system."""
     running = QApplication.instance()
     application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
     application.setApplicationName("sonarhw")
     application.setStyle("Fusion")
-    palette = QPalette()
-    for role, colour in _ROLES.items():
-        palette.setColor(role, QColor(colour))
-    for role in (QPalette.ColorRole.WindowText, QPalette.ColorRole.Text, QPalette.ColorRole.ButtonText):
-        palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(_FAINT))
-    application.setPalette(palette)
-    pg.setConfigOptions(background=PAPER, foreground=INK, antialias=True)
+    pg.setConfigOptions(antialias=True)
+    apply_look(application, Look())
     return application
 
 

@@ -12,10 +12,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF
 
 from gui.chosen_trace import NamedEcho
-from gui.palette import INK, PAPER, PREDICTED
+from gui.look import Look
 
 _ROWS = 5
-_ROW = 15.0  # pixels
+_ROW = 15.0  # pixels at the usual size of text
 _GAP = 9.0  # pixels between two names in a row
 _LONGEST = 30  # characters; the middle gives way
 _LONGEST_REPORTED = 64
@@ -35,18 +35,28 @@ class EchoNames:
 
     def __init__(self, view: pg.ViewBox) -> None:
         self._view = view
+        self._look = Look()
         self._font = QFont()
-        self._font.setPointSizeF(_POINTS)
         self._metrics = QFontMetricsF(self._font)
         self._echoes: tuple[NamedEcho, ...] = ()
         self._floor = -50.0  # dB
         self._items: list[pg.TextItem] = []
-        self._stems = pg.PlotCurveItem(pen=pg.mkPen(PREDICTED, width=1, style=Qt.PenStyle.DotLine), connect="pairs")
+        self._stems = pg.PlotCurveItem(connect="pairs")
         self._heads = pg.ScatterPlotItem(size=7, symbol="t", pen=None, hoverable=True, tip=_tip)
         for item in (self._stems, self._heads):
             view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)
         view.sigResized.connect(self._lay_out)
+
+    def dress(self, look: Look) -> None:
+        """Write in the colours and the size of this look from now on."""
+        self._look = look
+        self._font.setPointSizeF(_POINTS * look.scale)
+        self._metrics = QFontMetricsF(self._font)
+        self._stems.setPen(pg.mkPen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
+        for item in self._items:
+            item.setFont(self._font)
+            item.fill = pg.mkBrush(look.palette.paper)
 
     def draw(self, echoes: Sequence[NamedEcho], floor: float) -> None:
         """Name these echoes from now on; the level axis begins at `floor`, dB."""
@@ -56,7 +66,7 @@ class EchoNames:
             np.array([echo.range for echo in self._echoes]),
             np.array([max(echo.level_db, floor) for echo in self._echoes]),
             data=self._echoes,
-            brush=[pg.mkBrush(PREDICTED if echo.heard else INK) for echo in self._echoes],
+            brush=[pg.mkBrush(self._colour(echo)) for echo in self._echoes],
         )
         self._lay_out()
 
@@ -67,17 +77,20 @@ class EchoNames:
         names = self._fitting()
         self._stems.setData(*self._stem_ends(names, per_pixel).T)
         while len(self._items) < len(names):
-            item = pg.TextItem(fill=pg.mkBrush(PAPER))
+            item = pg.TextItem(fill=pg.mkBrush(self._look.palette.paper))
             item.setFont(self._font)
             self._view.addItem(item, ignoreBounds=True)
             self._items.append(item)
         for item in self._items[len(names) :]:
             item.setVisible(False)
         for item, name in zip(self._items, names, strict=False):
-            item.setText(name.text, color=PREDICTED if name.echo.heard else INK)
+            item.setText(name.text, color=self._colour(name.echo))
             item.setAnchor((1.0 if name.leftward else 0.0, 0.5))
             item.setPos(name.echo.range, _level(name.row, per_pixel))
             item.setVisible(True)
+
+    def _colour(self, echo: NamedEcho) -> str:
+        return self._look.palette.predicted if echo.heard else self._look.palette.ink
 
     def _fitting(self) -> list[_Name]:
         """A row for every echo in view that finds room in one, the most important first."""

@@ -3,6 +3,9 @@
 Takes the palette; a hand held over an entry says more.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import pyqtgraph as pg
 from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -10,8 +13,10 @@ from PySide6.QtGui import QColor, QPainter, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from compare.match import Kind
-from gui.palette import BEAM, BLANKING, CHOSEN, MARKS, MEASURED, PREDICTED, THRESHOLD, Mark
+from gui.look import Look
+from gui.palette import MARKS, Palette, Unclassed
 
+Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels a pixel
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
 
@@ -21,38 +26,29 @@ class Legend(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
+        self._pictures: list[tuple[QLabel, Picture]] = []
         row = QHBoxLayout(self)
         row.setContentsMargins(8, 2, 8, 2)
         row.setSpacing(5)
         for kind in Kind:
             if kind in MARKS:
-                mark = MARKS[kind]
-                _add(row, _mark_picture(mark, self.devicePixelRatioF()), f"measured: {mark.name}", mark.meaning)
+                self._add(row, partial(mark_picture, kind), f"measured: {MARKS[kind].name}", MARKS[kind].meaning)
         row.addStretch(1)
-        for colour, style, name, meaning in _LINES:
-            _add(row, _line_picture(colour, style, self.devicePixelRatioF()), name, meaning)
-        for colour, name, meaning in _PATCHES:
-            _add(row, _patch_picture(colour, self.devicePixelRatioF()), name, meaning)
+        for picture, name, meaning in _LINES_AND_PATCHES:
+            self._add(row, picture, name, meaning)
 
+    def show_look(self, look: Look) -> None:
+        """Draw the marks in the colours of this look."""
+        for label, picture in self._pictures:
+            label.setPixmap(picture(look.palette, self.devicePixelRatioF()))
 
-_LINES = (
-    (MEASURED, Qt.PenStyle.SolidLine, "measured trace", "the receive signal that the board recorded"),
-    (PREDICTED, Qt.PenStyle.SolidLine, "predicted", "what the model says the board reports; in the trace view dashed"),
-    (THRESHOLD, Qt.PenStyle.DashLine, "threshold", "echoes fainter than this are not heard"),
-    (CHOSEN, Qt.PenStyle.SolidLine, "rays", "the path of the chosen reading by bounce; dotted: expected, not measured"),
-)
-
-_PATCHES = (
-    (BEAM, "beam", "within it the sound has over half its power"),
-    (BLANKING, "blanking", "what arrives so early the board cannot hear"),
-)
-
-
-def _add(row: QHBoxLayout, picture: QPixmap, name: str, meaning: str) -> None:
-    for label in (QLabel(pixmap=picture), QLabel(name)):
-        label.setToolTip(meaning)
-        row.addWidget(label)
-    row.addSpacing(9)
+    def _add(self, row: QHBoxLayout, picture: Picture, name: str, meaning: str) -> None:
+        drawn = QLabel()
+        self._pictures.append((drawn, picture))
+        for label in (drawn, QLabel(name)):
+            label.setToolTip(meaning)
+            row.addWidget(label)
+        row.addSpacing(9)
 
 
 def _blank(width: int, height: int, ratio: float) -> QPixmap:
@@ -62,25 +58,45 @@ def _blank(width: int, height: int, ratio: float) -> QPixmap:
     return picture
 
 
-def _mark_picture(mark: Mark, ratio: float) -> QPixmap:
+def mark_picture(kind: Kind | Unclassed, colours: Palette, ratio: float) -> QPixmap:
+    """The mark of a class, for legends and lists."""
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.translate(QPointF(_SIZE / 2, _SIZE / 2))
-        drawSymbol(painter, mark.symbol, 10, pg.mkPen(None), pg.mkBrush(mark.colour))
+        drawSymbol(painter, MARKS[kind].symbol, 10, pg.mkPen(None), pg.mkBrush(colours.of(kind)))
     return picture
 
 
-def _line_picture(colour: str, style: Qt.PenStyle, ratio: float) -> QPixmap:
+def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_LINE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.setPen(pg.mkPen(colour, width=1 if style == Qt.PenStyle.DashLine else 2, style=style))
+        painter.setPen(pg.mkPen(getattr(colours, colour), width=1 if style == Qt.PenStyle.DashLine else 2, style=style))
         painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
     return picture
 
 
-def _patch_picture(colour: str, ratio: float) -> QPixmap:
+def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.fillRect(QRectF(0, 1, _SIZE, _SIZE - 2), QColor(colour))
+        painter.fillRect(QRectF(0, 1, _SIZE, _SIZE - 2), QColor(getattr(colours, colour)))
     return picture
+
+
+_SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
+_LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
+    (partial(_line_picture, "measured", _SOLID), "measured trace", "the receive signal that the board recorded"),
+    (
+        partial(_line_picture, "predicted", _SOLID),
+        "predicted",
+        "what the model says the board reports; in the trace view dashed",
+    ),
+    (partial(_line_picture, "threshold", _DASHED), "threshold", "echoes fainter than this are not heard"),
+    (
+        partial(_line_picture, "chosen", _SOLID),
+        "rays",
+        "the path of the chosen reading by bounce; dotted: expected, not measured",
+    ),
+    (partial(_patch_picture, "beam"), "beam", "within it the sound has over half its power"),
+    (partial(_patch_picture, "blanking"), "blanking", "what arrives so early the board cannot hear"),
+)

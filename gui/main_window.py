@@ -1,22 +1,35 @@
-"""The window: puts the views, the replay bar and the toolbar together and connects them with the session.
+"""The window: puts views, panels, toolbar and replay bar together and connects them with the session.
 
 Takes a session; owns nothing but its parts. Gestures go to the session, changes come back from it to the views.
 """
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtGui import QAction, QCloseEvent, QKeySequence, QShortcut
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QMainWindow, QSplitter, QToolBar, QVBoxLayout, QWidget
+from PySide6.QtGui import QAction, QCloseEvent
+from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from gui.banner import Banner
+from gui.bscan_view import BScanView
+from gui.commands import Commands
+from gui.device_panel import DevicePanel
+from gui.docks import Docks
+from gui.fit_panel import FitPanel
 from gui.legend import Legend
+from gui.look import Look
+from gui.look_commands import LookCommands
+from gui.plan_panel import PlanPanel
 from gui.plan_view import PlanView
 from gui.range_view import RangeView
+from gui.reading_table import ReadingTable
 from gui.replay_bar import ReplayBar
+from gui.room_panel import RoomPanel
 from gui.sentence import Sentence
 from gui.session import Session
 from gui.shown import Shown
+from gui.side_by_side import SideBySide
 from gui.status import Status
 from gui.status_bar import StatusBar
+from gui.theme import apply_look
+from gui.toolbar import ToolBar, fill_menus
 from gui.trace_view import TraceView
 
 _SIZE = 1280, 800
@@ -29,16 +42,29 @@ class MainWindow(QMainWindow):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
-        self.plan, self.trace, self.ranges = PlanView(), TraceView(), RangeView()
+        self.plan, self.side_by_side, self.bscan = PlanView(), SideBySide(), BScanView()
+        self.trace, self.ranges, self.table = TraceView(), RangeView(), ReadingTable()
+        self.device, self.room, self.fit_panel = DevicePanel(), RoomPanel(), FitPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.replay_bar, self.status_bar = ReplayBar(), StatusBar()
-        self.place = QComboBox()
-        self.place.setToolTip("Where in the room the scanner stands")
-        self._add_toolbar()
+        self.commands = Commands(self)
+        self.toolbar = ToolBar(self.commands)
+        self.stage = QStackedWidget()
+        self.look_commands = LookCommands(self.commands, session, self)
+        self._look: Look | None = None
+        self.addToolBar(self.toolbar)
         self.setCentralWidget(self._arranged())
         self.setStatusBar(self.status_bar)
-        self._connect()
-        self._add_keys()
+        self.docks = Docks(self)
+        for name, key, panel in (
+            ("Device", "F7", self.device),
+            ("Room", "F8", self.room),
+            ("Fit", "F9", self.fit_panel),
+        ):
+            self.docks.add(name, key, panel)
+        fill_menus(self.menuBar(), self.commands, self.docks.actions)
+        self._connect_commands()
+        self._connect_views()
         self.resize(*_SIZE)
         self._show_status(session.status)
         self._show(session.shown)
@@ -51,12 +77,14 @@ class MainWindow(QMainWindow):
         event.accept()
 
     def _arranged(self) -> QWidget:
+        for view in (PlanPanel(self.plan), self.side_by_side, self.bscan):
+            self.stage.addWidget(view)
         side = QSplitter(Qt.Orientation.Vertical)
-        side.addWidget(self.trace)
-        side.addWidget(self.ranges)
-        side.setSizes([300, 330])
+        for view in (self.trace, self.ranges, self.table):
+            side.addWidget(view)
+        side.setSizes([250, 280, 120])
         views = QSplitter(Qt.Orientation.Horizontal)
-        views.addWidget(self.plan)
+        views.addWidget(self.stage)
         views.addWidget(side)
         views.setSizes([_PLAN_SHARE, _SIDE_SHARE])
         for splitter in (side, views):
@@ -69,37 +97,32 @@ class MainWindow(QMainWindow):
             column.addWidget(part, stretch=1 if part is views else 0)
         return centre
 
-    def _add_toolbar(self) -> None:
-        bar = QToolBar("Main", movable=False)
-        bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-        bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
-        self.open_room = self._action("Open room…", "Ctrl+R", "Show the readings in the room of a file")
-        self.open_log = self._action("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
-        self.scan = self._action("▶ Scan", "F5", "Home the turntable, scan a whole turn, record")
-        self.stop = self._action("■ Stop", "F6", "Stop the scan; what was measured is kept")
-        self.fit = self._action("Fit view", "F", "Show the whole room in the plan")
-        bar.addActions([self.open_room, self.open_log])
-        bar.addSeparator()
-        bar.addActions([self.scan, self.stop])
-        bar.addSeparator()
-        bar.addAction(self.fit)
-        bar.addWidget(QLabel("  Place "))
-        bar.addWidget(self.place)
-        self.addToolBar(bar)
+    def _connect_commands(self) -> None:
+        commands, session = self.commands, self.session
+        commands.scan.triggered.connect(session.scan)
+        commands.stop.triggered.connect(session.stop)
+        commands.undo.triggered.connect(session.undo)
+        commands.redo.triggered.connect(session.redo)
+        commands.previous.triggered.connect(session.choose_previous)
+        commands.next.triggered.connect(session.choose_next)
+        commands.newest.triggered.connect(session.follow_newest)
+        commands.play.triggered.connect(session.replay.toggle)
+        for view in (self.plan, self.side_by_side):
+            commands.fit.triggered.connect(view.fit)
+        commands.close.triggered.connect(self.close)
+        commands.open_log.triggered.connect(self._ask_log)
+        commands.open_room.triggered.connect(self._ask_room)
+        commands.views.triggered.connect(self._show_view)
 
-    def _action(self, text: str, key: str, tip: str) -> QAction:
-        return QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})")
-
-    def _connect(self) -> None:
+    def _connect_views(self) -> None:
         session = self.session
-        self.scan.triggered.connect(session.scan)
-        self.stop.triggered.connect(session.stop)
-        self.fit.triggered.connect(self.plan.fit)
-        self.open_log.triggered.connect(lambda: self._ask_file("Open log", "Logs (*.mcap)", session.open_log))
-        self.open_room.triggered.connect(lambda: self._ask_file("Open room", "Rooms (*.toml)", session.open_room))
-        self.place.textActivated.connect(session.set_place)
-        self.plan.picked.connect(session.choose)
-        self.ranges.picked.connect(session.choose)
+        self.toolbar.place.textActivated.connect(session.set_place)
+        for view in (self.plan, self.side_by_side, self.bscan, self.ranges, self.table):
+            view.picked.connect(session.choose)
+        for view in (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges):
+            view.pointed.connect(session.point_at)
+        for view in (self.plan, self.side_by_side, self.room, self.fit_panel):
+            view.edited.connect(session.edit)
         self.replay_bar.toggled.connect(session.replay.toggle)
         self.replay_bar.sought.connect(session.replay.seek)
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
@@ -108,15 +131,17 @@ class MainWindow(QMainWindow):
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
 
-    def _add_keys(self) -> None:
-        keys = {
-            "Left": lambda: self.session.step(-1),
-            "Right": lambda: self.session.step(1),
-            "Esc": self.session.follow_newest,
-            "Space": self.session.replay.toggle,
-        }
-        for key, action in keys.items():
-            QShortcut(QKeySequence(key), self).activated.connect(action)
+    @Slot()
+    def _ask_log(self) -> None:
+        self._ask_file("Open log", "Logs (*.mcap)", self.session.open_log)
+
+    @Slot()
+    def _ask_room(self) -> None:
+        self._ask_file("Open room", "Rooms (*.toml)", self.session.open_room)
+
+    @Slot(QAction)
+    def _show_view(self, action: QAction) -> None:
+        self.stage.setCurrentIndex(self.commands.views.actions().index(action))
 
     def _ask_file(self, title: str, pattern: str, chosen: object) -> None:
         # not modal: what runs goes on, and the window still answers
@@ -128,26 +153,45 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _show(self, shown: Shown) -> None:
-        for view in (self.plan, self.trace, self.ranges, self.sentence):
+        if shown.look != self._look:
+            self._show_look(shown.look)
+        for view in (
+            self.plan,
+            self.side_by_side,
+            self.bscan,
+            self.trace,
+            self.ranges,
+            self.table,
+            self.sentence,
+            self.device,
+            self.room,
+            self.fit_panel,
+            self.toolbar,
+        ):
             view.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.scene.title}")
-        self._show_places(shown)
+        self._show_history()
 
-    def _show_places(self, shown: Shown) -> None:
-        names = [*shown.scene.room.places] if shown.scene.room else []
-        here = shown.scene.standing.name
-        if here and here not in names:
-            names.append(here)  # a place given as X,Y
-        if [self.place.itemText(k) for k in range(self.place.count())] != names:
-            self.place.clear()
-            self.place.addItems(names)
-        self.place.setCurrentText(here)
+    def _show_look(self, look: Look) -> None:
+        self._look = look
+        apply_look(QApplication.instance(), look)
+        for part in (self.banner, self.legend, self.look_commands):
+            part.show_look(look)
+
+    def _show_history(self) -> None:
+        history = self.session.history
+        for action, name, label in (
+            (self.commands.undo, "Undo", history.undo_label),
+            (self.commands.redo, "Redo", history.redo_label),
+        ):
+            action.setText(f"{name} {label}".strip())
+            action.setEnabled(bool(label))
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
         self.status_bar.show_state(status)
-        self.scan.setEnabled(status.can_scan and not status.scanning)
-        self.stop.setEnabled(status.scanning)
-        for widget in (self.open_log, self.open_room):
-            widget.setEnabled(not status.scanning)
-        self.place.setEnabled(not status.scanning and self.place.count() > 0)
+        self.commands.scan.setEnabled(status.can_scan and not status.scanning)
+        self.commands.stop.setEnabled(status.scanning)
+        for action in (self.commands.open_log, self.commands.open_room):
+            action.setEnabled(not status.scanning)
+        self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QGraphicsView
 
 from compare.match import Kind
-from gui.palette import CHOSEN, MARKS, PAPER, PREDICTED, Unclassed
+from gui.palette import MARKS, Palette, Unclassed
 from gui.shown import ClassPoints
 from sonarhw.readings import FloatArray
 
@@ -22,14 +22,13 @@ Placed = tuple[ClassPoints, FloatArray]
 
 def outline_item() -> pg.PlotDataItem:
     """What is predicted: points and a thin line, broken where no echo is predicted."""
-    return pg.PlotDataItem(
-        pen=pg.mkPen(PREDICTED, width=1),
-        symbol="o",
-        symbolSize=3,
-        symbolPen=None,
-        symbolBrush=PREDICTED,
-        connect="finite",
-    )
+    return pg.PlotDataItem(symbol="o", symbolSize=3, symbolPen=None, connect="finite")
+
+
+def dress_outline(outline: pg.PlotDataItem, colours: Palette) -> None:
+    """Draw an outline in the colour of what is predicted."""
+    outline.setPen(pg.mkPen(colours.predicted, width=1))
+    outline.setSymbolBrush(colours.predicted)
 
 
 class ReadingMarks:
@@ -38,10 +37,17 @@ class ReadingMarks:
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Kind | Unclassed, Placed] = {}
         self._scatters = {kind: _scatter(kind, tip) for kind in MARKS}
-        self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", pen=pg.mkPen(CHOSEN, width=2), brush=None)
+        self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", brush=None)
         for z, scatter in enumerate((*self._scatters.values(), self._ring)):
             scatter.setZValue(10 + z)
             plot.addItem(scatter)
+
+    def dress(self, colours: Palette) -> None:
+        """Draw in these colours from now on."""
+        for kind, scatter in self._scatters.items():
+            scatter.setPen(pg.mkPen(colours.paper, width=1))
+            scatter.setBrush(pg.mkBrush(colours.of(kind)))
+        self._ring.setPen(pg.mkPen(colours.chosen, width=2))
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
@@ -63,12 +69,4 @@ class ReadingMarks:
 
 
 def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:
-    mark = MARKS[kind]
-    return pg.ScatterPlotItem(
-        size=_SIZE,
-        symbol=mark.symbol,
-        pen=pg.mkPen(PAPER, width=1),
-        brush=pg.mkBrush(mark.colour),
-        hoverable=True,
-        tip=lambda x, y, data: tip(data),
-    )
+    return pg.ScatterPlotItem(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))

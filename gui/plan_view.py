@@ -1,169 +1,275 @@
 """The plan: the room to scale, what is predicted and measured in it, the beam, and the rays of the chosen reading.
 
-Takes what is shown; hands on which reading was clicked.
+Takes what is shown; hands on which reading was clicked, where the hand points, and how it changes the scene. What the
+hand does is up to the tool it holds (`gui.plan_tools`).
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QFont, QPainterPath
-from PySide6.QtWidgets import QGraphicsPathItem
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
 
 from compare.picture import points_at
-from gui.marks import WHOLE, ReadingMarks, outline_item
-from gui.palette import BEAM, CHOSEN, GRID_ALPHA, INK, PAPER, WALL
+from gui.grips import Part, surface_at
+from gui.look import Look
+from gui.marks import WHOLE, ReadingMarks, dress_outline, outline_item
 from gui.pick import is_plain_click, nearest_reading
-from gui.plan_geometry import beam_wedge, bounce_labels, half_power_angle, outline_points, wall_lines
+from gui.plan_geometry import outline_points, wall_lines
+from gui.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
+from gui.plan_tools import Hand, Tool
+from gui.plan_words import words_at
+from gui.plot_look import dress_plot, label_length
 from gui.reading_tip import reading_tip
-from gui.shown import Shown
+from gui.room_edit import Point, remove_surface, split_wall
+from gui.scene import Scene
+from gui.scene_edit import Edit, bearing, on_grid, with_room
+from gui.shown import Cursor, Shown
 from sim.by_heading import standpoints
-from sim.room import Room
-from sonarhw.readings import FloatArray
+from sonarhw.errors import InputError
 
-_BEAM_LENGTH = 0.3  # of the room's diagonal
 _BEYOND = 0.17  # of the room's longer side
-_MOST_NUMBERED = 9  # points; numbers at more would hide the rays
+_GRIPPED = {Part.SENSOR: Qt.CursorShape.OpenHandCursor, Part.BEAM: Qt.CursorShape.PointingHandCursor}
+
+
+class PlanBox(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
+    """Where the plan is drawn: a drag with the left button is offered to the tool before it moves the paper."""
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False)
+        self.offer: Callable[[MouseDragEvent], bool] = lambda event: False
+
+    def mouseDragEvent(self, ev: MouseDragEvent, axis: int | None = None) -> None:
+        """Offer it; what nobody takes moves the paper."""
+        if axis is None and ev.button() == Qt.MouseButton.LeftButton and self.offer(ev):
+            ev.accept()
+        else:
+            super().mouseDragEvent(ev, axis)
 
 
 class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
-    """Draws the plan of what is shown."""
+    """Draws the plan of what is shown; a `Table` for the tools."""
 
     picked = Signal(int)  # a reading
+    pointed = Signal(object)  # Cursor or None
+    edited = Signal(object, str, object)  # Scene, what was done, gesture
+    chosen = Signal(object)  # number of a wall or post, or None
+    told = Signal(str)  # what lies under the hand, or what it measures
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, measured: bool = True, predicted: bool = True) -> None:
+        super().__init__(viewBox=PlanBox())
         self.setViewportUpdateMode(WHOLE)
-        self._shown: Shown | None = None
+        self.shown: Shown | None = None
+        self._measured, self._predicted = measured, predicted
+        self._surface: str | None = None  # the chosen wall or post, by name: numbers change
         self.setAspectLocked(True)
-        self.setLabel("bottom", "x (m)")
-        self.setLabel("left", "y (m)")
-        self.showGrid(x=True, y=True, alpha=GRID_ALPHA)
         self.hideButtons()
-        self._beam = pg.PlotCurveItem(pen=None, brush=pg.mkBrush(BEAM), fillLevel="enclosed")
-        self._axis = pg.PlotCurveItem(pen=pg.mkPen(INK, width=1, style=Qt.PenStyle.DashLine))
-        self._walls = pg.PlotCurveItem(pen=pg.mkPen(WALL, width=2), connect="pairs")
-        self._posts = QGraphicsPathItem()
-        self._posts.setPen(pg.mkPen(None))
-        self._posts.setBrush(pg.mkBrush(WALL))
+        self.room, self.sensor = RoomLayer(self.plotItem), SensorLayer(self.plotItem)
         self._outline = outline_item()
-        self._rays = pg.PlotCurveItem(pen=pg.mkPen(CHOSEN, width=1.5))
-        self._bounces = [_number() for _ in range(_MOST_NUMBERED)]
-        self._sensor = pg.ScatterPlotItem(size=13, symbol="d", pen=pg.mkPen("w"), brush=pg.mkBrush(INK))
-        items = (self._beam, self._axis, self._walls, self._posts, self._outline, self._rays, self._sensor)
-        for item in (*items, *self._bounces):
-            self.addItem(item, ignoreBounds=item in (self._beam, self._axis))
+        self.addItem(self._outline)
+        self.path, self.cursor_mark = PathLayer(self.plotItem), CursorLayer(self.plotItem)
         self._marks = ReadingMarks(self.plotItem, self._tip)
+        self.ruler = RulerLayer(self.plotItem)
+        self._layers = (self.room, self.sensor, self.path, self.cursor_mark, self.ruler)
+        self._tool: Tool = Hand(self)
+        self._busy = False  # a tool is in a gesture
+        self.plotItem.vb.offer = self._drag
         self.scene().sigMouseClicked.connect(self._click)
+        self.scene().sigMouseMoved.connect(self._hover)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
-        before, self._shown = self._shown, shown
-        if before is None or before.scene is not shown.scene:
-            self._draw_scene(shown)
+        before, self.shown = self.shown, shown
+        fresh = before is None or before.look != shown.look
+        if fresh:
+            self._dress(shown.look)
+        if fresh or before.scene is not shown.scene:
+            self._draw_room()
         if before is None or before.outline is not shown.outline:
-            points = outline_points(shown.outline) if shown.outline else np.empty((0, 2))
+            points = outline_points(shown.outline) if shown.outline and self._predicted else np.empty((0, 2))
             self._outline.setData(*points.T)
-        if before is None or not shown.same_readings(before):
-            stands = partial(standpoints, shown.scene.board, shown.scene.standing)
-            self._marks.draw(
-                {
-                    kind: (points, points_at(stands(points.headings), points.headings, points.ranges))
-                    for kind, points in shown.classes.items()
-                }
-            )
-        self._marks.ring(shown.chosen)
-        self._draw_beam(shown)
-        self._draw_rays(*_rays(shown))
-        if before is None or before.scene is not shown.scene or (not before.readings and not shown.scene.room):
+        if self._measured and (before is None or not shown.same_readings(before)):
+            self._draw_readings(shown)
+        self.sensor.draw(shown)
+        if self._measured:
+            self._marks.ring(shown.chosen)
+        if self._predicted:
+            self.path.draw(shown)
+        self.cursor_mark.draw(shown)
+        if before is None or _another_room(before, shown) or (not before.readings and not shown.scene.room):
             self.fit()
 
     def fit(self) -> None:
         """Show the room and some way beyond, where echoes by several walls seem to lie; without a room everything."""
-        room = self._shown.scene.room if self._shown else None
+        room = self.shown.scene.room if self.shown else None
         if room is None:
             self.plotItem.vb.autoRange(padding=0.05)
             return
-        corners = wall_lines(room)
-        (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+        ends = wall_lines(room)
+        (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
         beyond = _BEYOND * max(right - left, top - bottom)
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
         self.plotItem.vb.setRange(area, padding=0)
 
-    def _draw_scene(self, shown: Shown) -> None:
-        room = shown.scene.room
-        self._walls.setData(*(wall_lines(room) if room else np.empty((0, 2))).T)
-        self._posts.setPath(_posts_path(room) if room else QPainterPath())
-        self._sensor.setData(*np.array([shown.scene.standing.position]).T)
+    def hold(self, tool: type[Tool]) -> None:
+        """Take another tool in the hand."""
+        self._tool = tool(self)
+        self.ruler.clear()
+        self.setCursor(self._tool.shape)
+        if self.shown is not None:
+            self._draw_room()
+        self.tell("")
 
-    def _draw_beam(self, shown: Shown) -> None:
-        scene = shown.scene
-        heading = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
-        if scene.room is None:
-            self._beam.setData([], [])
-            self._axis.setData([], [])
-            return
-        corners = scene.room.walls.reshape(-1, 2)
-        length = _BEAM_LENGTH * math.hypot(*np.ptp(corners, axis=0))
-        self._beam.setData(*beam_wedge(scene.standing, heading, half_power_angle(scene.board, scene.room), length).T)
-        ahead = points_at(scene.standing.position, np.array([heading, heading]), np.array([0.0, length]))
-        self._axis.setData(*ahead.T)
+    # the table of the tools
 
-    def _draw_rays(self, corners: FloatArray, accounts: bool) -> None:
-        style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
-        self._rays.setPen(pg.mkPen(CHOSEN, width=1.5, style=style))
-        self._rays.setData(*corners.T)
-        labels = bounce_labels(corners)
-        for k, number in enumerate(self._bounces):
-            number.setVisible(k < len(labels))
-            if k < len(labels):
-                text, at = labels[k]
-                number.setText(text)
-                number.setPos(*at)
+    @property
+    def beam_end(self) -> Point | None:
+        """Where the beam can be taken hold of, m."""
+        return self.sensor.beam_end
+
+    @property
+    def pixel(self) -> float:
+        """How long one is, m."""
+        return float(abs(self.plotItem.vb.viewPixelSize()[0]))
+
+    def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
+        """Do an edit to the scene as it was when the gesture began; what cannot be is told and not done."""
+        try:
+            changed, label = edit(scene)
+        except InputError as error:
+            self.tell(f"⚠ {error}")
+            return False
+        self.tell("")
+        self.edited.emit(changed, label, gesture)
+        return True
+
+    def choose_surface(self, surface: int | None) -> None:
+        """Let a wall or post be the one that keys and panel are about."""
+        room = self.shown.scene.room
+        self._surface = None if room is None or surface is None else room.names[surface]
+        self._draw_room()
+        self.chosen.emit(surface)
+
+    def measure(self, start: Point, end: Point, text: str) -> None:
+        """Lay the ruler."""
+        self.ruler.draw(start, end, text)
+
+    def tell(self, text: str) -> None:
+        """Say something beside the tools."""
+        self.told.emit(text)
+
+    # keys
+
+    def remove_chosen(self) -> None:
+        """Take out the chosen wall or post."""
+        surface = self.chosen_surface
+        if surface is None:
+            self.tell("click a wall or a post with Edit (E) first")
+        elif self.change(lambda scene: _without(scene, surface), self.shown.scene, None):
+            self.choose_surface(None)
+
+    @property
+    def chosen_surface(self) -> int | None:
+        """Number of the chosen wall or post."""
+        room = self.shown.scene.room if self.shown else None
+        return room.names.index(self._surface) if room and self._surface in room.names else None
+
+    # drawing
+
+    def _dress(self, look: Look) -> None:
+        self.setBackground(look.palette.paper)
+        dress_plot(self.plotItem, look)
+        for side, what in (("bottom", "x"), ("left", "y")):
+            label_length(self.getAxis(side), what, look)
+        for layer in self._layers:
+            layer.dress(look)
+        dress_outline(self._outline, look.palette)
+        self._marks.dress(look.palette)
+
+    def _draw_room(self) -> None:
+        self.room.draw(self.shown.scene.room, self.chosen_surface, self._tool.edits)
+
+    def _draw_readings(self, shown: Shown) -> None:
+        stands = partial(standpoints, shown.scene.board, shown.scene.standing)
+        self._marks.draw(
+            {
+                kind: (points, points_at(stands(points.headings), points.headings, points.ranges))
+                for kind, points in shown.classes.items()
+            }
+        )
 
     def _tip(self, index: int) -> str:
-        return reading_tip(self._shown, index) if self._shown else ""
+        return reading_tip(self.shown, index) if self.shown else ""
+
+    # the mouse
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Nothing is pointed at any more."""
+        self.pointed.emit(None)
+        self.tell("")
+        super().leaveEvent(event)
+
+    def _at(self, position: QPointF) -> Point:
+        """A point of the plan under the mouse; none that cannot be seen."""
+        box = self.plotItem.vb
+        seen = box.mapSceneToView(position)
+        (left, right), (low, high) = box.viewRange()
+        return min(max(seen.x(), left), right), min(max(seen.y(), low), high)
+
+    def _drag(self, event: MouseDragEvent) -> bool:
+        if self.shown is None:
+            return False
+        if event.isStart():
+            self._busy = self._tool.press(self._at(event.buttonDownScenePos()))
+        taken = self._busy
+        if taken:
+            self._tool.drag(self._at(event.scenePos()))
+        if event.isFinish():
+            self._busy = False
+        return taken
 
     def _click(self, event: MouseClickEvent) -> None:
-        if self._shown is None or not is_plain_click(event):
+        if self.shown is None or not is_plain_click(event):
+            return
+        if self._tool.edits and self.shown.scene.room is not None:
+            self._click_on_room(event)
             return
         index = nearest_reading(self.plotItem.vb, self._marks.placed, event.scenePos())
         if index is not None:
             event.accept()
             self.picked.emit(index)
 
+    def _click_on_room(self, event: MouseClickEvent) -> None:
+        at, room = self._at(event.scenePos()), self.shown.scene.room
+        surface = surface_at(room, at, self.pixel)
+        if event.double() and surface is not None and surface < len(room.walls):
+            self.change(lambda scene: _with_corner(scene, surface, at), self.shown.scene, None)
+        else:
+            self.choose_surface(surface)
 
-def _rays(shown: Shown) -> tuple[FloatArray, bool]:
-    """The corners of the path that accounts for the chosen reading; where none does, of the one expected instead."""
-    row = shown.chosen_row
-    nothing = np.empty((0, 2))
-    prediction = shown.prediction
-    if row is None or prediction is None:
-        return nothing, False
-    path = row.path if row.path is not None else int(prediction.winners[row.index])
-    return (prediction.paths.outline(path) if path >= 0 else nothing), row.path is not None
-
-
-def _posts_path(room: Room) -> QPainterPath:
-    path = QPainterPath()
-    for x, y, radius in room.posts:
-        path.addEllipse(QRectF(x - radius, y - radius, 2 * radius, 2 * radius))
-    return path
-
-
-def _number() -> pg.TextItem:
-    # beside the bounce, where the reading may lie
-    item = pg.TextItem(color=PAPER, anchor=(-0.4, 1.3), fill=pg.mkBrush(CHOSEN))
-    item.setFont(_small_font())
-    item.setZValue(30)
-    item.setVisible(False)
-    return item
+    def _hover(self, position: QPointF) -> None:
+        if self.shown is None or self._busy or not self.plotItem.vb.sceneBoundingRect().contains(position):
+            return
+        at, grip = self._at(position), self._tool.grip(self._at(position))
+        self.setCursor(self._tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor))
+        self.tell(words_at(self.shown, grip, at, self.pixel))
+        middle = self.shown.scene.standing.position
+        self.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 
 
-def _small_font() -> QFont:
-    font = QFont()
-    font.setPointSizeF(7.5)
-    return font
+def _another_room(before: Shown, shown: Shown) -> bool:
+    was, now = before.scene, shown.scene
+    if was.room is None or now.room is None:
+        return was.room is not now.room
+    return (was.room_file, was.room.name) != (now.room_file, now.room.name)
+
+
+def _without(scene: Scene, surface: int) -> Edit:
+    return with_room(scene, remove_surface(scene.room, surface)), f"removing {scene.room.names[surface]}"
+
+
+def _with_corner(scene: Scene, wall: int, at: Point) -> Edit:
+    return with_room(scene, split_wall(scene.room, wall, on_grid(at))), f"a corner in {scene.room.names[wall]}"

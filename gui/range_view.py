@@ -11,10 +11,12 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QPointF, Qt, Signal
 
 from compare.match import TOLERANCE, Kind
-from gui.marks import WHOLE, Placed, ReadingMarks, outline_item
-from gui.palette import CHOSEN, GRID_ALPHA, TOLERANCE_BAND, Unclassed
+from gui.look import Look
+from gui.marks import WHOLE, Placed, ReadingMarks, dress_outline, outline_item
+from gui.palette import Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
+from gui.plot_look import dress_plot, label_axis, label_length
 from gui.reading_tip import reading_tip
 from gui.shown import Shown
 from sonarhw.readings import FloatArray
@@ -28,14 +30,14 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
     """Draws ranges and residuals over heading."""
 
     picked = Signal(int)  # a reading
+    pointed = Signal(object)  # Cursor or None
 
     def __init__(self) -> None:
         super().__init__()
         self.setViewportUpdateMode(WHOLE)
         self._shown: Shown | None = None
-        self.ranges = self._plot(0, "range (m)")
-        self.residuals = self._plot(1, "residual (cm)")
-        self.residuals.setLabel("bottom", "heading in the room (°)")
+        self.ranges = self._plot(0)
+        self.residuals = self._plot(1)
         self.residuals.setXLink(self.ranges)
         self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
         self.residuals.setToolTip("measured less predicted; what is beyond ±25 cm is drawn at the edge")
@@ -44,7 +46,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.ci.layout.setRowStretchFactor(1, 2)
         self._outline = outline_item()
         self.ranges.addItem(self._outline)
-        self._add_tolerance()
+        self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
         self._cursors = [self._add_cursor(plot) for plot in (self.ranges, self.residuals)]
         self.ranges.setXRange(0, 360, padding=0.01)
@@ -53,9 +55,11 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._dress(shown.look)
         if before is None or before.outline is not shown.outline:
             self._draw_outline(shown)
-        if before is None or before.classes is not shown.classes:
+        if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
         for marks in self._marks:
@@ -65,28 +69,41 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             if shown.chosen is not None:
                 cursor.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
 
-    def _plot(self, row: int, label: str) -> pg.PlotItem:
+    def _dress(self, look: Look) -> None:
+        self.setBackground(look.palette.paper)
+        for plot in (self.ranges, self.residuals):
+            dress_plot(plot, look)
+        label_length(self.ranges.getAxis("left"), "range", look)
+        label_axis(self.residuals.getAxis("left"), "residual (cm)")
+        label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
+        dress_outline(self._outline, look.palette)
+        self._tolerance.setBrush(look.palette.tolerance)
+        for line in self._tolerance.lines:
+            line.setPen(look.palette.tolerance)
+        for marks in self._marks:
+            marks.dress(look.palette)
+        for cursor in self._cursors:
+            cursor.setPen(pg.mkPen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
+
+    def _plot(self, row: int) -> pg.PlotItem:
         plot = self.addPlot(row=row, col=0)
-        plot.setLabel("left", label)
         plot.getAxis("left").setWidth(_AXIS_WIDTH)
         plot.getAxis("bottom").setTickSpacing(90, 30)
-        plot.showGrid(x=True, y=True, alpha=GRID_ALPHA)
         plot.hideButtons()
         return plot
 
-    def _add_tolerance(self) -> None:
+    def _add_tolerance(self) -> pg.LinearRegionItem:
         band = pg.LinearRegionItem(
             (-100 * TOLERANCE, 100 * TOLERANCE),
             orientation="horizontal",
             movable=False,
-            brush=pg.mkBrush(TOLERANCE_BAND),
-            pen=pg.mkPen(TOLERANCE_BAND),
         )
         band.setZValue(-20)
         self.residuals.addItem(band, ignoreBounds=True)
+        return band
 
     def _add_cursor(self, plot: pg.PlotItem) -> pg.InfiniteLine:
-        line = pg.InfiniteLine(angle=90, pen=pg.mkPen(CHOSEN, width=1, style=Qt.PenStyle.DotLine))
+        line = pg.InfiniteLine(angle=90)
         plot.addItem(line, ignoreBounds=True)
         return line
 

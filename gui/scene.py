@@ -3,10 +3,11 @@
 Takes what a person chose or what a log carries; hands on a frozen `Scene`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from compare.recorded_board import board_of_log
 from sim.board import Board
+from sim.prediction import PredictionOptions
 from sim.room import Place, Room, parse_room
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
@@ -16,12 +17,13 @@ _NOWHERE = Place("", (0.0, 0.0))
 
 @dataclass(frozen=True)
 class Scene:
-    """Room, place and board; room and place are both there or both missing."""
+    """Room, place and board; room and place are both there or both missing. `options`: how sound is followed."""
 
     room: Room | None
     place: Place | None
     board: Board
     room_file: str = ""  # its name, for the log
+    options: PredictionOptions = field(default_factory=PredictionOptions)
 
     @property
     def standing(self) -> Place:

@@ -13,12 +13,14 @@ from PySide6.QtCore import QObject, QTimer, Signal, Slot
 from gui.choice import Choice
 from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
 from gui.forecast import Forecast
+from gui.history import History
 from gui.live_feed import LiveFeed
 from gui.live_scan import ScannerOpener, ScanWish
+from gui.look import Look
 from gui.rate import RateMeter
 from gui.replay import Replay
 from gui.scene import Scene
-from gui.shown import Shown
+from gui.shown import Cursor, Shown
 from gui.status import Source, Status, lost_in
 from gui.worker import Failure, Worker
 from sonarhw.log import Log
@@ -34,9 +36,10 @@ class Session(QObject):
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty takes it away
 
-    def __init__(self, scene: Scene, opener: ScannerOpener | None, wish: ScanWish) -> None:
+    def __init__(self, scene: Scene, opener: ScannerOpener | None, wish: ScanWish, look: Look | None = None) -> None:
         super().__init__()
-        self.shown = Shown(scene)
+        self.shown = Shown(scene, look=look or Look())
+        self.history = History()
         self.status = Status(can_scan=opener is not None)
         self.replay = Replay(self)
         self.replay.changed.connect(self._refresh)
@@ -81,7 +84,35 @@ class Session(QObject):
             self.warned.emit(f"{name}: the turntable lost steps; {doubt}")
 
     def set_scene(self, scene: Scene) -> None:
-        """Put the readings into another room, to another place, or before another board."""
+        """Put the readings into another room; what was done to the one before cannot be undone any more."""
+        self.history.forget()
+        self._put(scene)
+
+    @Slot(object, str, object)
+    def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
+        """Change the scene: `label` says what was done, in words that fit behind Undo.
+
+        Edits of one gesture, the same object each time and not None, are undone at once.
+        """
+        if scene is not self.shown.scene:
+            self.history.remember(self.shown.scene, label, gesture)
+            self._put(scene)
+
+    @Slot()
+    def undo(self) -> None:
+        """Take back the last edit."""
+        before = self.history.undo(self.shown.scene)
+        if before is not None:
+            self._put(before)
+
+    @Slot()
+    def redo(self) -> None:
+        """Do again the edit that was taken back last."""
+        after = self.history.redo(self.shown.scene)
+        if after is not None:
+            self._put(after)
+
+    def _put(self, scene: Scene) -> None:
         self.shown = replace(self.shown, scene=scene)
         self._forecast.set_scene(scene)
         self._forecast.follow(self.replay.readings or self._live.readings)
@@ -92,7 +123,7 @@ class Session(QObject):
         """Stand at another place of the room."""
         scene = self.shown.scene
         if scene.room is not None and name != scene.standing.name:
-            self.set_scene(replace(scene, place=scene.room.place(name)))
+            self.edit(replace(scene, place=scene.room.place(name)), f"standing at {name}")
 
     @Slot(str)
     def open_log(self, path: str) -> None:
@@ -116,10 +147,30 @@ class Session(QObject):
         self._choice.follow_newest()
         self._refresh()
 
-    def step(self, by: int) -> None:
-        """Choose the next reading (or one before it), round and round."""
+    @Slot()
+    def choose_next(self) -> None:
+        """Ask about the next reading, round and round."""
+        self._step(1)
+
+    @Slot()
+    def choose_previous(self) -> None:
+        """Ask about the reading before this one, round and round."""
+        self._step(-1)
+
+    def _step(self, by: int) -> None:
         self._choice.step(by, self.shown.chosen, len(self.shown.readings))
         self._refresh()
+
+    @Slot(object)
+    def point_at(self, cursor: Cursor | None) -> None:
+        """Point at a heading and range, in every view."""
+        if cursor != self.shown.cursor:
+            self._tell_shown(replace(self.shown, cursor=cursor))
+
+    def set_look(self, look: Look) -> None:
+        """Draw everything in another palette, unit or size."""
+        if look != self.shown.look:
+            self._tell_shown(replace(self.shown, look=look))
 
     def close(self) -> None:
         """Stop the board, close the log, end every thread; twice does no harm."""
@@ -179,14 +230,19 @@ class Session(QObject):
     def _refresh(self) -> None:
         readings = self._played() if self.replay.loaded else self._live.readings
         compared = self._forecast.compared
-        self.shown = replace(
-            self.shown,
-            outline=self._forecast.outline,
-            compared=compared,
-            readings=readings,
-            chosen=self._choice.among(len(readings), compared.end if compared else 0),
+        self._tell_shown(
+            replace(
+                self.shown,
+                outline=self._forecast.outline,
+                compared=compared,
+                readings=readings,
+                chosen=self._choice.among(len(readings), compared.end if compared else 0),
+            )
         )
-        self.shown_changed.emit(self.shown)
+
+    def _tell_shown(self, shown: Shown) -> None:
+        self.shown = shown
+        self.shown_changed.emit(shown)
 
     def _played(self) -> tuple[Reading, ...]:
         before, count = self.shown.readings, self.replay.count

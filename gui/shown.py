@@ -5,7 +5,7 @@ the parts with those it drew last and redraws only what is another object.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from compare.explain import explain
 from compare.match import Kind, Matched
 from gui.forecast import Compared
+from gui.look import Look
 from gui.palette import Unclassed
 from gui.scene import Scene
 from sim.predicted_scan import PredictedScan
@@ -29,6 +30,14 @@ class ClassPoints:
 
 
 @dataclass(frozen=True)
+class Cursor:
+    """Where a hand points: linked in plan, trace, range view and B-scan."""
+
+    heading: float  # rad in the room
+    range: float  # m
+
+
+@dataclass(frozen=True)
 class Shown:
     """Everything the views draw."""
 
@@ -37,6 +46,8 @@ class Shown:
     compared: Compared | None = None
     readings: tuple[Reading, ...] = ()
     chosen: int | None = None
+    cursor: Cursor | None = None
+    look: Look = field(default_factory=Look)
 
     @property
     def chosen_reading(self) -> Reading | None:
@@ -70,10 +81,14 @@ class Shown:
         """What the chosen reading says; an invitation where there is none."""
         if self.chosen is None:
             return "No reading yet: press Scan or open a log."
-        if self.compared is not None and self.chosen_row is not None:
-            return explain(self.compared.comparison, self.chosen - self.compared.first)
-        heard = self.readings[self.chosen].range
-        at = f"{math.degrees(self.heading(self.chosen)) % 360:.1f}°"
+        return self.sentence_of(self.chosen)
+
+    def sentence_of(self, reading: int) -> str:
+        """What a reading says, or what it waits for."""
+        if self.compared is not None and self.row(reading) is not None:
+            return explain(self.compared.comparison, reading - self.compared.first)
+        heard = self.readings[reading].range
+        at = f"{math.degrees(self.heading(reading)) % 360:.1f}°"
         told = f"no echo at {at}" if heard is None else f"{heard:.3f} m at {at}"
         return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
 

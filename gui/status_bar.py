@@ -8,10 +8,11 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QStatusBar
 
-from gui.palette import LIVE, REPLAY
+from gui.palette import LIGHT
 from gui.status import Source, Status
 
-_COLOURS = {Source.NONE: "#666666", Source.LIVE: LIVE, Source.REPLAY: REPLAY}
+# badges carry their own ground, the same on every paper
+_COLOURS = {Source.NONE: LIGHT.idle, Source.LIVE: LIGHT.live, Source.REPLAY: LIGHT.replay}
 
 
 class StatusBar(QStatusBar):

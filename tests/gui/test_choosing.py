@@ -29,7 +29,7 @@ def test_a_click_in_the_plan_tells_about_that_reading(qtbot: QtBot, window: Main
 
 def test_the_rays_of_the_chosen_reading_end_where_they_began(qtbot: QtBot, window: MainWindow) -> None:
     window.session.choose(27)
-    x, y = window.plan._rays.getData()
+    x, y = window.plan.path._rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == window.session.shown.scene.place.position
 
@@ -70,8 +70,8 @@ def test_every_predicted_echo_of_the_chosen_heading_is_marked(window: MainWindow
 
 def test_another_place_is_another_prediction(qtbot: QtBot, window: MainWindow) -> None:
     before = window.session.shown.outline
-    window.place.setCurrentText("figure7")
-    window.place.textActivated.emit("figure7")
+    window.toolbar.place.setCurrentText("figure7")
+    window.toolbar.place.textActivated.emit("figure7")
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.outline is not before
     assert window.session.shown.outline.place.name == "figure7"

@@ -73,12 +73,12 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
     window = open_with(source=fake(4.0), autostart=True)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
     assert window.status_bar.badge.text() == "● live"
-    assert not window.scan.isEnabled()
-    window.stop.trigger()
+    assert not window.commands.scan.isEnabled()
+    window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.STOPPED
     assert window.banner.message == ""
-    assert window.scan.isEnabled()
+    assert window.commands.scan.isEnabled()
     log = read_log(window.session.status.recording)
     assert log.torn is None
     assert 3 <= len(log.readings) < ORDER.readings
@@ -87,7 +87,7 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
 def test_stop_while_it_homes_ends_it_too(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("real"), autostart=True)
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
-    window.stop.trigger()
+    window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.STOPPED
     assert window.session.shown.readings == ()
@@ -117,7 +117,7 @@ def test_a_second_scan_begins_afresh(qtbot: QtBot, open_with: OpenWith, fake: Op
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window) and predicted(window))
     first = window.session.status.recording
-    window.scan.trigger()
+    window.commands.scan.trigger()
     until(qtbot, lambda: window.session.status.recording not in (None, first))
     until(qtbot, lambda: ended(window) and predicted(window))
     assert len(window.session.shown.readings) == ORDER.readings
@@ -161,7 +161,7 @@ def test_a_scanner_that_is_not_there_is_a_banner(qtbot: QtBot, open_with: OpenWi
     window = open_with(source=lambda: Scanner.open("socket://127.0.0.1:9"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert "127.0.0.1:9" in window.banner.message
-    assert window.scan.isEnabled()
+    assert window.commands.scan.isEnabled()
 
 
 def test_a_folder_that_cannot_be_written_is_a_banner(

@@ -36,7 +36,7 @@ def test_a_log_is_shown_whole_with_the_slider_at_its_end(qtbot: QtBot, window: M
     assert window.replay_bar.isVisible()
     assert window.replay_bar.slider.value() == window.replay_bar.slider.maximum() > 0
     until(qtbot, lambda: window.status_bar.badge.text() == "replay")
-    assert not window.scan.isEnabled()
+    assert not window.commands.scan.isEnabled()
 
 
 def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: MainWindow) -> None:
@@ -124,7 +124,7 @@ def test_a_log_opened_in_the_window_brings_its_own_room(
     window.session.open_log(str(recorded))
     until(qtbot, lambda: window.session.status.source is Source.REPLAY and predicted(window))
     assert window.session.shown.scene.room.name == "Simple room"
-    assert window.place.currentText() == "figure9"
+    assert window.toolbar.place.currentText() == "figure9"
 
 
 def test_a_file_that_is_no_log_is_a_banner(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_scan_after_a_replay_puts_the_log_away(
     window = open_with(source=fake("max"))
     window.session.open_log(str(recorded))
     until(qtbot, lambda: window.replay_bar.isVisible())
-    window.scan.trigger()
+    window.commands.scan.trigger()
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings and not window.session.status.scanning)
     assert not window.replay_bar.isVisible()
 

@@ -55,14 +55,14 @@ def test_pictures_of_the_demo_live_and_in_replay(
     with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace=pace) as endpoint:
         window = open_with(scene=scene, order=ORDER, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
         until(qtbot, lambda: predicted(window))
-        window.scan.trigger()
+        window.commands.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
         window.session.choose(ASKED_LIVE)
         until(qtbot, lambda: window.session.shown.chosen_row is not None)
         save(window, folder / "live.png")
         assert window.status_bar.badge.text() == "● live"
         until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
-        window.stop.trigger()
+        window.commands.stop.trigger()
         until(qtbot, lambda: ended(window))
         recording = window.session.status.recording
         window.close()

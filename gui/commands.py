@@ -1,0 +1,58 @@
+"""Every action of the window: its name, its key, and what a hand held over it says.
+
+Takes the window; hands on actions, which toolbar, menus and help page show.
+"""
+
+from PySide6.QtGui import QAction, QActionGroup, QKeySequence
+from PySide6.QtWidgets import QWidget
+
+
+class Commands:
+    """What can be done with one key."""
+
+    def __init__(self, owner: QWidget) -> None:
+        self._owner = owner
+        self.all: list[QAction] = []
+        self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in the room of a file")
+        self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
+        self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
+        self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")
+        self.stop = self._add("■ Stop", "F6", "Stop the scan; what was measured is kept")
+        self.undo = self._add("Undo", "Ctrl+Z", "Take back what was done to the room last")
+        self.redo = self._add("Redo", "Ctrl+Shift+Z", "Do again what was taken back")
+        self.previous = self._add("Previous reading", "Left", "Ask about the reading before this one")
+        self.next = self._add("Next reading", "Right", "Ask about the reading after this one")
+        self.newest = self._add("Newest reading", "Esc", "Follow the newest reading again")
+        self.play = self._add("Play or pause", "Space", "Play the log on its recorded schedule, or pause")
+        self.views = self._choice(
+            self._add("Plan", "1", "The room to scale"),
+            self._add("Side by side", "2", "Reality left, simulation right"),
+            self._add("B-scan", "3", "Heading by range as an image"),
+        )
+        self.fit = self._add("Fit view", "F", "Show the whole room in the plan")
+        self.dark = self._add("Dark", "Ctrl+D", "Light on dark, or dark on light")
+        self.dark.setCheckable(True)
+        self.units = self._choice(
+            self._add("Metres", "Ctrl+1", "Write lengths in metres"),
+            self._add("Centimetres", "Ctrl+2", "Write lengths in centimetres"),
+            self._add("Feet", "Ctrl+3", "Write lengths in feet"),
+        )
+        self.larger = self._add("Larger text", "Ctrl++", "Larger text everywhere")
+        self.larger.setShortcuts([QKeySequence("Ctrl++"), QKeySequence("Ctrl+=")])
+        self.smaller = self._add("Smaller text", "Ctrl+-", "Smaller text everywhere")
+        self.usual_size = self._add("Usual text", "Ctrl+0", "Text in the system's own size")
+
+    def _add(self, text: str, key: str, tip: str) -> QAction:
+        action = QAction(text, self._owner, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
+        self._owner.addAction(action)
+        self.all.append(action)
+        return action
+
+    def _choice(self, *actions: QAction) -> QActionGroup:
+        """Commands of which one is always chosen, at first the first."""
+        group = QActionGroup(self._owner)
+        for action in actions:
+            action.setCheckable(True)
+            group.addAction(action)
+        actions[0].setChecked(True)
+        return group

@@ -1,0 +1,38 @@
+"""The docks: panels at the side of the window, each of which can be closed, moved and opened again.
+
+Takes the window and its panels; hands on the docks.
+"""
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QWidget
+
+
+class Docks:
+    """The docks of one window, closed at first, behind one another."""
+
+    def __init__(self, window: QMainWindow) -> None:
+        self._window = window
+        self._docks: list[QDockWidget] = []
+
+    def add(self, name: str, key: str, panel: QWidget) -> QDockWidget:
+        """A dock for `panel`; `key` opens and closes it."""
+        dock = QDockWidget(name, self._window)
+        dock.setObjectName(name)  # by which the layout is remembered
+        inside = QScrollArea(widgetResizable=True)
+        inside.setFrameShape(QScrollArea.Shape.NoFrame)
+        inside.setWidget(panel)
+        dock.setWidget(inside)
+        dock.toggleViewAction().setShortcut(QKeySequence(key))
+        dock.toggleViewAction().setToolTip(f"Open or close this panel ({key})")
+        self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
+        if self._docks:
+            self._window.tabifyDockWidget(self._docks[-1], dock)
+        dock.hide()
+        self._docks.append(dock)
+        return dock
+
+    @property
+    def actions(self) -> list[QAction]:
+        """What opens and closes them."""
+        return [dock.toggleViewAction() for dock in self._docks]

@@ -1,0 +1,36 @@
+"""How plots look: axes, grid and labels in the palette, unit and text size of a look.
+
+Takes a plot and a `Look`; changes the plot. What is drawn in it stays in metres: only its axes are written in the unit.
+"""
+
+import pyqtgraph as pg
+
+from gui.look import Look
+from gui.theme import text_font
+
+_AXES = ("left", "bottom", "right", "top")
+
+
+def dress_plot(plot: pg.PlotItem, look: Look) -> None:
+    """Axes, their figures and the grid."""
+    font = text_font(look, 0.9)
+    for name in _AXES:
+        axis = plot.getAxis(name)
+        axis.setPen(look.palette.ink)
+        axis.setTextPen(look.palette.ink)
+        axis.setStyle(tickFont=font)
+        axis.label.setFont(font)
+        axis.labelStyle = {"color": look.palette.ink}
+    plot.showGrid(x=True, y=True, alpha=look.palette.grid_alpha)
+
+
+def label_axis(axis: pg.AxisItem, text: str) -> None:
+    """A label of the axis in the colour that it was dressed in."""
+    axis.setLabel(text, **axis.labelStyle)
+
+
+def label_length(axis: pg.AxisItem, what: str, look: Look) -> None:
+    """An axis over metres, written in the look's unit."""
+    axis.enableAutoSIPrefix(False)
+    axis.setScale(look.unit.per_metre)
+    label_axis(axis, f"{what} ({look.unit.label})")

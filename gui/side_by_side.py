@@ -1,0 +1,51 @@
+"""Side by side: reality left, simulation right, under one pan and zoom.
+
+Takes what is shown; hands on the gestures of both plans.
+"""
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from gui.plan_view import PlanView
+from gui.shown import Shown
+
+
+class SideBySide(QWidget):
+    """Two plans: what was measured in the room, and what the model says."""
+
+    picked = Signal(int)  # a reading
+    pointed = Signal(object)  # Cursor or None
+    edited = Signal(object, str, object)  # Scene, what was done, gesture
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reality, self.simulation = PlanView(predicted=False), PlanView(measured=False)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(1)
+        for title, view in (("Reality: measured", self.reality), ("Simulation: predicted", self.simulation)):
+            row.addLayout(_titled(title, view), stretch=1)
+            for mine, theirs in ((self.picked, view.picked), (self.pointed, view.pointed), (self.edited, view.edited)):
+                theirs.connect(mine)
+        self.simulation.plotItem.setXLink(self.reality.plotItem)
+        self.simulation.plotItem.setYLink(self.reality.plotItem)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        for view in (self.reality, self.simulation):
+            view.show_state(shown)
+
+    def fit(self) -> None:
+        """Show the whole room in both."""
+        self.reality.fit()
+
+
+def _titled(title: str, view: PlanView) -> QVBoxLayout:
+    column = QVBoxLayout()
+    column.setSpacing(0)
+    label = QLabel(title)
+    label.setAlignment(Qt.AlignmentFlag.AlignCenter)
+    label.setContentsMargins(0, 4, 0, 4)
+    column.addWidget(label)
+    column.addWidget(view, stretch=1)
+    return column
