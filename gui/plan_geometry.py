@@ -4,6 +4,7 @@ Takes rooms, predictions and directions; hands on (n, 2) points in metres, NaN w
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,13 @@ def _breaks(outline: PredictedScan) -> NDArray[np.intp]:
 
 def half_power_angle(board: Board, room: Room) -> float:
     """How far off its axis the transducer sends half the power, rad."""
+    return _half_power_angle(board.wavenumber(room.air) * board.aperture_radius)
+
+
+@lru_cache(maxsize=4)
+def _half_power_angle(ka: float) -> float:
     angles = np.linspace(0, math.pi / 2, 3601)
-    gains = beam_gain(angles, board.wavenumber(room.air) * board.aperture_radius)
-    return float(angles[np.argmax(gains < math.sqrt(0.5))])
+    return float(angles[np.argmax(beam_gain(angles, ka) < math.sqrt(0.5))])
 
 
 def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -> FloatArray:
@@ -55,13 +60,48 @@ def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -
     return np.vstack((place.position, rim, place.position))
 
 
-def bounce_labels(corners: FloatArray) -> list[tuple[str, FloatArray]]:
-    """The numbers of a path's bounces and where they are; one that comes back its own way has two at a point."""
-    labels: list[tuple[list[int], FloatArray]] = []
-    for number, at in enumerate(corners[1:-1], start=1):
-        same = next((numbers for numbers, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
-        if same is None:
-            labels.append(([number], at))
+def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float]]:
+    """What each thing a path touched took of its amplitude: which corner of the path, and dB.
+
+    A wall takes what its reflectance says; what roundness and edges take is known of all of them together, and told at
+    the last.
+    """
+    paths, room = prediction.paths, prediction.room
+    surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]
+    bend = int(paths.bends[path]) if paths.edges[path] >= 0 else None
+    flat = len(room.walls)
+    events: list[int | None] = [*surfaces]
+    if bend is not None:
+        events.insert(bend, None)
+    losses, bent, rest = [], 0, _decibels(float(paths.gains[path]))
+    for corner, surface in enumerate(events, start=1):
+        if surface is None or flat <= surface < room.levels.start:
+            bent = corner
         else:
-            same.append(number)
-    return [(" ".join(map(str, numbers)), at) for numbers, at in labels]
+            losses.append((corner, _decibels(float(room.reflectances[surface]))))
+            rest -= losses[-1][1]
+    return sorted([*losses, (bent, rest)] if bent else losses)
+
+
+def _decibels(amplitude: float) -> float:
+    return 20 * math.log10(amplitude) if amplitude > 0 else -math.inf
+
+
+def decibels_text(level: float) -> str:
+    """A level as people read it, with a real minus and none at nothing."""
+    return f"{level:.1f} dB".replace("-0.0 ", "0.0 ").replace("-", "−")
+
+
+def bounce_labels(corners: FloatArray, losses: list[tuple[int, float]]) -> list[tuple[str, FloatArray]]:
+    """What is written at a path's corners and where: number and loss; one that comes back its own way has two at a
+    point."""
+    told = dict(losses)
+    labels: list[tuple[list[str], FloatArray]] = []
+    for number, at in enumerate(corners[1:-1], start=1):
+        text = f"{number}  {decibels_text(told[number])}" if number in told else f"{number}"
+        same = next((texts for texts, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
+        if same is None:
+            labels.append(([text], at))
+        else:
+            same.append(text)
+    return [("\n".join(texts), at) for texts, at in labels]

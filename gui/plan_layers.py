@@ -1,0 +1,215 @@
+"""The layers of the plan: room, sensor with its beam, rays of one path, cursor, ruler. Each draws its part.
+
+Takes a plot and what is shown; changes the plot.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QRectF, Qt
+from PySide6.QtGui import QPainterPath
+from PySide6.QtWidgets import QGraphicsPathItem
+
+from compare.picture import points_at
+from gui.look import Look
+from gui.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_power_angle, wall_lines
+from gui.room_edit import Point, corners
+from gui.shown import Shown
+from gui.theme import text_font
+from sim.room import Room
+from sonarhw.readings import FloatArray
+
+_BEAM_LENGTH = 0.3  # of the room's diagonal
+_MOST_LABELLED = 9  # points; labels at more would hide the rays
+_NOTHING = np.empty((0, 2))
+
+
+class RoomLayer:
+    """Walls and posts, the one that is chosen thicker, and the corners where they can be dragged."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._walls = pg.PlotCurveItem(connect="pairs")
+        self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
+        self._posts.setPen(pg.mkPen(None))
+        self._chosen_wall = pg.PlotCurveItem()
+        self._corners = pg.ScatterPlotItem(size=8, symbol="s", brush=None)
+        self._corners.setZValue(20)  # over readings
+        for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
+            plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        colours = look.palette
+        self._walls.setPen(pg.mkPen(colours.wall, width=2))
+        self._posts.setBrush(pg.mkBrush(colours.wall))
+        self._chosen_wall.setPen(pg.mkPen(colours.chosen, width=5))
+        self._chosen_post.setPen(pg.mkPen(colours.chosen, width=4))
+        self._corners.setPen(pg.mkPen(colours.ink, width=1))
+
+    def draw(self, room: Room | None, chosen: int | None, handles: bool) -> None:
+        """Draw a room with one of its surfaces chosen; `handles`: with its corners."""
+        self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
+        self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
+        self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)
+        wall, post = _NOTHING, np.empty((0, 3))
+        if room and chosen is not None and chosen < len(room.walls):
+            wall = room.walls[chosen].reshape(2, 2)
+        elif room and chosen is not None and chosen not in room.levels:
+            post = room.posts[chosen - len(room.walls)][None]
+        self._chosen_wall.setData(*wall.T)
+        self._chosen_post.setPath(_posts_path(post))
+
+
+class SensorLayer:
+    """The sensor, where its turntable looks, and the beam."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self.beam_end: Point | None = None
+        self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
+        self._axis = pg.PlotCurveItem()
+        self._handle = pg.ScatterPlotItem(size=11, symbol="o")
+        self._sensor = pg.ScatterPlotItem(size=14, symbol="d")
+        for z, item in ((-10, self._beam), (-9, self._axis), (21, self._handle), (22, self._sensor)):
+            item.setZValue(z)
+            plot.addItem(item, ignoreBounds=item is not self._sensor)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        colours = look.palette
+        self._beam.setBrush(colours.beam)
+        self._axis.setPen(pg.mkPen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
+        self._handle.setPen(pg.mkPen(colours.ink, width=1.5))
+        self._handle.setBrush(pg.mkBrush(colours.beam))
+        self._sensor.setPen(pg.mkPen(colours.paper))
+        self._sensor.setBrush(pg.mkBrush(colours.ink))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw the sensor as it looked at the newest reading; before the first as it stands."""
+        scene, room = shown.scene, shown.scene.room
+        self._sensor.setData(*np.array([scene.standing.position]).T)
+        wedge, axis, self.beam_end = _NOTHING, _NOTHING, None
+        if room is not None:
+            heading = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
+            length = _BEAM_LENGTH * math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+            wedge = beam_wedge(scene.standing, heading, half_power_angle(scene.board, room), length)
+            axis = points_at(scene.standing.position, np.full(2, heading), np.array([0.0, length]))
+            self.beam_end = float(axis[1, 0]), float(axis[1, 1])
+        self._beam.setData(*wedge.T)
+        self._axis.setData(*axis.T)
+        self._handle.setData(*axis[1:].T)
+
+
+class PathLayer:
+    """The path that accounts for the chosen reading, bounce by bounce, with what each takes of it."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._rays = pg.PlotCurveItem()
+        self._labels = [_label() for _ in range(_MOST_LABELLED)]
+        self._colour = "k"
+        for item in (self._rays, *self._labels):
+            plot.addItem(item)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._colour = look.palette.chosen
+        for label in self._labels:
+            label.setColor(look.palette.paper)
+            label.fill = pg.mkBrush(look.palette.chosen)
+            label.setFont(text_font(look, 0.8))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw it; where no path accounts for the reading, dotted the one that was expected."""
+        points, losses, accounts = _chosen_path(shown)
+        style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
+        self._rays.setPen(pg.mkPen(self._colour, width=1.5, style=style))
+        self._rays.setData(*points.T)
+        labels = bounce_labels(points, losses)
+        for k, label in enumerate(self._labels):
+            label.setVisible(k < len(labels))
+            if k < len(labels):
+                text, at = labels[k]
+                label.setText(text)
+                label.setPos(*at)
+
+
+class CursorLayer:
+    """Where a hand points in another view."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._cross = pg.ScatterPlotItem(size=17, symbol="crosshair", brush=None)
+        self._cross.setZValue(25)
+        plot.addItem(self._cross, ignoreBounds=True)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._cross.setPen(pg.mkPen(look.palette.chosen, width=1))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw it; nothing where nothing is pointed at."""
+        at, cursor = _NOTHING, shown.cursor
+        if cursor is not None:
+            at = points_at(shown.scene.standing.position, np.array([cursor.heading]), np.array([cursor.range]))
+        self._cross.setData(*at.T)
+
+
+class RulerLayer:
+    """A line between two points, with its length and direction written beside it."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._line = pg.PlotCurveItem()
+        self._ends = pg.ScatterPlotItem(size=13, symbol="crosshair", brush=None)
+        self.label = pg.TextItem(anchor=(-0.1, 1.2))
+        for item in (self._line, self._ends, self.label):
+            item.setZValue(40)
+            plot.addItem(item, ignoreBounds=True)
+        self.clear()
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._line.setPen(pg.mkPen(look.palette.ink, width=1.5))
+        self._ends.setPen(pg.mkPen(look.palette.ink, width=1.5))
+        self.label.setColor(look.palette.ink)
+        self.label.fill = pg.mkBrush(look.palette.tip_paper)
+        self.label.setFont(text_font(look))
+
+    def draw(self, start: Point, end: Point, text: str) -> None:
+        """Lay it from one point to another."""
+        ends = np.array([start, end])
+        self._line.setData(*ends.T)
+        self._ends.setData(*ends.T)
+        self.label.setText(text)
+        self.label.setPos(*end)
+        self.label.setVisible(True)
+
+    def clear(self) -> None:
+        """Take it away."""
+        self._line.setData([], [])
+        self._ends.setData([], [])
+        self.label.setVisible(False)
+
+
+def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
+    """Corners and losses of the path of the chosen reading; whether it accounts for it or was only expected."""
+    row, prediction = shown.chosen_row, shown.prediction
+    if row is None or prediction is None or prediction.place.position != shown.scene.standing.position:
+        return _NOTHING, [], False
+    path = row.path if row.path is not None else int(prediction.winners[row.index])
+    if path < 0:
+        return _NOTHING, [], False
+    return prediction.paths.outline(path), bounce_losses(prediction, path), row.path is not None
+
+
+def _posts_path(posts: FloatArray) -> QPainterPath:
+    path = QPainterPath()
+    for x, y, radius in posts:
+        path.addEllipse(QRectF(x - radius, y - radius, 2 * radius, 2 * radius))
+    return path
+
+
+def _label() -> pg.TextItem:
+    # beside the bounce, where the reading may lie
+    item = pg.TextItem(anchor=(-0.1, 1.3))
+    item.setZValue(30)
+    item.setVisible(False)
+    return item

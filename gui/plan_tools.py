@@ -1,0 +1,217 @@
+"""The tools of the plan: what a hand does in it. One class a tool; a tool holds nothing but the gesture it is in.
+
+Takes points on the plan (m); hands on edits, words and a sketch through the `Table` that it works on.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from PySide6.QtCore import Qt
+
+from gui.grips import Grip, Part, room_grip, sensor_grip
+from gui.look import LengthUnit
+from gui.room_edit import Point, add_post, add_wall, corners
+from gui.scene import Scene
+from gui.scene_edit import Edit, bearing, dragged, on_grid, with_room
+from gui.shown import Shown
+
+_SHORTEST = 0.005  # m: of a wall or a radius; less is a slip of the hand
+_SNAP = 9.0  # pixels
+_NO_ROOM = "open a room file first: there is nothing here to change"
+
+
+class Table(Protocol):
+    """What a tool works on."""
+
+    @property
+    def shown(self) -> Shown:
+        """What lies there."""
+
+    @property
+    def beam_end(self) -> Point | None:
+        """Where the beam can be taken hold of, m."""
+
+    @property
+    def pixel(self) -> float:
+        """How long one is, m."""
+
+    def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
+        """Do an edit to the scene as it was when the gesture began; whether it was allowed."""
+
+    def choose_surface(self, surface: int | None) -> None:
+        """Let a wall or post be the one that keys and panel are about."""
+
+    def measure(self, start: Point, end: Point, text: str) -> None:
+        """Lay the ruler."""
+
+    def tell(self, text: str) -> None:
+        """Say something beside the tools."""
+
+
+class Tool:
+    """Does nothing, and so lets the hand move the paper."""
+
+    name, key, tip = "", "", ""
+    shape = Qt.CursorShape.ArrowCursor
+    edits = False  # walls and posts are taken hold of
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+
+    def press(self, at: Point) -> bool:
+        """The hand goes down; whether the tool takes the gesture. If not, it moves the paper."""
+        return False
+
+    def drag(self, to: Point) -> None:
+        """The hand moves."""
+
+    def grip(self, at: Point) -> Grip | None:
+        """What it would take hold of there."""
+        return None
+
+
+class Hand(Tool):
+    """Moves and turns the sensor; anywhere else it moves the paper."""
+
+    name, key = "Hand", "H"
+    tip = "Drag the sensor or the end of its beam; anywhere else, the paper. A click asks about a reading"
+
+    def __init__(self, table: Table) -> None:
+        super().__init__(table)
+        self._held: Grip | None = None
+        self._scene = table.shown.scene if table.shown else None
+
+    def grip(self, at: Point) -> Grip | None:
+        """Sensor or beam."""
+        table = self._table
+        return sensor_grip(table.shown.scene, table.beam_end, at, table.pixel)
+
+    def press(self, at: Point) -> bool:
+        """Take hold of what is there."""
+        self._held, self._scene = self.grip(at), self._table.shown.scene
+        return self._held is not None
+
+    def drag(self, to: Point) -> None:
+        """Have it follow."""
+        grip = self._held
+        if grip is not None:
+            to = self._snapped(grip, to)
+            self._table.change(lambda scene: dragged(scene, grip, to), self._scene, self._held)
+
+    def _snapped(self, grip: Grip, to: Point) -> Point:
+        if grip.part is not Part.CORNER:
+            return to
+        return snapped(self._table, to, besides=grip.at, scene=self._scene)
+
+
+class Pencil(Hand):
+    """Moves corners, walls and posts, too."""
+
+    name, key = "Edit", "E"
+    tip = "Drag corners, walls, posts and rims; a click chooses, Del takes out, a double click in a wall adds a corner"
+    edits = True
+
+    def grip(self, at: Point) -> Grip | None:
+        """Sensor or beam, then what belongs to the room."""
+        scene = self._table.shown.scene
+        over = super().grip(at)
+        return over or (room_grip(scene.room, at, self._table.pixel) if scene.room else None)
+
+    def press(self, at: Point) -> bool:
+        """Take hold of what is there, and choose it."""
+        taken = super().press(at)
+        if taken and self._held.surface is not None:
+            self._table.choose_surface(self._held.surface)
+        return taken
+
+
+class Ruler(Tool):
+    """Measures."""
+
+    name, key = "Ruler", "M"
+    tip = "Drag from one point to another: distance and angle. It finds corners and the sensor by itself"
+    shape = Qt.CursorShape.CrossCursor
+
+    def press(self, at: Point) -> bool:
+        """One end."""
+        self._start = snapped(self._table, at)
+        return True
+
+    def drag(self, to: Point) -> None:
+        """The other."""
+        end = snapped(self._table, to)
+        text = ruled(self._start, end, self._table.shown.look.unit)
+        self._table.measure(self._start, end, text)
+        self._table.tell(text)
+
+
+class _Drawing(Tool):
+    """Puts something new into the room; the prediction follows while it is drawn."""
+
+    shape = Qt.CursorShape.CrossCursor
+    edits = True
+
+    def press(self, at: Point) -> bool:
+        """Where it begins."""
+        self._scene, self._start, self._gesture = self._table.shown.scene, snapped(self._table, at), object()
+        if self._scene.room is None:
+            self._table.tell(_NO_ROOM)
+        return True
+
+    def drag(self, to: Point) -> None:
+        """How large it is."""
+        end = snapped(self._table, to, scene=self._scene)
+        room = self._scene.room
+        if room is None or math.dist(self._start, end) < _SHORTEST:
+            return
+        if self._table.change(lambda scene: self._drawn(scene, end), self._scene, self._gesture):
+            self._table.tell(self._size(end))
+
+    def _drawn(self, scene: Scene, end: Point) -> Edit:
+        raise NotImplementedError
+
+    def _size(self, end: Point) -> str:
+        return ruled(self._start, end, self._table.shown.look.unit)
+
+
+class WallPencil(_Drawing):
+    """Draws a wall."""
+
+    name, key = "Wall", "W"
+    tip = "Drag from one end of a new wall to the other; ends that come near a corner meet it"
+
+    def _drawn(self, scene: Scene, end: Point) -> Edit:
+        room = add_wall(scene.room, self._start, end, scene.room.materials[0])
+        return with_room(scene, room), "adding a wall"
+
+
+class PostPencil(_Drawing):
+    """Draws a post."""
+
+    name, key = "Post", "P"
+    tip = "Drag from the middle of a new post to its rim"
+
+    def _drawn(self, scene: Scene, end: Point) -> Edit:
+        radius = round(math.dist(self._start, end), 3)
+        room = add_post(scene.room, self._start, radius, scene.room.materials[0])
+        return with_room(scene, room), "adding a post"
+
+    def _size(self, end: Point) -> str:
+        return f"radius {self._table.shown.look.unit.text(math.dist(self._start, end))}"
+
+
+TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
+
+
+def snapped(table: Table, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
+    """The corner or sensor near a point, else the point to the millimetre; `besides` is no corner to find."""
+    scene = scene or table.shown.scene
+    known = [*corners(scene.room), scene.standing.position] if scene.room else [scene.standing.position]
+    near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * table.pixel]
+    return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)
+
+
+def ruled(start: Point, end: Point, unit: LengthUnit) -> str:
+    """Distance and direction as people read them."""
+    return f"{unit.text(math.dist(start, end))} at {math.degrees(bearing(start, end)) % 360:.1f}°"

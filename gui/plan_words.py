@@ -1,0 +1,64 @@
+"""What lies under the hand in the plan, in words: wall and material, the sensor, or merely where one points.
+
+Takes what is shown and a point; hands on one line.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from gui.grips import Grip, Part, surface_at
+from gui.plan_geometry import decibels_text
+from gui.room_edit import Point
+from gui.scene_edit import bearing
+from gui.shown import Shown
+from sim.enclosures import inside
+from sim.room import Room
+
+
+def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
+    """One line on what a hand would take hold of at a point, or on what is there."""
+    scene, unit = shown.scene, shown.look.unit
+    x, y = at
+    place = f"x {unit.text(x)}, y {unit.text(y)}"
+    if grip is not None and grip.part is Part.SENSOR:
+        return f"sensor, {standing_words(shown)}; drag to move it"
+    if grip is not None and grip.part is Part.BEAM:
+        return f"beam, {standing_words(shown)}; drag to turn it"
+    if grip is not None and grip.part is Part.CORNER:
+        return f"corner, {place}; drag to move it"
+    surface = surface_at(scene.room, at, pixel) if scene.room else None
+    if surface is not None:
+        return surface_words(scene.room, surface)
+    middle = scene.standing.position
+    away = f"{unit.text(math.dist(middle, at))} at {math.degrees(bearing(middle, at)) % 360:.1f}° from the sensor"
+    return f"{place} · {away}"
+
+
+def surface_words(room: Room, surface: int) -> str:
+    """A wall or post with its material and what that takes of an echo."""
+    mirrored = float(room.reflectances[surface])
+    loss = f" ({decibels_text(20 * math.log10(mirrored))})" if mirrored > 0 else ""
+    power = mirrored**2 + float(room.scattered[surface]) ** 2
+    scatters = f", scatters {float(room.scattered[surface]) ** 2 / power:.0%}" if room.scattered[surface] else ""
+    return f"{room.names[surface]} · {room.materials[surface]}, reflectance {math.sqrt(power):.2f}{scatters}{loss}"
+
+
+def standing_words(shown: Shown) -> str:
+    """Where the sensor stands and looks; said, too, where that is outside the walls."""
+    scene, unit = shown.scene, shown.look.unit
+    place = scene.standing
+    x, y = (unit.text(value) for value in place.position)
+    outside = ", outside the walls" if scene.room and is_outside(scene.room, place.position) else ""
+    return f"x {x}, y {y}{outside}, step 0 at {math.degrees(place.heading) % 360:.1f}°"
+
+
+def is_outside(room: Room, at: Point) -> bool:
+    """Whether a room has closed walls and a point lies within none of them."""
+    chains = room.enclosures
+    if not len(chains.starts):
+        return False
+    point = np.array([at])
+    bounds = [*chains.starts.tolist(), len(chains.walls)]
+    return not any(inside(point, chains.walls[start:end])[0] for start, end in pairwise(bounds))

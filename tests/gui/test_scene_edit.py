@@ -1,0 +1,126 @@
+"""What a hand takes hold of in the plan, and what becomes of the scene, without a window."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gui.grips import Grip, Part, room_grip, sensor_grip, surface_at
+from gui.plan_geometry import bounce_losses
+from gui.plan_words import is_outside, surface_words
+from gui.room_edit import add_post
+from gui.scene import Scene
+from gui.scene_edit import dragged, sensor_at, sensor_turned
+from sim.board import load_board
+from sim.prediction import predict_scan
+from sim.room import Room, load_room
+from sonarhw.errors import InputError
+from tests.gui.conftest import ROOM
+
+PIXEL = 0.002  # m
+
+
+@pytest.fixture
+def crowded(scene: Scene) -> Scene:
+    """The simple room with a post in the middle."""
+    return replace(scene, room=add_post(scene.room, (0.4, 0.4), 0.1, "shelving"))
+
+
+def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> None:
+    x, y = scene.standing.position
+    near = (x + 5 * PIXEL, y)
+    assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is Part.SENSOR
+    assert sensor_grip(scene, (0.3, 0.3), (0.31, 0.3), PIXEL).part is Part.BEAM
+    assert sensor_grip(scene, None, (0.31, 0.3), PIXEL) is None
+
+
+@pytest.mark.parametrize(
+    ("at", "part", "name"),
+    [
+        ((0.003, 0.003), Part.CORNER, None),
+        ((0.5, 0.003), Part.WALL, "bottom"),
+        ((0.4, 0.4), Part.POST, "post 1"),
+        ((0.5, 0.4), Part.RIM, "post 1"),
+    ],
+)
+def test_corner_rim_post_and_wall_are_told_apart(
+    crowded: Scene, at: tuple[float, float], part: Part, name: str
+) -> None:
+    grip = room_grip(crowded.room, at, PIXEL)
+    assert grip.part is part
+    assert name is None or crowded.room.names[grip.surface] == name
+    assert room_grip(crowded.room, (0.7, 0.6), PIXEL) is None
+    assert surface_at(crowded.room, (0.7, 0.6), PIXEL) is None
+
+
+def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
+    x, y = scene.standing.position
+    moved, label = dragged(scene, Grip(Part.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
+    assert moved.standing.position == pytest.approx((x - 0.1, y + 0.2))
+    assert moved.standing.heading == scene.standing.heading
+    assert label == "moving the sensor"
+    assert moved.room is scene.room  # nothing of the room is worked out again
+
+
+def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> None:
+    x, y = scene.standing.position
+    turned, _ = dragged(scene, Grip(Part.BEAM, (x + 0.3, y)), (x, y + 0.1))
+    assert math.degrees(turned.standing.heading - scene.standing.heading) == pytest.approx(90)
+    back, _ = sensor_turned(turned, -math.pi / 2)
+    assert math.degrees(back.standing.heading) % 360 == pytest.approx(math.degrees(scene.standing.heading) % 360)
+
+
+def test_the_places_of_the_file_stay_where_they_are(scene: Scene) -> None:
+    moved, _ = sensor_at(scene, (0.5, 0.5))
+    assert moved.room.places == scene.room.places
+    assert moved.standing.name == "0.5,0.5"
+
+
+def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
+    with pytest.raises(InputError, match="cannot stand inside post 1"):
+        sensor_at(crowded, (0.45, 0.4))
+    beside, _ = sensor_at(crowded, (0.6, 0.4))
+    post = Grip(Part.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
+    with pytest.raises(InputError, match="cannot stand inside post 1"):
+        dragged(beside, post, (0.58, 0.4))
+    rim = replace(post, part=Part.RIM, at=(0.5, 0.4))
+    smaller, label = dragged(beside, rim, (0.45, 0.4))
+    assert smaller.room.posts[0, 2] == pytest.approx(0.05)
+    assert label == "resizing post 1"
+
+
+def test_over_a_low_post_a_high_sensor_may_stand() -> None:
+    room = load_room(ROOM.with_name("doorstep.toml"))
+    board = load_board("polaroid-6500")
+    over, _ = sensor_at(Scene(room, room.place("tripod"), board), (0.5, 1.5))
+    assert over.standing.position == (0.5, 1.5)
+    with pytest.raises(InputError, match="inside bin"):
+        sensor_at(Scene(room, room.place("robot"), board), (0.5, 1.5))
+
+
+def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) -> None:
+    assert not is_outside(scene.room, (0.4, 0.4))
+    assert is_outside(scene.room, (1.4, 0.4))
+    assert not is_outside(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
+
+
+def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> None:
+    assert surface_words(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
+    doorstep: Room = load_room(ROOM.with_name("doorstep.toml"))
+    assert surface_words(doorstep, doorstep.names.index("rug")).startswith(
+        "rug · rug, reflectance 0.60, scatters 50% (−7.4 dB)"
+    )
+
+
+def test_the_losses_along_a_path_are_all_that_it_loses(crowded: Scene) -> None:
+    """Together they are the gain of the path, whatever it touched: walls, posts, an edge."""
+    scan = predict_scan(crowded.room, crowded.standing, crowded.board, np.radians([0.0, 90.0]))
+    bent = 0
+    for path in range(min(200, len(scan.paths))):
+        losses = bounce_losses(scan, path)
+        assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
+        bent += any(crowded.room.names[surface] == "post 1" for surface in scan.paths.surfaces[path] if surface >= 0)
+        corners = len(scan.paths.outline(path)) - 2
+        assert all(1 <= corner <= corners for corner, _ in losses)
+    assert bent > 0
