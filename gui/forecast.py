@@ -1,28 +1,28 @@
 """The prediction behind the window: paths, outline and comparison, worked out while the window goes on.
 
-Takes a scene and readings; hands on the newest outline and comparison. Paths come twice, a draft of few bounces at
-once and all of them when they are found. An answer for a scene or scan that is no longer shown is dropped.
+Takes a scene and readings; hands on the newest outline and comparison. Paths come twice, a draft at once and all of
+them when they are found. While a hand moves something there are drafts only, one after the other, and the rest when it
+stands still. An answer for a scene or scan that is no longer shown is dropped.
 """
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from compare.match import Comparison, Matched, compare_readings
+from gui.effort import EffortChoice
 from gui.scene import Scene
 from gui.worker import Failure, Worker
-from sim.board import Board
-from sim.paths import MAX_BOUNCES, Paths
+from sim.paths import Paths
 from sim.predicted_scan import PredictedScan
-from sim.prediction import PredictionOptions, predict_scan
-from sim.room import Place, Room
-from sonarhw.readings import Reading
+from sim.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
+from sonarhw.readings import FloatArray, Reading
 
-DRAFT_BOUNCES = 4
 OUTLINE_HEADINGS = 360
-_FIRST_LISTEN = 0.01  # s
 MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
+REST = 0.2  # s without a movement, after which a hand is taken to stand still
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,16 @@ class PathsFound:
     """The paths of a scene and the outline they give."""
 
     generation: int
-    paths: Paths
+    scene: Scene
+    options: PredictionOptions
     outline: PredictedScan
     draft: bool
+    took: float  # s
+
+    @property
+    def paths(self) -> Paths:
+        """The paths that could be heard at any heading."""
+        return self.outline.paths
 
 
 @dataclass(frozen=True)
@@ -40,25 +47,25 @@ class PathsRequest:
     """Which paths lead from the scene's place back to it?"""
 
     generation: int
-    room: Room
-    place: Place
-    board: Board
-    max_bounces: int
+    scene: Scene  # with a room
+    options: PredictionOptions
+    headings: int = OUTLINE_HEADINGS
 
     def answer(self) -> PathsFound:
         """Find them; what takes seconds in a room of many echoes."""
-        headings = np.linspace(0, 2 * np.pi, OUTLINE_HEADINGS, endpoint=False)
-        if self.board.ring is not None:
-            headings = self.board.ring.headings(self.place)
-        options = PredictionOptions(max_bounces=self.max_bounces)
-        outline = predict_scan(self.room, self.place, self.board, headings, options)
-        # what a trace needs is compiled here, so that the window's thread never waits for it
-        outline.signal_at(0, _FIRST_LISTEN).envelope()
-        return PathsFound(self.generation, outline.paths, outline, self.max_bounces < MAX_BOUNCES)
+        began = time.perf_counter()
+        scene = self.scene
+        outline = predict_scan(scene.room, scene.standing, scene.board, self._headings(), self.options)
+        draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
+        return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
 
-
-class DraftRequest(PathsRequest):
-    """Which of them have few bounces? Asked beside the full request, so a type of its own."""
+    def _headings(self) -> FloatArray:
+        board = self.scene.board
+        if board.ring is not None:
+            return board.ring.headings(self.scene.standing)
+        one_search = paths_serve_all_headings(board, self.options.unit)
+        count = OUTLINE_HEADINGS if one_search else self.headings
+        return np.linspace(0, 2 * np.pi, count, endpoint=False)
 
 
 @dataclass(frozen=True)
@@ -86,49 +93,66 @@ class CompareRequest:
     """How do these readings compare with what those paths give?"""
 
     generation: int
-    room: Room
-    place: Place
-    board: Board
     found: PathsFound
     readings: tuple[Reading, ...]
     first: int
 
     def answer(self) -> Compared:
         """Compare them."""
-        comparison = compare_readings(self.readings, self.room, self.place, self.board, paths=self.found.paths)
-        return Compared(self.generation, comparison, self.first, self.found.draft)
+        found, scene = self.found, self.found.scene
+        comparison = compare_readings(
+            self.readings, scene.room, scene.standing, scene.board, options=found.options, paths=found.paths
+        )
+        return Compared(self.generation, comparison, self.first, found.draft)
 
 
 class Forecast:
     """Keeps outline and comparison up with the scene and the readings."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
         self.compared: Compared | None = None
         self.failures: list[str] = []
+        self._clock = clock
+        self._effort = EffortChoice()
         self._scene: Scene | None = None
         self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
-        self._place_generation = 0
+        self._generation = 0  # of the scene; every change of it counts
+        self._oldest = 0  # what is older belongs to another room
         self._scan_generation = 0
-        # two, so that a growing scan is compared with the draft while the rest of the paths are still sought
+        self._search_at: float | None = None  # when to seek the rest of the paths
+        # three, so that drafts and a growing scan never wait for the rest of the paths
+        self._drafter = Worker("draft paths")
         self._finder = Worker("find paths")
         self._comparer = Worker("compare readings")
 
     @property
     def searching(self) -> bool:
         """Whether paths are still sought; until then there is a draft, or nothing."""
-        return self._finder.busy
+        return self._search_at is not None or self._drafter.busy or self._finder.busy
 
     def set_scene(self, scene: Scene) -> None:
-        """Predict for `scene` from now on."""
-        self._scene, self._found, self.outline = scene, None, None
-        self._place_generation += 1
+        """Predict for `scene` from now on, and forget the one before."""
+        self._found, self.outline = None, None
+        self._oldest = self._generation + 1
         self.begin_scan()
-        if scene.room is not None:
-            subject = scene.room, scene.standing, scene.board
-            self._finder.ask(DraftRequest(self._place_generation, *subject, DRAFT_BOUNCES))
-            self._finder.ask(PathsRequest(self._place_generation, *subject, MAX_BOUNCES))
+        self.change_scene(scene)
+
+    def change_scene(self, scene: Scene, moving: bool = False) -> None:
+        """Predict for `scene`, in which something has been changed; what is known stands until there is better.
+
+        While a hand is `moving` there are drafts only.
+        """
+        self._scene = scene
+        self._generation += 1
+        self._search_at = None
+        if scene.room is None:
+            return
+        effort = self._effort.effort
+        self._drafter.ask(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
+        self._search_at = self._clock() + (REST if moving else 0.0)
+        self._search_when_due()
 
     def begin_scan(self) -> None:
         """Forget the readings; what is compared from now on belongs to another scan."""
@@ -142,32 +166,52 @@ class Forecast:
 
     def take(self) -> bool:
         """Take in what has been worked out since the last call; whether anything has changed."""
+        self._search_when_due()
         changed = False
-        for answer in (*self._finder.take(), *self._comparer.take()):
-            match answer:
-                case Failure():
-                    self.failures.append(answer.message)
-                    changed = True
-                case PathsFound(generation=self._place_generation):
-                    self._found, self.outline = answer, answer.outline
-                    self._ask()
-                    changed = True
-                case Compared(generation=self._scan_generation):
-                    self.compared = answer
-                    changed = True
+        for answer in (*self._drafter.take(), *self._finder.take(), *self._comparer.take()):
+            changed = self._take_in(answer) or changed
         return changed
 
     def close(self) -> None:
         """End the threads."""
-        self._finder.close()
-        self._comparer.close()
+        for worker in (self._drafter, self._finder, self._comparer):
+            worker.close()
+
+    def _search_when_due(self) -> None:
+        if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
+            self._search_at = None
+            self._finder.ask(PathsRequest(self._generation, self._scene, self._scene.options))
+
+    def _take_in(self, answer: PathsFound | Compared | Failure) -> bool:
+        match answer:
+            case Failure():
+                self.failures.append(answer.message)
+                return True
+            case PathsFound():
+                if answer.draft:
+                    self._effort.took(answer.took)
+                return self._take_found(answer)
+            case Compared(generation=self._scan_generation):
+                self.compared = answer
+                return True
+        return False
+
+    def _take_found(self, found: PathsFound) -> bool:
+        """Take it where it is for a newer scene than what there is, or says more of the same."""
+        known = self._found
+        if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
+            return False
+        self._found, self.outline = found, found.outline
+        self._ask()
+        return True
 
     def _ask(self) -> None:
-        scene = self._scene
-        if scene is None or scene.room is None or self._found is None or not self._readings:
+        if self._found is None or not self._readings:
             return
         first = max(0, len(self._readings) - MOST_COMPARED)
         newest = tuple(self._readings[first:])
-        self._comparer.ask(
-            CompareRequest(self._scan_generation, scene.room, scene.standing, scene.board, self._found, newest, first)
-        )
+        self._comparer.ask(CompareRequest(self._scan_generation, self._found, newest, first))
+
+
+def _rank(found: PathsFound) -> tuple[int, bool]:
+    return found.generation, not found.draft

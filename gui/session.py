@@ -8,8 +8,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QTimer, Signal, Slot
+from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 
+from gui.bscan_picture import BScanWish
 from gui.choice import Choice
 from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
 from gui.forecast import Forecast
@@ -22,11 +23,12 @@ from gui.replay import Replay
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from gui.status import Source, Status, lost_in
+from gui.trace_forecast import TraceForecast
 from gui.worker import Failure, Worker
 from sonarhw.log import Log
 from sonarhw.readings import Reading
 
-TICK = 33  # ms
+TICK = 30  # ms
 
 
 class Session(QObject):
@@ -40,17 +42,21 @@ class Session(QObject):
         super().__init__()
         self.shown = Shown(scene, look=look or Look())
         self.history = History()
+        self._to_tell = False  # whether what is shown has changed since the views were told
         self.status = Status(can_scan=opener is not None)
         self.replay = Replay(self)
         self.replay.changed.connect(self._refresh)
+        self.replay.broken.connect(self.warned)
         self._live = LiveFeed(opener, wish)
         self._log_name, self._lost_in_log = "", 0
+        self._before_replay: Scene | None = None
         self._choice = Choice()
         self._rate = RateMeter()
         self._forecast = Forecast()
+        self._traces = TraceForecast()
         self._files = Worker("open files")
         self._last_tick = time.monotonic()
-        self._timer = QTimer(self, interval=TICK)
+        self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.tick)
         self._forecast.set_scene(scene)
         self._timer.start()
@@ -67,9 +73,34 @@ class Session(QObject):
 
     @Slot()
     def stop(self) -> None:
-        """Stop the scan that runs, or the playback."""
+        """Stop the scanner, whatever it is at, or the playback."""
         self._live.stop()
         self.replay.pause()
+
+    @Slot()
+    def home(self) -> None:
+        """Find the zero of the turntable."""
+        self._live.home()
+
+    @Slot(float)
+    def turn_to(self, angle: float) -> None:
+        """Turn the turntable to `angle`, rad from its zero."""
+        self._live.turn(angle)
+
+    @Slot()
+    def connect_scanner(self) -> None:
+        """See who answers, and stay connected."""
+        self._live.connect()
+
+    @Slot()
+    def hang_up(self) -> None:
+        """Stop the scanner and let go of its port."""
+        self._live.hang_up()
+
+    @Slot(object)
+    def set_wish(self, wish: ScanWish) -> None:
+        """Scan like this from the next time on."""
+        self._live.wish = wish
 
     def show_log(self, log: Log, name: str = "the log") -> None:
         """Show all readings of a log, ready to be played."""
@@ -83,10 +114,24 @@ class Session(QObject):
         for doubt in filter(None, (scan.doubt for scan in log.scans)):
             self.warned.emit(f"{name}: the turntable lost steps; {doubt}")
 
+    @Slot()
+    def leave_replay(self) -> None:
+        """Put the log away: back to the readings of the last live scan, in the room that was there before the log."""
+        if self.replay.loaded:
+            self._begin()
+            self.replay.unload()
+            if self._before_replay is not None:
+                self.set_scene(self._before_replay)
+            self._forecast.follow(self._live.readings)
+
     def set_scene(self, scene: Scene) -> None:
         """Put the readings into another room; what was done to the one before cannot be undone any more."""
         self.history.forget()
-        self._put(scene)
+        self.shown = replace(self.shown, scene=scene)
+        self._forecast.set_scene(scene)
+        self._forecast.follow(self.replay.readings or self._live.readings)
+        self._refresh()
+        self._tell_status(time.monotonic())
 
     @Slot(object, str, object)
     def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
@@ -96,27 +141,30 @@ class Session(QObject):
         """
         if scene is not self.shown.scene:
             self.history.remember(self.shown.scene, label, gesture)
-            self._put(scene)
+            self._change(scene, moving=gesture is not None)
 
     @Slot()
     def undo(self) -> None:
         """Take back the last edit."""
         before = self.history.undo(self.shown.scene)
         if before is not None:
-            self._put(before)
+            self._change(before)
 
     @Slot()
     def redo(self) -> None:
         """Do again the edit that was taken back last."""
         after = self.history.redo(self.shown.scene)
         if after is not None:
-            self._put(after)
+            self._change(after)
 
-    def _put(self, scene: Scene) -> None:
+    def _change(self, scene: Scene, moving: bool = False) -> None:
         self.shown = replace(self.shown, scene=scene)
-        self._forecast.set_scene(scene)
-        self._forecast.follow(self.replay.readings or self._live.readings)
-        self._refresh()
+        self._forecast.change_scene(scene, moving)
+        if moving:
+            self._to_tell = True  # a mouse moves more often than anybody looks
+        else:
+            self._refresh()
+            self._tell_status(time.monotonic())
 
     @Slot(str)
     def set_place(self, name: str) -> None:
@@ -165,7 +213,13 @@ class Session(QObject):
     def point_at(self, cursor: Cursor | None) -> None:
         """Point at a heading and range, in every view."""
         if cursor != self.shown.cursor:
-            self._tell_shown(replace(self.shown, cursor=cursor))
+            self.shown = replace(self.shown, cursor=cursor)
+            self._to_tell = True
+
+    @Slot(object)
+    def wish_bscan(self, wish: BScanWish | None) -> None:
+        """Have the B-scan worked out as it is wanted; None: nobody looks at it."""
+        self._traces.wish(wish)
 
     def set_look(self, look: Look) -> None:
         """Draw everything in another palette, unit or size."""
@@ -178,6 +232,7 @@ class Session(QObject):
         self._live.close()
         self._files.close()
         self._forecast.close()
+        self._traces.close()
 
     # what happens meanwhile
 
@@ -190,11 +245,15 @@ class Session(QObject):
             self._take_opened(opened)
         self.replay.advance(elapsed)
         heard = self._take_heard()
-        if self._forecast.take() or heard:
+        traced = self._traces.take()
+        if self._forecast.take() or heard or traced or self._to_tell:
             self._refresh()
         for message in self._forecast.failures:
             self.warned.emit(message)
+        for message in self._traces.failures:
+            (self.replay.give_up_traces if self.replay.loaded else self.warned.emit)(message)
         self._forecast.failures.clear()
+        self._traces.failures.clear()
         self._tell_status(now)
 
     def _take_opened(self, opened: LogOpened | RoomOpened | Failure) -> None:
@@ -207,6 +266,8 @@ class Session(QObject):
                 self.set_scene(opened.scene)
             case LogOpened():
                 here = self.shown.scene
+                if not self.replay.loaded:
+                    self._before_replay = here
                 self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
                 self.show_log(opened.log, opened.name)
 
@@ -221,27 +282,27 @@ class Session(QObject):
 
     def _begin(self) -> None:
         self.warned.emit("")
-        self._live.forget()
         self._rate = RateMeter()
         self._choice.follow_newest()
         self._forecast.begin_scan()
+        self._traces.begin_scan()
 
     @Slot()
     def _refresh(self) -> None:
         readings = self._played() if self.replay.loaded else self._live.readings
         compared = self._forecast.compared
-        self._tell_shown(
-            replace(
-                self.shown,
-                outline=self._forecast.outline,
-                compared=compared,
-                readings=readings,
-                chosen=self._choice.among(len(readings), compared.end if compared else 0),
-            )
+        shown = replace(
+            self.shown,
+            outline=self._forecast.outline,
+            compared=compared,
+            readings=readings,
+            chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )
+        self._traces.follow(shown)
+        self._tell_shown(replace(shown, trace=self._traces.trace, bscan=self._traces.bscan))
 
     def _tell_shown(self, shown: Shown) -> None:
-        self.shown = shown
+        self.shown, self._to_tell = shown, False
         self.shown_changed.emit(shown)
 
     def _played(self) -> tuple[Reading, ...]:
@@ -276,4 +337,8 @@ class Session(QObject):
             recording=live.recording,
             log_name=self._log_name if self.replay.loaded else "",
             predicting=self._forecast.searching,
+            wish=self._live.wish,
+            link=self._live.link,
+            trouble=self._live.trouble,
+            angle=live.angle,
         )

@@ -11,10 +11,10 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from compare.match import compare_readings
-from gui.forecast import Compared, CompareRequest, Forecast, PathsFound, PathsRequest
+from gui.effort import Effort, EffortChoice
+from gui.forecast import REST, Compared, CompareRequest, Forecast, PathsFound, PathsRequest
 from gui.scene import Scene
 from gui.worker import Failure, Worker
-from sim.paths import MAX_BOUNCES
 from sim.prediction import predict_scan
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
@@ -107,8 +107,8 @@ def test_answers_for_another_scene_or_scan_are_dropped(
     forecast.set_scene(scene)
     forecast.follow(readings)
     finished(qtbot, forecast)
-    stale_paths = PathsRequest(0, scene.room, scene.standing, scene.board, 1).answer()
-    stale_rows = CompareRequest(0, scene.room, scene.standing, scene.board, stale_paths, readings[:2], 0).answer()
+    stale_paths = PathsRequest(0, scene, scene.options).answer()
+    stale_rows = CompareRequest(0, stale_paths, readings[:2], 0).answer()
     outline, compared = forecast.outline, forecast.compared
     for answer in (stale_paths, stale_rows):
         forecast._finder.ask(Echoed(answer))
@@ -154,8 +154,8 @@ def test_what_the_window_compares_is_what_the_command_compares(
 
 
 def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
-    draft = PathsRequest(1, scene.room, scene.standing, scene.board, 2).answer()
-    whole = PathsRequest(1, scene.room, scene.standing, scene.board, MAX_BOUNCES).answer()
+    draft = PathsRequest(1, scene, Effort(2, 720, 36).limit(scene.options)).answer()
+    whole = PathsRequest(1, scene, scene.options).answer()
     assert isinstance(draft, PathsFound)
     assert draft.draft
     assert not whole.draft
@@ -166,9 +166,86 @@ def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
 
 
 def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
-    kept = PathsRequest(1, scene.room, scene.standing, scene.board, MAX_BOUNCES).answer().paths
+    kept = PathsRequest(1, scene, scene.options).answer().paths
     headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
     everything = predict_scan(scene.room, scene.standing, scene.board, headings)
     loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.echoes(k)}
     assert 0 < len(loud) < len(everything.paths)
     assert loud <= set(kept.lengths)
+
+
+class Clock:
+    """Stands still until it is told the time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def moved(scene: Scene, by: float) -> Scene:
+    x, y = scene.place.position
+    return replace(scene, place=replace(scene.place, position=(x - by, y)))
+
+
+def test_while_a_hand_moves_the_sensor_there_are_drafts_and_the_rest_comes_when_it_stands_still(
+    qtbot: QtBot, scene: Scene
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    forecast.change_scene(moved(scene, 0.1), moving=True)
+    qtbot.waitUntil(forecast.take, timeout=30_000)
+    draft = forecast.outline
+    assert draft.place.position == moved(scene, 0.1).place.position
+    clock.now += 0.5 * REST
+    forecast.take()
+    assert not forecast._finder.busy
+    assert forecast.searching
+    clock.now += 0.6 * REST
+    finished(qtbot, forecast)
+    assert len(forecast.outline.paths) > len(draft.paths)
+    forecast.close()
+
+
+def test_a_draft_that_comes_while_the_hand_is_further_on_is_shown_and_an_older_one_never_after_a_newer(
+    qtbot: QtBot, forecast: Forecast, scene: Scene
+) -> None:
+    forecast.set_scene(scene)
+    finished(qtbot, forecast)
+    answers = [
+        PathsRequest(generation, moved(scene, 0.01 * generation), Effort(1, 720, 36).limit(scene.options)).answer()
+        for generation in (2, 3, 4)
+    ]
+    forecast._generation = 5
+    for answer, shown in ((answers[1], answers[1]), (answers[0], answers[1]), (answers[2], answers[2])):
+        forecast._take_in(answer)
+        assert forecast.outline is shown.outline
+
+
+def test_what_was_known_stands_until_the_changed_scene_is_predicted(
+    qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
+) -> None:
+    forecast.set_scene(scene)
+    forecast.follow(read_log(recorded).readings)
+    finished(qtbot, forecast)
+    outline, compared = forecast.outline, forecast.compared
+    forecast.change_scene(moved(scene, 0.1))
+    assert forecast.outline is outline
+    assert forecast.compared is compared
+    finished(qtbot, forecast)
+    assert forecast.outline is not outline
+    assert forecast.compared.comparison.prediction.place.position == moved(scene, 0.1).place.position
+
+
+def test_slow_drafts_become_shallow_and_quick_ones_deep() -> None:
+    choice = EffortChoice()
+    usual = choice.effort
+    choice.took(0.1)
+    assert choice.effort.max_bounces < usual.max_bounces
+    for _ in range(10):
+        choice.took(0.001)
+    assert choice.effort.max_bounces > usual.max_bounces
+    deepest = choice.effort
+    choice.took(0.010)
+    assert choice.effort is deepest
