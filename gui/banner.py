@@ -1,12 +1,14 @@
-"""The banner: one line over the views for what went wrong, until it is put away or a new scan begins.
+"""The banner: a line over the views for what went wrong, until it is put away, is over, or a new scan begins.
 
-Takes messages; hands on nothing. Never a dialog: the scan goes on underneath.
+Takes messages and how things stand; hands on nothing. Never a dialog: the scan goes on underneath.
 """
 
 from PySide6.QtCore import Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QToolButton
 
-from gui.palette import WARNING_INK, WARNING_PAPER
+from gui.look import Look
+from gui.notices import Notices
+from gui.status import Status
 
 
 class Banner(QFrame):
@@ -15,18 +17,20 @@ class Banner(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("banner")
-        self.setStyleSheet(f"#banner {{ background: {WARNING_PAPER}; }} #banner QLabel {{ color: {WARNING_INK}; }}")
+        self._notices = Notices()
         self._label = QLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        close = QToolButton(autoRaise=True)
-        close.setText("×")
-        close.setToolTip("Put this message away")
-        close.clicked.connect(self.hide)
+        self._behind = QLabel()
+        self.close_button = QToolButton(autoRaise=True)
+        self.close_button.setText("×")
+        self.close_button.setToolTip("Put this message away")
+        self.close_button.clicked.connect(self._put_away)
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
         row.addWidget(self._label)
-        row.addWidget(close)
+        row.addWidget(self._behind)
+        row.addWidget(self.close_button)
         self.hide()
 
     @property
@@ -34,8 +38,34 @@ class Banner(QFrame):
         """What it says; empty where it is hidden."""
         return self._label.text() if not self.isHidden() else ""
 
+    def show_look(self, look: Look) -> None:
+        """Draw in the colours of this look."""
+        ink, paper = look.palette.warning_ink, look.palette.warning_paper
+        self.setStyleSheet(
+            f"#banner {{ background: {paper}; }} #banner QLabel, #banner QToolButton {{ color: {ink}; }}"
+        )
+
+    def show_state(self, status: Status) -> None:
+        """Say what stands in the way now, for as long as it does."""
+        self._notices.stand(status.trouble)
+        self._show()
+
     @Slot(str)
     def tell(self, message: str) -> None:
-        """Say it; nothing to say hides the banner."""
+        """Say it, behind what has not been put away yet; nothing to say puts all away."""
+        if message:
+            self._notices.tell(message)
+        else:
+            self._notices.forget()
+        self._show()
+
+    @Slot()
+    def _put_away(self) -> None:
+        self._notices.put_away()
+        self._show()
+
+    def _show(self) -> None:
+        message, behind = self._notices.now, self._notices.behind
         self._label.setText(f"⚠ {message}" if message else "")
+        self._behind.setText(f"{behind} more" if behind else "")
         self.setVisible(bool(message))

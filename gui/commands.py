@@ -17,13 +17,22 @@ class Commands:
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
         self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
         self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")
-        self.stop = self._add("■ Stop", "F6", "Stop the scan; what was measured is kept")
+        self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; what was measured is kept")
         self.undo = self._add("Undo", "Ctrl+Z", "Take back what was done to the room last")
         self.redo = self._add("Redo", "Ctrl+Shift+Z", "Do again what was taken back")
         self.previous = self._add("Previous reading", "Left", "Ask about the reading before this one")
         self.next = self._add("Next reading", "Right", "Ask about the reading after this one")
         self.newest = self._add("Newest reading", "Esc", "Follow the newest reading again")
         self.play = self._add("Play or pause", "Space", "Play the log on its recorded schedule, or pause")
+        self.back = self._add("Step back", ",", "Let the replay stand still one reading before")
+        self.forth = self._add("Step on", ".", "Let the replay stand still one reading further on")
+        self.previous_scan = self._add("Previous scan", "Ctrl+Left", "Go back to the beginning of a scan")
+        self.next_scan = self._add("Next scan", "Ctrl+Right", "Go to the beginning of the next scan in the log")
+        self.loop = self._add("Loop", "Ctrl+L", "Begin the replay again at its end")
+        self.skip_gaps = self._add("Skip gaps", "Ctrl+G", "Leave out long waits in which nothing was measured")
+        for action in (self.loop, self.skip_gaps):
+            action.setCheckable(True)
+        self.leave_replay = self._add("Leave replay", "Ctrl+W", "Put the log away: back to the live scan, or to none")
         self.views = self._choice(
             self._add("Plan", "1", "The room to scale"),
             self._add("Side by side", "2", "Reality left, simulation right"),

@@ -21,7 +21,6 @@ class LiveFeed:
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
-        self._asked = False  # whether an errand is what the window is about
         self._end_told = True
 
     @property
@@ -31,13 +30,13 @@ class LiveFeed:
 
     @property
     def phase(self) -> Phase | None:
-        """How far the errand is; None before the first and after `forget`."""
-        return self._device.status.phase if self._device and self._asked else None
+        """How far the errand is; None before the first."""
+        return self._device.status.phase if self._device else None
 
     @property
     def status(self) -> LiveStatus:
         """What is known of the errand."""
-        return self._device.status if self._device and self._asked else _IDLE
+        return self._device.status if self._device else _IDLE
 
     @property
     def link(self) -> LinkSeen | None:
@@ -88,10 +87,6 @@ class LiveFeed:
             self._device.stop()
             self._device.hang_up()
 
-    def forget(self) -> None:
-        """Forget the errand that is over; something else is shown now."""
-        self._asked, self.readings, self._end_told = False, (), True
-
     def close(self) -> None:
         """Stop the board and wait until the log is closed."""
         self.hang_up()
@@ -116,7 +111,7 @@ class LiveFeed:
     def _ask(self, errand: Errand) -> None:
         if self._opener is None or self.running:
             return
-        self._asked, self._end_told = True, False
+        self._end_told = False
         before = self._device
         if before is None or before.over or before.leaving:
             self._device = LiveDevice(self._opener, errand, before)

@@ -43,11 +43,12 @@ class MainWindow(QMainWindow):
         super().__init__()
         self.session = session
         self.plan, self.side_by_side, self.bscan = PlanView(), SideBySide(), BScanView()
+        self.plan_panel = PlanPanel(self.plan)
         self.trace, self.ranges, self.table = TraceView(), RangeView(), ReadingTable()
         self.device, self.room, self.fit_panel = DevicePanel(), RoomPanel(), FitPanel()
         self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
-        self.replay_bar, self.status_bar = ReplayBar(), StatusBar()
         self.commands = Commands(self)
+        self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.toolbar = ToolBar(self.commands)
         self.stage = QStackedWidget()
         self.look_commands = LookCommands(self.commands, session, self)
@@ -77,7 +78,7 @@ class MainWindow(QMainWindow):
         event.accept()
 
     def _arranged(self) -> QWidget:
-        for view in (PlanPanel(self.plan), self.side_by_side, self.bscan):
+        for view in (self.plan_panel, self.side_by_side, self.bscan):
             self.stage.addWidget(view)
         side = QSplitter(Qt.Orientation.Vertical)
         for view in (self.trace, self.ranges, self.table):
@@ -107,7 +108,14 @@ class MainWindow(QMainWindow):
         commands.next.triggered.connect(session.choose_next)
         commands.newest.triggered.connect(session.follow_newest)
         commands.play.triggered.connect(session.replay.toggle)
-        for view in (self.plan, self.side_by_side):
+        commands.back.triggered.connect(session.replay.step_back)
+        commands.forth.triggered.connect(session.replay.step_forth)
+        commands.previous_scan.triggered.connect(session.replay.previous_scan)
+        commands.next_scan.triggered.connect(session.replay.next_scan)
+        commands.loop.triggered.connect(session.replay.set_loop)
+        commands.skip_gaps.triggered.connect(session.replay.set_skip_gaps)
+        commands.leave_replay.triggered.connect(session.leave_replay)
+        for view in (self.plan, self.side_by_side, self.bscan):
             commands.fit.triggered.connect(view.fit)
         commands.close.triggered.connect(self.close)
         commands.open_log.triggered.connect(self._ask_log)
@@ -121,6 +129,7 @@ class MainWindow(QMainWindow):
             view.picked.connect(session.choose)
         for view in (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges):
             view.pointed.connect(session.point_at)
+        self.bscan.wished.connect(session.wish_bscan)
         for view in (self.plan, self.side_by_side, self.room, self.fit_panel):
             view.edited.connect(session.edit)
         self.replay_bar.toggled.connect(session.replay.toggle)
@@ -175,7 +184,7 @@ class MainWindow(QMainWindow):
     def _show_look(self, look: Look) -> None:
         self._look = look
         apply_look(QApplication.instance(), look)
-        for part in (self.banner, self.legend, self.look_commands):
+        for part in (self.banner, self.legend, self.replay_bar, self.look_commands):
             part.show_look(look)
 
     def _show_history(self) -> None:
@@ -189,7 +198,8 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
-        self.status_bar.show_state(status)
+        for part in (self.status_bar, self.banner):
+            part.show_state(status)
         self.commands.scan.setEnabled(status.can_scan and not status.scanning)
         self.commands.stop.setEnabled(status.scanning)
         for action in (self.commands.open_log, self.commands.open_room):

@@ -6,4 +6,4 @@ from sonarhw.playback import Playback
 
 __all__ = ["SPEEDS", "Playback"]
 
-SPEEDS = (0.5, 1.0, 2.0, 5.0, 20.0, math.inf)
+SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, math.inf)

@@ -1,20 +1,21 @@
-"""The replay bar: play and pause, a slider over the time of the log, the speed.
+"""The replay bar: play, pause, step, go from scan to scan, scrub, loop, skip gaps, speed, and the way out.
 
-Takes how the replay stands; hands on what the person wants of it.
+Takes the commands that its buttons stand for and how the replay stands; hands on what else the person wants of it.
 """
 
 import math
-from typing import TypeVar
 
-from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSlider, QStyle, QWidget
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QAction, QIcon
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
 
+from gui.commands import Commands
+from gui.look import Look
+from gui.media_icons import NEXT_SCAN, PAUSE, PLAY, PREVIOUS_SCAN, STEP_BACK, STEP_FORTH, Shape, media_icon
 from gui.playback import SPEEDS
 from gui.replay import ReplayState
-
-_Widget = TypeVar("_Widget", bound=QWidget)
-_STEPS_PER_SECOND = 1000  # of the slider
-_MOST_STEPS = 2**31 - 1
+from gui.theme import text_font
+from gui.time_slider import TimeSlider
 
 
 class ReplayBar(QWidget):
@@ -24,49 +25,106 @@ class ReplayBar(QWidget):
     sought = Signal(float)  # s
     speed_chosen = Signal(float)
 
-    def __init__(self) -> None:
+    def __init__(self, commands: Commands) -> None:
         super().__init__()
-        self.play = _with_tip(QPushButton(), "Play the log on its recorded schedule, or pause (space)")
-        self.play.setMinimumWidth(92)
-        self.slider = _with_tip(QSlider(Qt.Orientation.Horizontal), "Where in the log; drag to scrub")
+        self._commands = commands
+        self._look = Look()
+        self._playing = False
+        self.badge = QLabel("REPLAY")
+        self.badge.setToolTip("What is shown was recorded; the scanner is not asked")
+        self.play = QPushButton()
+        self.play.setToolTip(commands.play.toolTip())
+        self.slider = TimeSlider()
         self.time = QLabel()
-        self.speed = _with_tip(QComboBox(), "How many times as fast as it was recorded")
+        self.time.setToolTip("Time in the log · readings made by then, of all in it")
+        self.speed = QComboBox()
+        self.speed.setToolTip("How many times as fast as it was recorded")
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(12, 2, 12, 6)
-        row.setSpacing(10)
-        for part in (self.play, self.slider, self.time, QLabel("Speed"), self.speed):
-            row.addWidget(part, stretch=1 if part is self.slider else 0)
+        self._arrange()
         self.play.clicked.connect(self.toggled)
-        self.slider.valueChanged.connect(lambda value: self.sought.emit(value / _STEPS_PER_SECOND))
-        self.speed.activated.connect(lambda index: self.speed_chosen.emit(SPEEDS[index]))
+        self.slider.sought.connect(self.sought)
+        self.speed.activated.connect(self._choose_speed)
         self.hide()
+
+    def show_look(self, look: Look) -> None:
+        """Draw in the colours and the text size of this look."""
+        self._look = look
+        self.slider.show_look(look)
+        self.badge.setStyleSheet(
+            f"color: white; background: {look.palette.replay}; border-radius: 4px; padding: 2px 8px; font-weight: bold;"
+        )
+        for action, shape in (
+            (self._commands.previous_scan, PREVIOUS_SCAN),
+            (self._commands.back, STEP_BACK),
+            (self._commands.forth, STEP_FORTH),
+            (self._commands.next_scan, NEXT_SCAN),
+        ):
+            action.setIcon(self._icon(shape))
+        self.time.setFont(text_font(look))
+        # wide enough for the longest, or the slider moves under the hand at every digit
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance("00:00.0 / 00:00.0 · 00000 of 00000"))
+        self._show_playing()
 
     def show_state(self, state: ReplayState | None) -> None:
         """Show how the replay stands; without one the bar goes away."""
         self.setVisible(state is not None)
+        commands = self._commands
+        for action in (commands.play, commands.back, commands.forth, commands.loop, commands.skip_gaps):
+            action.setEnabled(state is not None)
+        for action in (commands.previous_scan, commands.next_scan, commands.leave_replay):
+            action.setEnabled(state is not None)
         if state is None:
             return
-        self._show_playing(state.playing)
-        self.time.setText(f"{clock(state.position)} / {clock(state.duration)}")
-        self.speed.setCurrentIndex(SPEEDS.index(state.speed))
-        with QSignalBlocker(self.slider):  # it follows here, it does not ask
-            self.slider.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
-            self.slider.setPageStep(max(1, self.slider.maximum() // 20))
-            self.slider.setValue(round(state.position * _STEPS_PER_SECOND))
+        if self._playing != state.playing:
+            self._playing = state.playing
+            self._show_playing()
+        self.slider.show_state(state)
+        self.time.setText(f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}")
+        self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
+        commands.loop.setChecked(state.loop)
+        commands.skip_gaps.setChecked(state.skip_gaps)
 
-    def _show_playing(self, playing: bool) -> None:
-        if self.play.text() != (wanted := "Pause" if playing else "Play"):
-            # the style's own icons: not every font has the signs
-            icon = QStyle.StandardPixmap.SP_MediaPause if playing else QStyle.StandardPixmap.SP_MediaPlay
-            self.play.setIcon(self.style().standardIcon(icon))
-            self.play.setText(wanted)
+    def _arrange(self) -> None:
+        commands = self._commands
+        row = QHBoxLayout(self)
+        row.setContentsMargins(12, 2, 12, 6)
+        row.setSpacing(6)
+        for part in (
+            self.badge,
+            _button(commands.previous_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            self.play,
+            _button(commands.forth, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            _button(commands.next_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            self.slider,
+            self.time,
+            self.speed,
+            _button(commands.loop, Qt.ToolButtonStyle.ToolButtonTextOnly),
+            _button(commands.skip_gaps, Qt.ToolButtonStyle.ToolButtonTextOnly),
+            _button(commands.leave_replay, Qt.ToolButtonStyle.ToolButtonTextOnly),
+        ):
+            row.addWidget(part, stretch=1 if part is self.slider else 0)
+
+    @Slot(int)
+    def _choose_speed(self, index: int) -> None:
+        self.speed_chosen.emit(SPEEDS[index])
+
+    def _show_playing(self) -> None:
+        # the longer word decides, or all beside it moves at every click
+        self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
+        self.play.setIcon(self._icon(PAUSE if self._playing else PLAY))
+        self.play.setText("Pause" if self._playing else "Play")
+
+    def _icon(self, shape: Shape) -> QIcon:
+        return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
 
 
-def _with_tip(widget: _Widget, tip: str) -> _Widget:
-    widget.setToolTip(tip)
-    return widget
+def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:
+    button = QToolButton(toolButtonStyle=style)
+    button.setDefaultAction(action)
+    button.setAutoRepeat(repeats)  # held down it goes on
+    return button
 
 
 def clock(seconds: float) -> str:

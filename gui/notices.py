@@ -1,0 +1,52 @@
+"""What the banner has to say: what stands now, such as a lost cable, and what has happened, one after the other.
+
+Takes messages; hands on the one to be read now and how many wait behind it. No widgets.
+"""
+
+from collections import deque
+
+_MOST = 20  # whoever has not read the first of them does not need the others
+
+
+class Notices:
+    """Messages that wait to be read. What stands comes first and goes by itself."""
+
+    def __init__(self) -> None:
+        self._standing = ""
+        self._put_away = False  # whether what stands has been read
+        self._told: deque[str] = deque(maxlen=_MOST)
+
+    @property
+    def now(self) -> str:
+        """What is to be read; empty: nothing."""
+        return next(iter(self._all()), "")
+
+    @property
+    def behind(self) -> int:
+        """How many more there are."""
+        return max(0, len(self._all()) - 1)
+
+    def tell(self, message: str) -> None:
+        """Something has happened; told once however often it is said."""
+        if message not in self._told:
+            self._told.append(message)
+
+    def stand(self, message: str) -> None:
+        """This is so from now on; empty: it no longer is. What was put away stays so until it is over."""
+        self._put_away = self._put_away and bool(message)
+        self._standing = message
+
+    def put_away(self) -> None:
+        """The one to be read has been."""
+        if self._standing and not self._put_away:
+            self._put_away = True
+        elif self._told:
+            self._told.popleft()
+
+    def forget(self) -> None:
+        """What has happened no longer matters; what stands does."""
+        self._told.clear()
+
+    def _all(self) -> list[str]:
+        standing = [self._standing] if self._standing and not self._put_away else []
+        return [*standing, *self._told]

@@ -1,0 +1,180 @@
+"""The table of readings: sorts, filters by class and by words, copies as CSV, and follows what is chosen.
+
+Takes what is shown; hands on which reading was picked.
+"""
+
+from dataclasses import replace
+
+from PySide6.QtCore import QModelIndex, QSize, Qt, Signal, Slot
+from PySide6.QtGui import QFontMetrics, QGuiApplication, QIcon, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QLineEdit,
+    QSizePolicy,
+    QTableView,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from gui.legend import mark_picture
+from gui.look import Look
+from gui.palette import MARKS, UNCLASSED
+from gui.reading_model import ReadingModel
+from gui.reading_rows import CLASSES, Class, Column, class_name, column_name, rows_as_csv
+from gui.shown import Shown
+from gui.theme import text_font
+
+_WIDEST = {Column.NUMBER: "00000", Column.CLASS: "measured__", Column.PATH: "bottom>top>bottom"}  # beside the names
+_BESIDE = 22  # pixels: the sign of the order and the margins
+
+
+class _Rows(QTableView):
+    """Qt's table; but what it copies is for the whole table to say."""
+
+    copied = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Copy rows instead of the text of one cell."""
+        if event.matches(QKeySequence.StandardKey.Copy):
+            self.copied.emit()
+        else:
+            super().keyPressEvent(event)
+
+
+class ReadingTable(QWidget):
+    """One row a reading, and over them what is wanted of them."""
+
+    picked = Signal(int)  # a reading
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: Shown | None = None
+        self._following = False  # whether the selection moves because the choice did
+        self.model = ReadingModel(self)
+        self.view = self._made_view()
+        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
+        self.words.setToolTip("Only readings whose path, heading or class has all these words")
+        self.classes = {kind: self._made_button(kind) for kind in CLASSES}
+        self.copy = QToolButton(text="Copy CSV")
+        self.copy.setToolTip("Copy the selected rows, or all that are listed where there are no two (Ctrl+C)")
+        bar = QHBoxLayout()
+        bar.setContentsMargins(6, 2, 6, 2)
+        bar.setSpacing(2)
+        for part in (*self.classes.values(), self.words, self.copy):
+            bar.addWidget(part, stretch=1 if part is self.words else 0)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(bar)
+        column.addWidget(self.view)
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._dress(shown.look)
+        self._following = True  # rows that come or go move the selection, and nobody has picked anything
+        self.model.show_state(shown)
+        self._following = False
+        if before is None or not shown.same_readings(before):
+            self._count()
+        self._follow(shown.chosen)
+
+    @Slot()
+    def copy_rows(self) -> None:
+        """Copy rows as CSV: the selected ones, or all that are listed where there are no two."""
+        if self._shown is not None:
+            selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
+            order = self.model.order[selected] if len(selected) > 1 else self.model.order
+            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), self._shown))
+
+    def _made_view(self) -> _Rows:
+        view = _Rows(showGrid=False, alternatingRowColors=True, wordWrap=False)
+        view.setModel(self.model)
+        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerItem)
+        view.setTabKeyNavigation(False)
+        view.verticalHeader().hide()
+        view.horizontalHeader().setStretchLastSection(True)
+        view.horizontalHeader().setHighlightSections(False)
+        view.horizontalHeader().setSortIndicator(Column.NUMBER, Qt.SortOrder.AscendingOrder)
+        view.setSortingEnabled(True)
+        return view
+
+    def _made_button(self, kind: Class) -> QToolButton:
+        button = QToolButton(checkable=True, checked=True, autoRaise=True)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
+        button.setToolTip(f"{class_name(kind)}: {meaning}. Press to hide them or show them again")
+        button.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        button.toggled.connect(self._filter)
+        return button
+
+    def _connect(self) -> None:
+        self.view.selectionModel().currentRowChanged.connect(self._row_changed)
+        self.view.clicked.connect(self._pick)
+        self.model.modelReset.connect(self._follow_again)
+        self.words.textChanged.connect(self._filter)
+        self.copy.clicked.connect(self.copy_rows)
+        self.view.copied.connect(self.copy_rows)
+        QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
+
+    def _dress(self, look: Look) -> None:
+        font = text_font(look, 0.9)
+        metrics = QFontMetrics(font)
+        self.view.setFont(font)
+        self.view.horizontalHeader().setFont(font)
+        self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
+        for column in Column:
+            widest = max(_WIDEST.get(column, ""), column_name(column, look), key=metrics.horizontalAdvance)
+            self.view.setColumnWidth(column, metrics.horizontalAdvance(widest) + _BESIDE)
+        for kind, button in self.classes.items():
+            button.setFont(font)
+            button.setIconSize(QSize(14, 14))
+            if kind in MARKS and MARKS[kind] is not UNCLASSED:
+                button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
+
+    def _count(self) -> None:
+        for kind, count in self.model.rows.counts().items():
+            button = self.classes[kind]
+            button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
+            button.setVisible(count > 0 or not button.isChecked())
+
+    @Slot()
+    def _filter(self) -> None:
+        hidden = frozenset(kind for kind, button in self.classes.items() if not button.isChecked())
+        self._following = True
+        self.model.want(replace(self.model.wanted, hidden=hidden, text=self.words.text()))
+        self._following = False
+        self._follow_again()
+
+    # the selection and the choice
+
+    def _follow(self, chosen: int | None) -> None:
+        """Select the chosen reading, where it is another one and listed."""
+        place = None if chosen is None else self.model.place_of(chosen)
+        current = self.view.currentIndex()
+        if place is None or place == current.row():
+            return
+        self._following = True
+        self.view.setCurrentIndex(self.model.index(place, max(current.column(), 0)))
+        self._following = False
+
+    @Slot()
+    def _follow_again(self) -> None:
+        if self._shown is not None:
+            self._follow(self._shown.chosen)
+
+    @Slot(QModelIndex, QModelIndex)
+    def _row_changed(self, current: QModelIndex, before: QModelIndex) -> None:
+        if not self._following:
+            self._pick(current)
+
+    @Slot(QModelIndex)
+    def _pick(self, index: QModelIndex) -> None:
+        if index.isValid():
+            self.picked.emit(int(self.model.order[index.row()]))

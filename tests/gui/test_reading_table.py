@@ -1,0 +1,261 @@
+"""The table of readings: sorted by number, filtered by class and word, followed and picked with mouse and keys."""
+
+import csv
+import io
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtGui import QGuiApplication
+from pytestqt.qtbot import QtBot
+
+from compare.match import Kind, compare_readings
+from gui.forecast import Compared
+from gui.look import LengthUnit, Look
+from gui.palette import Unclassed
+from gui.reading_rows import CLASSES, NO_ROWS, Column, ReadingRows, Wanted, order_of, rows_as_csv, rows_of
+from gui.reading_table import ReadingTable
+from gui.scene import Scene
+from gui.shown import Shown
+from sonarhw.log import read_log
+from sonarhw.readings import Reading
+
+COUNT = 36
+LONG = 36_000  # readings of an hour
+
+
+@pytest.fixture(scope="session")
+def readings(recorded: Path) -> tuple[Reading, ...]:
+    """A scan in which one reading is silent, one short, one long."""
+    heard = list(read_log(recorded).readings)
+    heard[3] = replace(heard[3], echo_times=())
+    heard[5] = replace(heard[5], echo_times=(heard[5].echo_times[0] * 0.7,))
+    heard[7] = replace(heard[7], echo_times=(heard[7].echo_times[0] * 1.4,))
+    return tuple(heard)
+
+
+@pytest.fixture(scope="session")
+def shown(scene: Scene, readings: tuple[Reading, ...]) -> Shown:
+    comparison = compare_readings(readings, scene.room, scene.standing, scene.board)
+    return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=len(readings) - 1)
+
+
+@pytest.fixture
+def table(qtbot: QtBot, shown: Shown) -> ReadingTable:
+    table = ReadingTable()
+    qtbot.addWidget(table)
+    table.resize(900, 300)
+    table.show_state(shown)
+    with qtbot.waitExposed(table):
+        table.show()
+    return table
+
+
+def listed(table: ReadingTable, column: Column = Column.NUMBER) -> list[str]:
+    model = table.model
+    return [model.data(model.index(row, column)) for row in range(model.rowCount())]
+
+
+def click_row(qtbot: QtBot, table: ReadingTable, row: int) -> None:
+    place = table.view.visualRect(table.model.index(row, Column.HEADING)).center()
+    qtbot.mouseClick(table.view.viewport(), Qt.MouseButton.LeftButton, pos=place)
+
+
+def click_header(qtbot: QtBot, table: ReadingTable, column: Column) -> None:
+    header = table.view.horizontalHeader()
+    qtbot.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(header.sectionPosition(column) + 20, 5))
+
+
+# the rows
+
+
+def test_rows_say_what_was_measured_predicted_and_left_between_them(shown: Shown) -> None:
+    rows = rows_of(shown)
+    for index, row in enumerate(shown.compared.comparison.rows):
+        assert rows.measured[index] == pytest.approx(math.nan if row.measured is None else row.measured, nan_ok=True)
+        assert rows.residuals[index] == pytest.approx(math.nan if row.residual is None else row.residual, nan_ok=True)
+        assert CLASSES[rows.classes[index]] is row.kind
+    assert rows.path(27) == "bottom>top>bottom"
+    missed = CLASSES.index(Kind.MISSED)
+    assert rows.classes[3] == missed
+    assert rows.path(3) != ""  # the one that was expected
+
+
+def test_rows_of_a_growing_and_shrinking_scan_are_those_made_afresh(shown: Shown) -> None:
+    rows = NO_ROWS
+    for count in (3, 20, 36, 5, 0, 36):
+        part = replace(shown, readings=shown.readings[:count])
+        rows, afresh = rows_of(part, rows), rows_of(part)
+        assert rows.readings == afresh.readings
+        for name in ("headings", "measured", "predicted", "classes", "paths"):
+            assert getattr(rows, name).tolist() == pytest.approx(getattr(afresh, name).tolist(), nan_ok=True), name
+
+
+values = st.one_of(st.just(math.nan), st.floats(-5, 5))
+
+
+@given(
+    st.lists(st.tuples(values, st.integers(0, len(CLASSES) - 1)), max_size=30), st.booleans(), st.sampled_from(Column)
+)
+def test_sorting_is_pythons_own_with_empty_cells_last(
+    cells: list[tuple[float, int]], descending: bool, column: Column
+) -> None:
+    rows = _rows_with(cells)
+    keys = {
+        Column.MEASURED: rows.measured,
+        Column.CLASS: rows.classes,
+        Column.HEADING: rows.headings,
+        Column.NUMBER: range(len(cells)),
+    }
+    if column not in keys:
+        return
+    key = list(keys[column])
+    valued = [k for k in range(len(cells)) if not math.isnan(key[k])]
+    expected = sorted(valued, key=lambda k: -key[k] if descending else key[k])
+    empty = [k for k in range(len(cells)) if math.isnan(key[k])]
+    assert order_of(rows, Wanted(column, descending)).tolist() == expected + empty
+
+
+def _rows_with(cells: list[tuple[float, int]]) -> ReadingRows:
+    lengths = np.array([cell[0] for cell in cells])
+    zeros = np.zeros(len(cells))
+    kinds = np.array([cell[1] for cell in cells], np.int64)
+    return ReadingRows((None,) * len(cells), zeros, np.nan_to_num(lengths), lengths, zeros, kinds, kinds * 0 - 1, ())
+
+
+def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
+    rows = rows_of(shown)
+    top = order_of(rows, Wanted(text="top")).tolist()
+    assert top == [k for k in range(len(rows)) if "top" in rows.path(k)]
+    assert 27 in top
+    assert order_of(rows, Wanted(text="270.0 match bottom")).tolist() == [27]
+    assert order_of(rows, Wanted(text="nothing like it")).tolist() == []
+
+
+def test_csv_is_in_metres_and_degrees_whatever_the_look(shown: Shown) -> None:
+    rows = rows_of(shown)
+    feet = replace(shown, look=Look(unit=LengthUnit.FT))
+    text = rows_as_csv(rows, [27, 3], feet)
+    assert text == rows_as_csv(rows, [27, 3], shown)
+    first, silent = csv.DictReader(io.StringIO(text))
+    assert (first["heading_deg"], first["class"], first["path"]) == ("270.0000", "match", "bottom>top>bottom")
+    assert float(first["measured_m"]) == pytest.approx(shown.readings[27].range, abs=1e-4)
+    assert first["sentence"] == shown.sentence_of(27)
+    assert (silent["measured_m"], silent["residual_m"], silent["class"]) == ("", "", "missed")
+
+
+# the table
+
+
+def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: ReadingTable) -> None:
+    click_header(qtbot, table, Column.HEADING)
+    click_header(qtbot, table, Column.HEADING)
+    headings = [float(text.rstrip("°")) for text in listed(table, Column.HEADING)]
+    assert headings == sorted(headings, reverse=True)
+
+
+def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: ReadingTable) -> None:
+    button = table.classes[Kind.MATCH]
+    matches = table.model.rows.counts()[Kind.MATCH]
+    assert button.text() == str(matches)
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert "match" not in listed(table, Column.CLASS)
+    assert len(listed(table)) == COUNT - matches
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert len(listed(table)) == COUNT
+
+
+def test_words_filter_while_they_are_typed(qtbot: QtBot, table: ReadingTable) -> None:
+    qtbot.keyClicks(table.words, "270")
+    assert listed(table) == ["27"]
+    table.words.clear()
+    assert len(listed(table)) == COUNT
+
+
+def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot, table: ReadingTable) -> None:
+    click_header(qtbot, table, Column.HEADING)
+    click_header(qtbot, table, Column.HEADING)
+    table.view.scrollToTop()
+    with qtbot.waitSignal(table.picked) as picked:
+        click_row(qtbot, table, 2)
+    assert picked.args == [int(listed(table)[2])]
+
+
+def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: ReadingTable) -> None:
+    with qtbot.waitSignal(table.picked) as picked:
+        qtbot.keyClick(table.view, Qt.Key.Key_Up)
+    assert picked.args == [COUNT - 2]
+
+
+def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
+    qtbot: QtBot, table: ReadingTable, shown: Shown
+) -> None:
+    with qtbot.assertNotEmitted(table.picked):
+        table.show_state(replace(shown, chosen=4))
+    assert [index.row() for index in table.view.selectionModel().selectedRows()] == [4]
+    assert table.view.viewport().rect().intersects(table.view.visualRect(table.model.index(4, 0)))
+
+
+def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) -> None:
+    table = ReadingTable()
+    qtbot.addWidget(table)
+    table.resize(900, 200)
+    with qtbot.assertNotEmitted(table.picked):
+        for count in range(1, COUNT + 1):
+            table.show_state(replace(shown, readings=shown.readings[:count], chosen=count - 1))
+            assert table.view.currentIndex().row() == count - 1
+        table.show_state(replace(shown, readings=shown.readings[:5], chosen=4))
+    assert listed(table) == [str(k) for k in range(5)]
+
+
+def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, table: ReadingTable) -> None:
+    table.words.setText("match")
+    qtbot.mouseClick(table.copy, Qt.MouseButton.LeftButton)
+    copied = list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
+    assert [row["number"] for row in copied] == listed(table)
+    click_row(qtbot, table, 0)
+    place = table.view.visualRect(table.model.index(2, Column.HEADING)).center()
+    qtbot.mouseClick(table.view.viewport(), Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier, pos=place)
+    table.view.setFocus()
+    qtbot.keyClick(table.view, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
+    copied = list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
+    assert [row["number"] for row in copied] == listed(table)[:3]
+
+
+def test_units_follow_the_look(table: ReadingTable, shown: Shown) -> None:
+    table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
+    names = [table.model.headerData(column, Qt.Orientation.Horizontal) for column in Column]
+    assert "measured (ft)" in names
+    assert "residual (in)" in names
+    measured = shown.readings[27].range
+    assert listed(table, Column.MEASURED)[27] == f"{measured / 0.3048:.2f}"
+
+
+def test_readings_that_are_not_compared_are_listed_as_measured(qtbot: QtBot, shown: Shown) -> None:
+    table = ReadingTable()
+    qtbot.addWidget(table)
+    table.show_state(replace(shown, compared=None))
+    assert set(listed(table, Column.CLASS)) == {"measured"}
+    assert table.classes[Unclassed.MEASURED].text() == f"measured {COUNT}"
+
+
+def test_sentences_are_only_made_for_rows_that_are_seen(
+    qtbot: QtBot, shown: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: set[int] = set()
+    explain = Shown.sentence_of
+    monkeypatch.setattr(Shown, "sentence_of", lambda shown, index: asked.add(index) or explain(shown, index))
+    table = ReadingTable()
+    qtbot.addWidget(table)
+    table.resize(1400, 300)
+    many = shown.readings * (LONG // len(shown.readings))
+    table.show_state(replace(shown, readings=many, chosen=len(many) - 1))
+    with qtbot.waitExposed(table):
+        table.show()
+    table.view.viewport().repaint()
+    assert 0 < len(asked) < 100
