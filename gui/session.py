@@ -15,18 +15,15 @@ from gui.choice import Choice
 from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
 from gui.forecast import Forecast
 from gui.history import History
-from gui.live_feed import LiveFeed
+from gui.intake import Intake
 from gui.live_scan import ScannerOpener, ScanWish
 from gui.look import Look
-from gui.rate import RateMeter
-from gui.replay import Replay
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
-from gui.status import Source, Status, lost_in
+from gui.status import Status
 from gui.trace_forecast import TraceForecast
 from gui.worker import Failure, Worker
 from sonarhw.log import Log
-from sonarhw.readings import Reading
 
 TICK = 30  # ms
 
@@ -44,14 +41,12 @@ class Session(QObject):
         self.history = History()
         self._to_tell = False  # whether what is shown has changed since the views were told
         self.status = Status(can_scan=opener is not None)
-        self.replay = Replay(self)
+        self._intake = Intake(opener, wish, self)
+        self.replay, self._live = self._intake.replay, self._intake.live
         self.replay.changed.connect(self._refresh)
         self.replay.broken.connect(self.warned)
-        self._live = LiveFeed(opener, wish)
-        self._log_name, self._lost_in_log = "", 0
         self._before_replay: Scene | None = None
         self._choice = Choice()
-        self._rate = RateMeter()
         self._forecast = Forecast()
         self._traces = TraceForecast()
         self._files = Worker("open files")
@@ -68,14 +63,12 @@ class Session(QObject):
         """Scan with the scanner this session was given, and record."""
         if self._live.possible and not self._live.running:
             self._begin()
-            self.replay.unload()
-            self._live.start(self.shown.scene)
+            self._intake.scan(self.shown.scene)
 
     @Slot()
     def stop(self) -> None:
         """Stop the scanner, whatever it is at, or the playback."""
-        self._live.stop()
-        self.replay.pause()
+        self._intake.stop()
 
     @Slot()
     def home(self) -> None:
@@ -104,11 +97,9 @@ class Session(QObject):
 
     def show_log(self, log: Log, name: str = "the log") -> None:
         """Show all readings of a log, ready to be played."""
-        self._log_name = name
-        self._lost_in_log = sum(map(lost_in, log.scans))
         self._begin()
         self._forecast.follow(log.readings)
-        self.replay.load(log)
+        self._intake.load(log, name)
         if log.torn:
             self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
         for doubt in filter(None, (scan.doubt for scan in log.scans)):
@@ -129,7 +120,7 @@ class Session(QObject):
         self.history.forget()
         self.shown = replace(self.shown, scene=scene)
         self._forecast.set_scene(scene)
-        self._forecast.follow(self.replay.readings or self._live.readings)
+        self._forecast.follow(self._intake.all_readings)
         self._refresh()
         self._tell_status(time.monotonic())
 
@@ -272,25 +263,25 @@ class Session(QObject):
                 self.show_log(opened.log, opened.name)
 
     def _take_heard(self) -> bool:
-        fresh, broken = self._live.take()
+        fresh, told = self._intake.take(self._last_tick)
         if fresh:
-            self._rate.add(fresh, self._last_tick)
             self._forecast.follow(self._live.readings)
-        if broken:
-            self.warned.emit(broken)
-        return bool(fresh)
+        if told:
+            self.warned.emit(told)
+        return fresh
 
     def _begin(self) -> None:
         self.warned.emit("")
-        self._rate = RateMeter()
+        self._intake.begin()
         self._choice.follow_newest()
         self._forecast.begin_scan()
         self._traces.begin_scan()
 
     @Slot()
     def _refresh(self) -> None:
-        readings = self._played() if self.replay.loaded else self._live.readings
-        compared = self._forecast.compared
+        readings, compared = self._intake.readings, self._forecast.compared
+        if self.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
+            self._forecast.follow(readings)  # a long log is compared by stretches
         shown = replace(
             self.shown,
             outline=self._forecast.outline,
@@ -298,47 +289,16 @@ class Session(QObject):
             readings=readings,
             chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )
-        self._traces.follow(shown)
-        self._tell_shown(replace(shown, trace=self._traces.trace, bscan=self._traces.bscan))
+        self._tell_shown(shown)
 
     def _tell_shown(self, shown: Shown) -> None:
-        self.shown, self._to_tell = shown, False
-        self.shown_changed.emit(shown)
-
-    def _played(self) -> tuple[Reading, ...]:
-        before, count = self.shown.readings, self.replay.count
-        if len(before) == count and (not count or before[-1] is self.replay.readings[count - 1]):
-            return before  # the same object, so that views see nothing to draw
-        self._rate.add(max(0, count - len(before)), time.monotonic())
-        readings = self.replay.readings[:count]
-        compared = self._forecast.compared
-        if readings and compared is not None and compared.row(count - 1) is None:
-            self._forecast.follow(readings)  # a long log is compared by stretches
-        return readings
+        self._traces.follow(shown)
+        self.shown = replace(shown, trace=self._traces.trace, bscan=self._traces.bscan)
+        self._to_tell = False
+        self.shown_changed.emit(self.shown)
 
     def _tell_status(self, now: float) -> None:
-        status = self._status(now)
+        status = self._intake.status(now, self._forecast.searching)
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)
-
-    def _status(self, now: float) -> Status:
-        live = self._live.status
-        newest = self.shown.readings[-1] if self.shown.readings else None
-        source = Source.REPLAY if self.replay.loaded else Source.LIVE if self._live.phase else Source.NONE
-        return Status(
-            source=source,
-            phase=self._live.phase,
-            can_scan=self._live.possible,
-            readings=len(self.shown.readings),
-            rate=self._rate.rate(now),
-            lost=self._lost_in_log if self.replay.loaded else live.lost,
-            temperature_c=newest.temperature_c if self.replay.loaded and newest else live.temperature_c,
-            recording=live.recording,
-            log_name=self._log_name if self.replay.loaded else "",
-            predicting=self._forecast.searching,
-            wish=self._live.wish,
-            link=self._live.link,
-            trouble=self._live.trouble,
-            angle=live.angle,
-        )
