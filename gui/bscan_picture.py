@@ -67,12 +67,13 @@ def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) 
     if pane is not Pane.DIFFERENCE:
         colours = _bytes(colormaps["cividis"])
         if decibels:
-            return ColourScale(colours, floor_db, 0.0, "level (dB of full scale)")
-        return ColourScale(colours, 0.0, 1.0, "level (of full scale)")
+            return ColourScale(colours, floor_db, 0.0, "dB of full scale")
+        return ColourScale(colours, 0.0, 1.0, "of full scale")
     named = [palette.predicted, palette.paper, palette.measured]
     colours = _bytes(LinearSegmentedColormap.from_list("difference", named))
-    reach, unit = (_DIFFERENCE_DB, "dB") if decibels else (_DIFFERENCE, "of full scale")
-    return ColourScale(colours, -reach, reach, f"measured − predicted ({unit})")
+    if decibels:
+        return ColourScale(colours, -_DIFFERENCE_DB, _DIFFERENCE_DB, "difference (dB)")
+    return ColourScale(colours, -_DIFFERENCE, _DIFFERENCE, "difference (of full scale)")
 
 
 def _bytes(colours: LinearSegmentedColormap) -> NDArray[np.uint8]:

@@ -1,23 +1,207 @@
-"""The B-scan: heading by range as an image, measured, predicted and their difference.
+"""The B-scan: heading by range as an image, measured, predicted and their difference, flat or polar.
 
-Takes what is shown; hands on gestures.
+Takes what is shown; hands on what a person wants to see of it, which reading was clicked, and where the mouse points.
+The pictures themselves come ready from a worker's thread; here they are only put in their place.
 """
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QLabel
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
+from PySide6.QtCore import QEvent, QPointF, Signal, Slot
+from PySide6.QtGui import QHideEvent, QKeySequence, QShowEvent
+from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QLabel, QSizePolicy, QToolButton, QVBoxLayout, QWidget
 
-from gui.shown import Shown
+from gui.bscan_pane import BScanPane
+from gui.bscan_picture import BScanWish, Pane
+from gui.bscan_request import BScans
+from gui.marks import WHOLE
+from gui.pick import is_plain_click
+from gui.shown import Cursor, Shown
+
+_POINTED_AT_MOST = 30  # times a second
+_CHOICES = (
+    ("Measured", "M", (Pane.MEASURED,), "What the board received"),
+    ("Predicted", "P", (Pane.PREDICTED,), "What it should have received"),
+    ("Difference", "D", (Pane.DIFFERENCE,), "Measured less predicted"),
+    ("All", "A", tuple(Pane), "All three, with one zoom"),
+)
 
 
-class BScanView(QLabel):
+class BScanView(QWidget):
     """Draws traces side by side."""
 
     picked = Signal(int)  # a reading
     pointed = Signal(object)  # Cursor or None
+    wished = Signal(object)  # BScanWish; None while nobody looks
 
     def __init__(self) -> None:
-        super().__init__("B-scan")
-        self.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        super().__init__()
+        self._shown: Shown | None = None
+        self._drawn: BScans | None = None
+        self.panes_chosen = QButtonGroup(self)
+        self.polar = _button("Polar", "O", "Range round the place, over the plan of the room; else heading by range")
+        self.decibels = _button("dB", "B", "Levels in decibels of full scale; else linear")
+        self.decibels.setChecked(True)
+        self.note = QLabel()
+        self.canvas = pg.GraphicsLayoutWidget()
+        self.canvas.setViewportUpdateMode(WHOLE)
+        self.panes = {pane: BScanPane(pane) for pane in Pane}
+        self._arrange()
+        self._connect()
+        self._lay_out()
+
+    @property
+    def wish(self) -> BScanWish:
+        """What is to be seen."""
+        panes = _CHOICES[self.panes_chosen.checkedId()][2]
+        return BScanWish(panes, self.polar.isChecked(), self.decibels.isChecked())
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self.canvas.setBackground(shown.look.palette.paper)
+            for pane in self.panes.values():
+                pane.dress(shown.look)
+                pane.turn(self.wish.polar, len(self.wish.panes))
+            self._drawn = None
+        if self.isVisible():
+            self._draw(shown)
+
+    def fit(self) -> None:
+        """Show all of the images."""
+        for pane in self.wish.panes:
+            self.panes[pane].fit()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Somebody looks: have it worked out."""
+        self.wished.emit(self.wish)
+        if self._shown is not None:
+            self._draw(self._shown)
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Nobody looks any more."""
+        self.wished.emit(None)
+
+    def eventFilter(self, watched: object, event: QEvent) -> bool:
+        """Tell when the mouse has left the images."""
+        if event.type() == QEvent.Type.Leave:
+            self.pointed.emit(None)
+        return False
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout()
+        row.setContentsMargins(8, 4, 8, 2)
+        row.setSpacing(3)
+        for number, (name, key, _, tip) in enumerate(_CHOICES):
+            button = _button(name, key, tip)
+            self.panes_chosen.addButton(button, number)
+            row.addWidget(button)
+        self.panes_chosen.button(0).setChecked(True)
+        row.addSpacing(12)
+        row.addWidget(self.polar)
+        row.addWidget(self.decibels)
+        self.note.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.note.setContentsMargins(12, 0, 0, 0)
+        row.addWidget(self.note, stretch=1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(row)
+        column.addWidget(self.canvas, stretch=1)
+
+    def _connect(self) -> None:
+        self.panes_chosen.idClicked.connect(self._wish_anew)
+        self.polar.clicked.connect(self._wish_anew)
+        self.decibels.clicked.connect(self._wish_anew)
+        self.canvas.scene().sigMouseClicked.connect(self._click)
+        self._moves = pg.SignalProxy(
+            self.canvas.scene().sigMouseMoved, rateLimit=_POINTED_AT_MOST, slot=self._tell_pointed, threadSafe=False
+        )
+        self.canvas.viewport().installEventFilter(self)
+
+    @Slot()
+    def _wish_anew(self) -> None:
+        self._lay_out()
+        self._drawn = None
+        self.wished.emit(self.wish)
+
+    def _lay_out(self) -> None:
+        """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
+        wish = self.wish
+        self.canvas.clear()
+        first = self.panes[wish.panes[0]]
+        for number, kind in enumerate(wish.panes):
+            pane = self.panes[kind]
+            row, column = divmod(number, 2 if wish.polar else 1)
+            self.canvas.addItem(pane.plot, row=row, col=column)
+            pane.turn(wish.polar, len(wish.panes))
+            pane.plot.setXLink(None if pane is first else first.plot)
+            pane.plot.setYLink(None if pane is first else first.plot)
+        self.fit()
+
+    def _draw(self, shown: Shown) -> None:
+        bscan = shown.bscan
+        if bscan is not None and bscan.wish == self.wish and bscan is not self._drawn:
+            fresh = self._drawn is None or self._drawn.rows.cells != bscan.rows.cells
+            self._drawn = bscan
+            for kind in bscan.wish.panes:
+                self.panes[kind].draw(bscan, shown)
+            if fresh:
+                self.fit()
+        self.note.setText(_note(bscan, self.wish))
+        for kind in self.wish.panes:
+            self.panes[kind].point(shown)
+
+    def _click(self, event: MouseClickEvent) -> None:
+        place = self._place_under(event.scenePos())
+        if self._shown is None or place is None or not is_plain_click(event):
+            return
+        index = reading_along(self._shown, place.heading)
+        if index is not None:
+            event.accept()
+            self.picked.emit(index)
+
+    def _tell_pointed(self, moved: tuple[QPointF]) -> None:
+        self.pointed.emit(self._place_under(moved[0]))
+
+    def _place_under(self, position: QPointF) -> Cursor | None:
+        for kind in self.wish.panes:
+            place = self.panes[kind].place_at(position)
+            if place is not None:
+                return place
+        return None
+
+
+def reading_along(shown: Shown, heading: float) -> int | None:
+    """The newest of the readings whose heading lies nearest to `heading`, rad; None without readings."""
+    if not shown.readings:
+        return None
+    zero = shown.scene.standing.heading
+    angles = np.array([reading.angle for reading in shown.readings])
+    apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
+    nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
+    return int(nearest[-1])
+
+
+def _note(bscan: BScans | None, wish: BScanWish) -> str:
+    if bscan is None:
+        return "being worked out"
+    told = []
+    if Pane.MEASURED in wish.panes and not bscan.rows.traced and len(bscan.measured.headings):
+        told.append("no traces recorded: marks at the reported ranges, without a level")
+    if Pane.DIFFERENCE in wish.panes and not bscan.rows.traced:
+        told.append("no difference without recorded traces")
+    if bscan.rows.outline is None:
+        told.append("no prediction")
+    if bscan.rows.done < 1:
+        told.append(f"{bscan.rows.done:.0%} worked out")
+    return " · ".join(told)
+
+
+def _button(text: str, key: str, tip: str) -> QToolButton:
+    button = QToolButton(checkable=True, autoRaise=True)
+    button.setText(text)
+    button.setShortcut(QKeySequence(key))
+    button.setToolTip(f"{tip} ({key})")
+    return button

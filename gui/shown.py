@@ -12,6 +12,8 @@ import numpy as np
 
 from compare.explain import explain
 from compare.match import Kind, Matched
+from gui.bscan_request import BScans
+from gui.chosen_trace import ChosenTrace
 from gui.forecast import Compared
 from gui.look import Look
 from gui.palette import Unclassed
@@ -46,6 +48,8 @@ class Shown:
     compared: Compared | None = None
     readings: tuple[Reading, ...] = ()
     chosen: int | None = None
+    trace: ChosenTrace | None = None  # of the chosen reading, a moment after it is chosen
+    bscan: BScans | None = None  # None where nobody looks at it
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
 

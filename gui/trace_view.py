@@ -1,103 +1,239 @@
-"""The trace of the chosen heading: measured over predicted, blanking, threshold, and every predicted echo by name.
+"""The trace of the chosen heading: measured over predicted, blanking, gain, threshold, and every echo by its path.
 
-Takes what is shown; hands on nothing.
+Takes what is shown; hands on where the mouse points. Time runs along the bottom, the range that it means along the top.
 """
 
-import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
+import math
 
-from gui.chosen_trace import ChosenTrace, Curve, chosen_trace, degrees_text
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
+from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QVBoxLayout, QWidget
+
+from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
 from gui.look import Look
 from gui.marks import WHOLE
-from gui.plot_look import dress_plot, label_axis, label_length
-from gui.shown import Shown
+from gui.plot_look import dress_plot, label_axis
+from gui.shown import Cursor, Shown
+from gui.trace_axes import EMPTY, GainAxis, HeightAxis, UnitAxis, heights_of, signal_curve
+from gui.trace_cursors import TraceCursors
+from gui.trace_marks import TraceMarks
+from sim.air import Air
 
-_FLOOR_DB = -52.0  # of the empty axes
+_POINTED_AT_MOST = 30  # times a second
+_CURSORS = "Two cursors that read time and range; drag them, or Alt+←/→ moves A and Alt+Shift+←/→ moves B"
+_STEPS = 200  # of a cursor across the view
 
 
-class _LevelAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """Levels up to full scale; above it are names, not levels."""
-
-    def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        return [f"{value:.0f}" if value <= 0 else "" for value in values]
-
-
-class TraceView(pg.PlotWidget):  # type: ignore[misc]
+class TraceView(QWidget):
     """Draws the trace of the chosen reading."""
 
     pointed = Signal(object)  # Cursor or None
 
     def __init__(self) -> None:
-        super().__init__(axisItems={"left": _LevelAxis("left")})
-        self.setViewportUpdateMode(WHOLE)
-        self._drawn: tuple[object, ...] | None = None
-        self._look: Look | None = None
-        self._reach = 0.0
-        self.hideButtons()
-        self.setMouseEnabled(x=True, y=False)
-        self._blanking = pg.LinearRegionItem(movable=False)
-        self._blanking.setZValue(-20)
-        self._threshold = pg.InfiniteLine(angle=0)
-        self._predicted = pg.PlotCurveItem()
-        self._measured = pg.PlotCurveItem()
-        for item in (self._blanking, self._threshold, self._measured, self._predicted):
-            self.addItem(item, ignoreBounds=True)
-        self._names = EchoNames(self.plotItem.vb)
+        super().__init__()
+        self._shown: Shown | None = None
+        self._look = Look()
+        self._trace: ChosenTrace | None = None
+        self._duration = 0.0
+        self.envelope = _button("Envelope", "V", "The level of the trace")
+        self.rf = _button("RF", "R", "The trace with its carrier")
+        self.cursors_shown = _button("Cursors", "C", _CURSORS)
+        self.title, self.readout = QLabel(), QLabel()
+        gain_axis = GainAxis()
+        self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
+        axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
+        self.plot = pg.PlotWidget(axisItems=axes)
+        self.plot.setViewportUpdateMode(WHOLE)
+        self.plot.hideButtons()
+        self.plot.setMouseEnabled(x=True, y=False)
+        for side in axes:
+            self.plot.showAxis(side)
+        self._predicted, self._measured = _curve_item(), _curve_item()
+        for item in (self._predicted, self._measured):
+            self.plot.addItem(item, ignoreBounds=True)
+        self.marks = TraceMarks(self.plot.plotItem, gain_axis)
+        self.names = EchoNames(self.plot.plotItem.vb)
+        self.cursors = TraceCursors(self.plot.plotItem, self)
+        self._pointer = pg.InfiniteLine(angle=90)
+        self.plot.addItem(self._pointer, ignoreBounds=True)
+        self._arrange()
+        self._connect()
 
     def show_state(self, shown: Shown) -> None:
-        """Draw the trace of the chosen reading, where it is another one."""
-        if self._look != shown.look:
-            self._look = shown.look
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
             self._dress(shown.look)
-        wanted = (shown.chosen_reading, shown.chosen_row, shown.look)
-        if self._drawn is not None and all(a is b for a, b in zip(wanted, self._drawn, strict=True)):
-            return
-        self._drawn = wanted
-        self._draw(chosen_trace(shown))
+        if before is None or before.trace is not shown.trace or before.look != shown.look:
+            self._draw(shown.trace)
+        self._point(shown.cursor)
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout()
+        row.setContentsMargins(8, 2, 8, 0)
+        row.setSpacing(3)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        row.addWidget(self.title, stretch=1)
+        for button in (self.envelope, self.rf, self.cursors_shown):
+            row.addWidget(button)
+        self.envelope.setChecked(True)
+        self.readout.setVisible(False)
+        self.readout.setContentsMargins(8, 0, 8, 2)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(row)
+        column.addWidget(self.plot, stretch=1)
+        column.addWidget(self.readout)
+
+    def _connect(self) -> None:
+        self.envelope.clicked.connect(self._choose_envelope)
+        self.rf.clicked.connect(self._choose_rf)
+        self.cursors_shown.toggled.connect(self._show_cursors)
+        self.cursors.moved.connect(self._read_cursors)
+        self._moves = pg.SignalProxy(
+            self.plot.scene().sigMouseMoved, rateLimit=_POINTED_AT_MOST, slot=self._tell_pointed, threadSafe=False
+        )
+        self.plot.viewport().installEventFilter(self)
+        for keys, which, by in (
+            ("Alt+Left", 0, -1),
+            ("Alt+Right", 0, 1),
+            ("Alt+Shift+Left", 1, -1),
+            ("Alt+Shift+Right", 1, 1),
+        ):
+            shortcut = QShortcut(QKeySequence(keys), self)
+            shortcut.setProperty("moves", (which, by))
+            shortcut.activated.connect(self._step_cursor)
+
+    def eventFilter(self, watched: object, event: QEvent) -> bool:
+        """Tell when the mouse has left the plot."""
+        if event.type() == QEvent.Type.Leave:
+            self.pointed.emit(None)
+        return False
 
     def _dress(self, look: Look) -> None:
+        self._look = look
         colours = look.palette
-        self.setBackground(colours.paper)
-        dress_plot(self.plotItem, look)
-        label_length(self.getAxis("bottom"), "range", look)
-        label_axis(self.getAxis("left"), "level (dB of full scale)")
-        self._blanking.setBrush(colours.blanking)
-        for line in self._blanking.lines:
-            line.setPen(colours.blanking)
-        self._threshold.setPen(pg.mkPen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
-        self._predicted.setPen(pg.mkPen(colours.predicted, width=1.5, style=Qt.PenStyle.DashLine))
+        self.plot.setBackground(colours.paper)
+        dress_plot(self.plot.plotItem, look)
+        self._times.write_in("ms", 1e3)
+        gain = self.plot.getAxis("right")
+        label_axis(gain, "gain (dB)")
+        for axis in (gain, self._ranges):
+            axis.setGrid(False)
+        self._predicted.setPen(pg.mkPen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
         self._measured.setPen(pg.mkPen(colours.measured, width=1))
-        self._names.dress(look)
+        self._pointer.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
+        for part in (self.marks, self.names, self.cursors):
+            part.dress(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:
-        self.setTitle(_title(trace), size="10pt", color=self._look.palette.ink if self._look else None)
-        for item in (self._blanking, self._threshold):
-            item.setVisible(trace is not None)
-        _draw_curve(self._measured, trace.measured if trace else None)
-        _draw_curve(self._predicted, trace.predicted if trace else None)
-        if trace is None:
-            self._names.draw((), _FLOOR_DB)
-        else:
-            self._blanking.setRegion((0.0, trace.blanking))
-            self._threshold.setValue(trace.threshold_db)
-            self._names.draw(trace.echoes, trace.floor_db)
-            if self._reach != trace.reach:  # a zoom lasts from one reading to the next
-                self._reach = trace.reach
-                self.setLimits(xMin=0.0, xMax=trace.reach)
-                self.setXRange(0.0, trace.reach, padding=0)
+        self._trace = trace
+        rf = self.rf.isChecked()
+        heights = heights_of(trace, rf) if trace else EMPTY
+        self._levels.top = heights.top
+        label_axis(self._levels, heights.label)
+        unit = self._look.unit
+        self._ranges.write_in(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
+        for item, sound in (
+            (self._measured, trace.measured if trace else None),
+            (self._predicted, trace.predicted if trace else None),
+        ):
+            _set_curve(item, None if sound is None else signal_curve(sound) if rf else sound.envelope)
+        self.marks.draw(trace, heights, self._look)
+        self.names.draw(trace.echoes if trace else (), heights)
+        self.title.setText(_title(trace, rf))
+        self.title.setToolTip(self.title.text())
+        if trace is not None:
+            self._show_all_of(trace.duration)
+        self._read_cursors()
+
+    def _show_all_of(self, duration: float) -> None:
+        if self._duration != duration:  # a zoom lasts from one reading to the next
+            self._duration = duration
+            self.plot.setLimits(xMin=0.0, xMax=duration)
+            self.plot.setXRange(0.0, duration, padding=0)
+            self.cursors.fit(duration)
+
+    @Slot()
+    def _choose_envelope(self) -> None:
+        self._choose(rf=False)
+
+    @Slot()
+    def _choose_rf(self) -> None:
+        self._choose(rf=True)
+
+    def _choose(self, rf: bool) -> None:
+        self.envelope.setChecked(not rf)
+        self.rf.setChecked(rf)
+        self._draw(self._trace)
+
+    @Slot(bool)
+    def _show_cursors(self, shown: bool) -> None:
+        self.cursors.show(shown)
+        self.readout.setVisible(shown)
+        self._read_cursors()
+
+    @Slot()
+    def _step_cursor(self) -> None:
+        which, by = self.sender().property("moves")
+        left, right = self.plot.viewRange()[0]
+        self.cursors_shown.setChecked(True)
+        self.cursors.step(which, by * (right - left) / _STEPS)
+
+    @Slot()
+    def _read_cursors(self) -> None:
+        if self._trace is not None:
+            self.readout.setText(self.cursors.text(self._trace, self._look))
+
+    def _tell_pointed(self, moved: tuple[QPointF]) -> None:
+        (position,) = moved
+        box = self.plot.plotItem.vb
+        if self._trace is not None and box.sceneBoundingRect().contains(position):
+            time = box.mapSceneToView(position).x()
+            self.pointed.emit(Cursor(self._trace.heading, self._trace.range_at(time)))
+
+    def _point(self, cursor: Cursor | None) -> None:
+        self._pointer.setVisible(cursor is not None and self._trace is not None)
+        if cursor is not None and self._trace is not None:
+            self._pointer.setValue(self._trace.time_at(cursor.range))
 
 
-def _draw_curve(item: pg.PlotCurveItem, curve: Curve | None) -> None:
+def _button(text: str, key: str, tip: str) -> QToolButton:
+    button = QToolButton(checkable=True, autoRaise=True)
+    button.setText(text)
+    button.setShortcut(QKeySequence(key))
+    button.setToolTip(f"{tip} ({key})")
+    return button
+
+
+def _curve_item() -> pg.PlotDataItem:
+    # of a thousand samples on a pixel the highest and the lowest are drawn
+    return pg.PlotDataItem(connect="finite", autoDownsample=True, downsampleMethod="peak", clipToView=True)
+
+
+def _set_curve(item: pg.PlotDataItem, curve: Curve | None) -> None:
     if curve is None:
-        item.setData([], [])
+        item.setData(np.empty(0), np.empty(0))
     else:
-        item.setData(curve.ranges, curve.levels)
+        item.setData(curve.times, curve.values)
 
 
-def _title(trace: ChosenTrace | None) -> str:
+def _title(trace: ChosenTrace | None, rf: bool) -> str:
     if trace is None:
         return "Trace: no reading yet"
-    measured = "" if trace.measured else " · no trace recorded"
-    predicted = "" if trace.predicted else " · no prediction"
-    return f"Trace at {degrees_text(trace.heading)}{measured}{predicted}"
+    told = [f"<b>Trace at {math.degrees(trace.heading) % 360:.1f}°</b>"]
+    if trace.measured is None:
+        told.append("no trace recorded")
+    elif rf and trace.measured.rf is None:
+        told.append("measured: envelope only")
+    if trace.predicted is None:
+        told.append("no prediction")
+    elif rf and trace.predicted.folded:
+        told.append(f"both as {trace.predicted.rate / 1e3:.1f} kHz fold it")
+    if trace.gain.stepped:
+        told.append("stepped gain")
+    return " · ".join(told)

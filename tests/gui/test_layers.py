@@ -30,6 +30,8 @@ def test_the_parts_without_widgets_import_no_qt() -> None:
         "scene",
         "shown",
         "chosen_trace",
+        "bscan_request",
+        "trace_forecast",
         "status",
         "choice",
         "rate",

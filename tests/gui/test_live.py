@@ -30,8 +30,10 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     assert drawn == sum(reading.range is not None for reading in shown.readings)
     assert Unclassed.MEASURED not in shown.classes
     assert set(shown.classes) <= set(MARKS)
-    assert window.trace._measured.getData()[0] is not None
-    assert len(window.trace._predicted.getData()[0]) > 500
+    until(qtbot, lambda: window.session.shown.trace is not None)
+    trace = window.session.shown.trace
+    assert trace.measured is not None
+    assert len(trace.predicted.envelope.times) > 500
     assert len(window.ranges._outline.getData()[0]) >= 360
     assert window.sentence.text() == shown.sentence
     assert window.windowTitle() == "sonarhw — Simple room · place figure9"

@@ -17,7 +17,7 @@ NOISE = 150  # references that come and go by themselves; a leak is one or more 
 def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    views = (window.plan, window.trace, window.ranges)
+    views = (window.plan, window.trace.plot, window.ranges)
 
     def repaint(times: int) -> None:
         for k in range(times):
