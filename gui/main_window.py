@@ -51,6 +51,8 @@ class MainWindow(QMainWindow):
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.toolbar = ToolBar(self.commands)
         self.stage = QStackedWidget()
+        self._views = (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges, self.table, self.sentence)
+        self._views += (self.device, self.room, self.fit_panel, self.toolbar)
         self.look_commands = LookCommands(self.commands, session, self)
         self._look: Look | None = None
         self.addToolBar(self.toolbar)
@@ -62,7 +64,7 @@ class MainWindow(QMainWindow):
             ("Room", "F8", self.room),
             ("Fit", "F9", self.fit_panel),
         ):
-            self.docks.add(name, key, panel)
+            self.docks.add(name, key, panel).visibilityChanged.connect(self._show_what_has_opened)
         fill_menus(self.menuBar(), self.commands, self.docks.actions)
         self._connect_commands()
         self._connect_views()
@@ -136,6 +138,7 @@ class MainWindow(QMainWindow):
         self.replay_bar.sought.connect(session.replay.seek)
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
         session.replay.changed.connect(self.replay_bar.show_state)
+        self.stage.currentChanged.connect(self._show_what_has_opened)
         session.shown_changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
@@ -164,22 +167,15 @@ class MainWindow(QMainWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._show_look(shown.look)
-        for view in (
-            self.plan,
-            self.side_by_side,
-            self.bscan,
-            self.trace,
-            self.ranges,
-            self.table,
-            self.sentence,
-            self.device,
-            self.room,
-            self.fit_panel,
-            self.toolbar,
-        ):
-            view.show_state(shown)
+        for view in self._views:
+            if view.isVisibleTo(self):
+                view.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.scene.title}")
         self._show_history()
+
+    @Slot()
+    def _show_what_has_opened(self) -> None:
+        self._show(self.session.shown)
 
     def _show_look(self, look: Look) -> None:
         self._look = look

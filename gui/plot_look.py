@@ -4,11 +4,14 @@ Takes a plot and a `Look`; changes the plot. What is drawn in it stays in metres
 """
 
 import pyqtgraph as pg
+from PySide6.QtWidgets import QGraphicsItem
 
 from gui.look import Look
 from gui.theme import text_font
 
 _AXES = ("left", "bottom", "right", "top")
+# figures and grid take a third of a repaint, and change only with the zoom
+_CACHED = QGraphicsItem.CacheMode.DeviceCoordinateCache
 
 
 def dress_plot(plot: pg.PlotItem, look: Look) -> None:
@@ -16,6 +19,7 @@ def dress_plot(plot: pg.PlotItem, look: Look) -> None:
     font = text_font(look, 0.9)
     for name in _AXES:
         axis = plot.getAxis(name)
+        axis.setCacheMode(_CACHED)
         axis.setPen(look.palette.ink)
         axis.setTextPen(look.palette.ink)
         axis.setStyle(tickFont=font)
