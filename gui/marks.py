@@ -5,7 +5,10 @@ Takes a plot; hands on the scatters in it, and their tooltips.
 
 from collections.abc import Callable
 
+import numpy as np
 import pyqtgraph as pg
+from PySide6.QtCore import QRectF, Qt
+from PySide6.QtGui import QPainter, QPen, QPolygonF
 from PySide6.QtWidgets import QGraphicsView
 
 from compare.match import Kind
@@ -17,6 +20,9 @@ _SIZE = 9
 # scatters tell Qt less of what they leave than of what they draw: repainting by parts would let old points stand
 WHOLE = QGraphicsView.ViewportUpdateMode.FullViewportUpdate
 _RING = 16
+NOWHERE = np.empty((0, 2))
+_MOST_MARKS = 2000  # of one class; more are dots, for each mark takes time at every repaint
+_DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
 
 
@@ -31,6 +37,48 @@ def dress_outline(outline: pg.PlotDataItem, colours: Palette) -> None:
     outline.setSymbolBrush(colours.predicted)
 
 
+class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
+    """Points by the ten thousand, drawn at one go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._pen = pg.mkPen(None)
+        self._polygon = QPolygonF()
+        self._bounds = QRectF()
+
+    def set_pen(self, pen: QPen) -> None:
+        """Draw with this pen; its width is that of a dot."""
+        pen.setCapStyle(Qt.PenCapStyle.FlatCap)  # seven times as quick as round ones
+        self._pen = pen
+        self.update()
+
+    def set_places(self, places: FloatArray) -> None:
+        """Draw dots there, (n, 2)."""
+        if not len(places) and self._polygon.isEmpty():
+            return
+        self.prepareGeometryChange()
+        self._polygon = pg.functions.arrayToQPolygonF(*np.ascontiguousarray(places.T)) if len(places) else QPolygonF()
+        self._bounds = self._polygon.boundingRect()
+        self.update()
+
+    def boundingRect(self) -> QRectF:
+        """Where the dots are."""
+        return self._bounds
+
+    def dataBounds(self, axis: int, frac: float = 1.0, orthoRange: object = None) -> tuple[float, float] | None:
+        """From where to where they go along an axis, for the view's own zoom."""
+        if self._polygon.isEmpty():
+            return None
+        along_x = (self._bounds.left(), self._bounds.right())
+        return along_x if axis == 0 else (self._bounds.top(), self._bounds.bottom())
+
+    def paint(self, painter: QPainter, *_: object) -> None:
+        """Draw them."""
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
+        painter.setPen(self._pen)
+        painter.drawPoints(self._polygon)
+
+
 class ReadingMarks:
     """One scatter a class, and a ring round the chosen reading."""
 
@@ -38,7 +86,8 @@ class ReadingMarks:
         self.placed: dict[Kind | Unclassed, Placed] = {}
         self._scatters = {kind: _scatter(kind, tip) for kind in MARKS}
         self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", brush=None)
-        for z, scatter in enumerate((*self._scatters.values(), self._ring)):
+        self._dots = {kind: Dots() for kind in MARKS}
+        for z, scatter in enumerate((*self._dots.values(), *self._scatters.values(), self._ring)):
             scatter.setZValue(10 + z)
             plot.addItem(scatter)
 
@@ -47,13 +96,16 @@ class ReadingMarks:
         for kind, scatter in self._scatters.items():
             scatter.setPen(pg.mkPen(colours.paper, width=1))
             scatter.setBrush(pg.mkBrush(colours.of(kind)))
+            self._dots[kind].set_pen(pg.mkPen(colours.of(kind), width=_DOT))
         self._ring.setPen(pg.mkPen(colours.chosen, width=2))
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
         for kind, scatter in self._scatters.items():
-            if kind in placed:
-                points, places = placed[kind]
+            points, places = placed.get(kind, (None, NOWHERE))
+            few = points is not None and len(places) <= _MOST_MARKS
+            self._dots[kind].set_places(NOWHERE if few else places)
+            if few:
                 scatter.setData(*places.T, data=points.readings)
             else:
                 scatter.clear()

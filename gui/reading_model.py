@@ -24,7 +24,6 @@ from gui.reading_rows import (
     cell_text,
     column_name,
     order_of,
-    rows_of,
 )
 from gui.shown import Shown
 
@@ -53,8 +52,7 @@ class ReadingModel(QAbstractTableModel):
             self._tell_all()
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
-            rows = rows_of(shown, self.rows)
-            self._change(rows, order_of(rows, self.wanted))
+            self._change(shown.rows, order_of(shown.rows, self.wanted))
 
     def want(self, wanted: Wanted) -> None:
         """Show these rows in this order from now on."""

@@ -1,12 +1,12 @@
 """The readings as rows of a table: plain arrays, sorted and filtered at once however many there are.
 
-Takes what is shown; hands on `ReadingRows`, an order of them, and any row as text. No widgets.
+Takes readings and how they compare; hands on `ReadingRows`, an order of them, and any row as text. No widgets.
 """
 
 import csv
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.match import Kind, Matched
+from gui.forecast import Compared
 from gui.look import Look
 from gui.palette import MARKS, Unclassed
 from gui.residual_unit import residual_unit
-from gui.shown import Shown
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading
 
 IntArray = NDArray[np.int64]
 Class = Kind | Unclassed
 CLASSES: tuple[Class, ...] = (*Kind, Unclassed.MEASURED)
-_UNCLASSED = CLASSES.index(Unclassed.MEASURED)
+_CODES = {kind: code for code, kind in enumerate(CLASSES)}
+_UNCLASSED = _CODES[Unclassed.MEASURED]
 _NO_PATH = -1
 _NOTHING = "–"
 
@@ -92,25 +93,28 @@ _NONE = np.empty(0, np.int64)
 NO_ROWS = ReadingRows((), _EMPTY, _EMPTY, _EMPTY, _EMPTY, _NONE, _NONE, ())
 
 
-def rows_of(shown: Shown, before: ReadingRows = NO_ROWS) -> ReadingRows:
-    """The rows of what is shown; what `before` knows of the same readings is taken from there."""
-    known = _shared(before.readings, shown.readings)
-    fresh = shown.readings[known:]
+def rows_of(
+    readings: tuple[Reading, ...], compared: Compared | None, zero: float, before: ReadingRows = NO_ROWS
+) -> ReadingRows:
+    """The rows of readings, a stretch of them compared; `zero` is where turntable angle 0 points in the room, rad.
+
+    What `before` knows of the same readings is taken from there.
+    """
+    known = _shared(before.readings, readings)
+    fresh = readings[known:]
     angles = np.concatenate((before.angles[:known], np.degrees([reading.angle for reading in fresh])))
     ranges = (reading.range for reading in fresh)
     measured = np.concatenate((before.measured[:known], [math.nan if far is None else far for far in ranges]))
     predicted, classes, paths = np.full(len(angles), math.nan), np.full(len(angles), _UNCLASSED), _no_paths(len(angles))
     names: tuple[str, ...] = ()
-    if shown.compared is not None:
-        first, end = shown.compared.first, min(shown.compared.end, len(angles))
-        compared = shown.compared.comparison.rows[: max(0, end - first)]
-        stretch = slice(first, first + len(compared))
-        predicted[stretch] = [math.nan if row.predicted is None else row.predicted for row in compared]
-        classes[stretch] = [CLASSES.index(row.kind) for row in compared]
-        paths[stretch], names = _named_paths(compared, shown.compared.comparison.prediction)
-    zero = math.degrees(shown.scene.standing.heading)
-    headings = np.mod(angles + zero, 360.0)
-    return ReadingRows(shown.readings, angles, headings, measured, predicted, classes, paths, names)
+    if compared is not None:
+        matched = compared.comparison.rows[: max(0, len(angles) - compared.first)]
+        stretch = slice(compared.first, compared.first + len(matched))
+        predicted[stretch] = [math.nan if row.predicted is None else row.predicted for row in matched]
+        classes[stretch] = [_CODES[row.kind] for row in matched]
+        paths[stretch], names = _named_paths(matched, compared.comparison.prediction)
+    headings = np.mod(angles + math.degrees(zero), 360.0)
+    return ReadingRows(readings, angles, headings, measured, predicted, classes, paths, names)
 
 
 def _shared(earlier: tuple[Reading, ...], later: tuple[Reading, ...]) -> int:
@@ -138,7 +142,7 @@ def order_of(rows: ReadingRows, wanted: Wanted) -> IntArray:
     """Which rows are wanted, in their order; rows without a value stand last either way."""
     kept = np.ones(len(rows), bool)
     if wanted.hidden:
-        kept &= ~np.isin(rows.classes, [CLASSES.index(kind) for kind in wanted.hidden])
+        kept &= ~np.isin(rows.classes, [_CODES[kind] for kind in wanted.hidden])
     if wanted.text.strip():
         kept &= _saying(rows, wanted.text.casefold().split())
     keys = _sort_keys(rows, wanted.column)
@@ -225,7 +229,7 @@ _CSV_HEADER = (
 )  # fmt: skip
 
 
-def rows_as_csv(rows: ReadingRows, order: Iterable[int], shown: Shown) -> str:
+def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int], str]) -> str:
     """These rows as CSV with a header: degrees and metres whatever the look, empty where there is no value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -236,5 +240,5 @@ def rows_as_csv(rows: ReadingRows, order: Iterable[int], shown: Shown) -> str:
         told = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
         kind = class_name(CLASSES[rows.classes[row]])
         heading = f"{rows.headings[row]:.4f}"
-        writer.writerow((row, heading, *told, kind, rows.path(row), shown.sentence_of(int(row))))
+        writer.writerow((row, heading, *told, kind, rows.path(row), sentence(int(row))))
     return text.getvalue()

@@ -89,7 +89,7 @@ class ReadingTable(QWidget):
         if self._shown is not None:
             selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
             order = self.model.order[selected] if len(selected) > 1 else self.model.order
-            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), self._shown))
+            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), self._shown.sentence_of))
 
     def _made_view(self) -> _Rows:
         view = _Rows(showGrid=False, alternatingRowColors=True, wordWrap=False)

@@ -17,6 +17,7 @@ from gui.chosen_trace import ChosenTrace
 from gui.forecast import Compared
 from gui.look import Look
 from gui.palette import Unclassed
+from gui.reading_rows import CLASSES, NO_ROWS, ReadingRows, rows_of
 from gui.scene import Scene
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading
@@ -52,6 +53,7 @@ class Shown:
     bscan: BScans | None = None  # None where nobody looks at it
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
+    earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # from which `rows` are made sooner
 
     @property
     def chosen_reading(self) -> Reading | None:
@@ -97,18 +99,18 @@ class Shown:
         return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
 
     @cached_property
+    def rows(self) -> ReadingRows:
+        """All readings as columns."""
+        return rows_of(self.readings, self.compared, self.scene.standing.heading, self.earlier)
+
+    @cached_property
     def classes(self) -> dict[Kind | Unclassed, ClassPoints]:
         """All readings that can be drawn, by class."""
-        sorted_out: dict[Kind | Unclassed, list[tuple[int, float, float]]] = {}
-        for index, reading in enumerate(self.readings):
-            row = self.row(index)
-            kind = row.kind if row else Unclassed.MEASURED
-            at = reading.range if reading.range is not None else row.predicted if row else None
-            if at is not None:
-                sorted_out.setdefault(kind, []).append((index, self.heading(index), at))
-        return {kind: _points(found) for kind, found in sorted_out.items()}
-
-
-def _points(found: list[tuple[int, float, float]]) -> ClassPoints:
-    readings, headings, ranges = zip(*found, strict=True)
-    return ClassPoints(readings, np.array(headings), np.array(ranges))
+        rows = self.rows
+        drawn_at = np.where(np.isnan(rows.measured), rows.predicted, rows.measured)
+        points = {}
+        for code, kind in enumerate(CLASSES):
+            found = np.flatnonzero((rows.classes == code) & ~np.isnan(drawn_at))
+            if len(found):
+                points[kind] = ClassPoints(tuple(found.tolist()), np.radians(rows.headings[found]), drawn_at[found])
+        return points
