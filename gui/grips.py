@@ -1,7 +1,7 @@
 """Grips: what a hand can take hold of in the plan, and what of it lies under the mouse.
 
 Takes a scene, a point and how long a pixel is; hands on a frozen `Grip`, or None. What is small lies over what is
-large: the sensor and the end of its beam first, then corners and rims of posts, then walls and posts.
+large: the sensor and the handle on its beam first, then corners and rims of posts, then walls and posts.
 """
 
 import math
@@ -13,6 +13,7 @@ import numpy as np
 from gui.room_edit import Point, corners
 from gui.scene import Scene
 from sim.room import Room
+from sonarhw.readings import FloatArray
 
 REACH = 9.0  # pixels
 _SENSOR_REACH = 11.0  # it is drawn larger
@@ -22,7 +23,7 @@ class Part(Enum):
     """What a grip is a grip of."""
 
     SENSOR = auto()
-    BEAM = auto()  # its far end: to turn the sensor
+    BEAM = auto()  # its handle: to turn the sensor
     CORNER = auto()
     RIM = auto()  # of a post
     WALL = auto()
@@ -38,13 +39,13 @@ class Grip:
     surface: int | None = None  # number of the wall or post
 
 
-def sensor_grip(scene: Scene, beam_end: Point | None, at: Point, pixel: float) -> Grip | None:
-    """The sensor, or the end of its beam, within reach of a point; `pixel` is how long one is, m."""
+def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> Grip | None:
+    """The sensor, or the handle on its beam, within reach of a point; `pixel` is how long one is, m."""
     if scene.place is None:
         return None
     if math.dist(scene.standing.position, at) <= _SENSOR_REACH * pixel:
         return Grip(Part.SENSOR, at)
-    if beam_end is not None and math.dist(beam_end, at) <= _SENSOR_REACH * pixel:
+    if handle is not None and math.dist(handle, at) <= _SENSOR_REACH * pixel:
         return Grip(Part.BEAM, at)
     return None
 
@@ -78,8 +79,8 @@ def surface_at(room: Room, at: Point, pixel: float) -> int | None:
     return nearest - len(posts) if nearest >= len(posts) else len(walls) + nearest
 
 
-def wall_distances(room: Room, at: Point) -> np.ndarray:
+def wall_distances(room: Room, at: Point) -> FloatArray:
     """Distance of a point to each wall, (n,) m."""
     starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
     share = np.clip(((np.array(at) - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.hypot(*(starts + share[:, None] * along - at).T)
+    return np.asarray(np.hypot(*(starts + share[:, None] * along - at).T))

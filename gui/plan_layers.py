@@ -20,7 +20,7 @@ from gui.theme import text_font
 from sim.room import Room
 from sonarhw.readings import FloatArray
 
-_BEAM_LENGTH = 0.3  # of the room's diagonal
+_BEAM_LENGTH, _HANDLE = 0.3, 0.12  # of the room's diagonal
 _MOST_LABELLED = 9  # points; labels at more would hide the rays
 _NOTHING = np.empty((0, 2))
 
@@ -65,7 +65,7 @@ class SensorLayer:
     """The sensor, where its turntable looks, and the beam."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self.beam_end: Point | None = None
+        self.handle_at: Point | None = None
         self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
         self._axis = pg.PlotCurveItem()
         self._handle = pg.ScatterPlotItem(size=11, symbol="o")
@@ -88,16 +88,17 @@ class SensorLayer:
         """Draw the sensor as it looked at the newest reading; before the first as it stands."""
         scene, room = shown.scene, shown.scene.room
         self._sensor.setData(*np.array([scene.standing.position]).T)
-        wedge, axis, self.beam_end = _NOTHING, _NOTHING, None
+        wedge, axis, self.handle_at = _NOTHING, _NOTHING, None
         if room is not None:
             heading = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
-            length = _BEAM_LENGTH * math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+            size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+            length, handle = _BEAM_LENGTH * size, _HANDLE * size
             wedge = beam_wedge(scene.standing, heading, half_power_angle(scene.board, room), length)
-            axis = points_at(scene.standing.position, np.full(2, heading), np.array([0.0, length]))
-            self.beam_end = float(axis[1, 0]), float(axis[1, 1])
+            axis = points_at(scene.standing.position, np.full(3, heading), np.array([0.0, handle, length]))
+            self.handle_at = float(axis[1, 0]), float(axis[1, 1])
         self._beam.setData(*wedge.T)
         self._axis.setData(*axis.T)
-        self._handle.setData(*axis[1:].T)
+        self._handle.setData(*axis[1:2].T)
 
 
 class PathLayer:

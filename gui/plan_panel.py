@@ -1,24 +1,20 @@
 """The plan with its tools above it, one key each, and a line that says what lies under the hand.
 
-Takes what is shown; the plan itself (`view`) hands on gestures.
+Takes the plan; hands on the actions of its tools (`actions()`), which a help page can list.
 """
 
-import math
-import time
+from functools import partial
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
-from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QToolButton, QVBoxLayout, QWidget
 
 from gui.elided import ElidedLabel
 from gui.plan_tools import TOOLS
 from gui.plan_view import PlanView
-from gui.scene_edit import sensor_at, sensor_turned
 
-_NUDGE, _TURN = 0.01, math.radians(1.0)  # m, rad
-_PAUSE = 1.0  # s: key strokes closer than this are undone together
-_MOVES = {"Shift+Left": (-1, 0), "Shift+Right": (1, 0), "Shift+Down": (0, -1), "Shift+Up": (0, 1)}
-_TURNS = {"Shift+PgUp": 1, "Shift+PgDown": -1}
+_MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}
+_TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
 class PlanPanel(QWidget):
@@ -27,7 +23,6 @@ class PlanPanel(QWidget):
     def __init__(self, view: PlanView) -> None:
         super().__init__()
         self.view = view
-        self._nudged, self._nudging = 0.0, object()
         self.tools = QActionGroup(self)
         self.said = ElidedLabel()
         view.told.connect(self.said.setText)
@@ -50,7 +45,7 @@ class PlanPanel(QWidget):
             self.tools.addAction(action)
             row.addWidget(_button(action))
         self.remove = self._action("Remove", "Del", "Take out the chosen wall or post")
-        self.remove.triggered.connect(self.view.remove_chosen)
+        self.remove.triggered.connect(self.view.hands.remove_chosen)
         row.addWidget(_button(self.remove))
         row.addSpacing(8)
         row.addWidget(self.said, stretch=1)
@@ -59,13 +54,12 @@ class PlanPanel(QWidget):
         return bar
 
     def _add_keys(self) -> None:
-        for key, by in _MOVES.items():
-            self._action("Move the sensor", key, "Move the sensor by a centimetre").setData(by)
-        for key, by in _TURNS.items():
-            self._action("Turn the sensor", key, "Turn the sensor by a degree").setData(by)
-        for action in self.actions():
-            if action.data() is not None and not action.isCheckable():
-                action.triggered.connect(self._nudge)
+        for side, by in _MOVES.items():
+            action = self._action(f"Sensor {side.lower()}", f"Shift+{side}", "Move the sensor by a centimetre")
+            action.triggered.connect(partial(self.view.hands.nudge, *by))
+        for side, (key, by_steps) in _TURNS.items():
+            action = self._action(f"Sensor turned {side}", key, "Turn the sensor by a degree")
+            action.triggered.connect(partial(self.view.hands.turn, by_steps))
 
     def _action(self, text: str, key: str, tip: str) -> QAction:
         action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
@@ -74,23 +68,7 @@ class PlanPanel(QWidget):
 
     @Slot(QAction)
     def _hold(self, action: QAction) -> None:
-        self.view.hold(action.data())
-
-    @Slot()
-    def _nudge(self) -> None:
-        shown, by = self.view.shown, self.sender().data()
-        if shown is None or shown.scene.place is None:
-            return
-        now = time.monotonic()
-        if now - self._nudged > _PAUSE:
-            self._nudging = object()
-        self._nudged = now
-        if isinstance(by, int):
-            self.view.change(lambda scene: sensor_turned(scene, by * _TURN), shown.scene, self._nudging)
-            return
-        x, y = shown.scene.place.position
-        to = x + by[0] * _NUDGE, y + by[1] * _NUDGE
-        self.view.change(lambda scene: sensor_at(scene, to), shown.scene, self._nudging)
+        self.view.hands.hold(action.data())
 
 
 def _button(action: QAction) -> QToolButton:
@@ -98,5 +76,4 @@ def _button(action: QAction) -> QToolButton:
     button.setDefaultAction(action)
     button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keys stay with the window
-    button.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
     return button

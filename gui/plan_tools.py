@@ -13,12 +13,11 @@ from gui.grips import Grip, Part, room_grip, sensor_grip
 from gui.look import LengthUnit
 from gui.room_edit import Point, add_post, add_wall, corners
 from gui.scene import Scene
-from gui.scene_edit import Edit, bearing, dragged, on_grid, with_room
+from gui.scene_edit import Edit, bearing, dragged, furnished, on_grid, with_room
 from gui.shown import Shown
 
 _SHORTEST = 0.005  # m: of a wall or a radius; less is a slip of the hand
 _SNAP = 9.0  # pixels
-_NO_ROOM = "open a room file first: there is nothing here to change"
 
 
 class Table(Protocol):
@@ -29,7 +28,11 @@ class Table(Protocol):
         """What lies there."""
 
     @property
-    def beam_end(self) -> Point | None:
+    def scene(self) -> Scene:
+        """The scene with all edits, those that are not shown yet as well."""
+
+    @property
+    def handle_at(self) -> Point | None:
         """Where the beam can be taken hold of, m."""
 
     @property
@@ -75,34 +78,30 @@ class Hand(Tool):
     """Moves and turns the sensor; anywhere else it moves the paper."""
 
     name, key = "Hand", "H"
-    tip = "Drag the sensor or the end of its beam; anywhere else, the paper. A click asks about a reading"
+    tip = "Drag the sensor or the handle on its beam; anywhere else, the paper. A click asks about a reading"
 
     def __init__(self, table: Table) -> None:
         super().__init__(table)
-        self._held: Grip | None = None
-        self._scene = table.shown.scene if table.shown else None
+        self._held: tuple[Grip, Scene] | None = None  # and the scene when it was taken
 
     def grip(self, at: Point) -> Grip | None:
         """Sensor or beam."""
         table = self._table
-        return sensor_grip(table.shown.scene, table.beam_end, at, table.pixel)
+        return sensor_grip(table.scene, table.handle_at, at, table.pixel)
 
     def press(self, at: Point) -> bool:
         """Take hold of what is there."""
-        self._held, self._scene = self.grip(at), self._table.shown.scene
-        return self._held is not None
+        grip = self.grip(at)
+        self._held = None if grip is None else (grip, self._table.scene)
+        return grip is not None
 
     def drag(self, to: Point) -> None:
         """Have it follow."""
-        grip = self._held
-        if grip is not None:
-            to = self._snapped(grip, to)
-            self._table.change(lambda scene: dragged(scene, grip, to), self._scene, self._held)
-
-    def _snapped(self, grip: Grip, to: Point) -> Point:
-        if grip.part is not Part.CORNER:
-            return to
-        return snapped(self._table, to, besides=grip.at, scene=self._scene)
+        if self._held is not None:
+            grip, before = self._held
+            if grip.part is Part.CORNER:
+                to = snapped(self._table, to, besides=grip.at, scene=before)
+            self._table.change(lambda scene: dragged(scene, grip, to), before, self._held)
 
 
 class Pencil(Hand):
@@ -114,15 +113,15 @@ class Pencil(Hand):
 
     def grip(self, at: Point) -> Grip | None:
         """Sensor or beam, then what belongs to the room."""
-        scene = self._table.shown.scene
+        scene = self._table.scene
         over = super().grip(at)
         return over or (room_grip(scene.room, at, self._table.pixel) if scene.room else None)
 
     def press(self, at: Point) -> bool:
         """Take hold of what is there, and choose it."""
         taken = super().press(at)
-        if taken and self._held.surface is not None:
-            self._table.choose_surface(self._held.surface)
+        if self._held is not None and self._held[0].surface is not None:
+            self._table.choose_surface(self._held[0].surface)
         return taken
 
 
@@ -154,18 +153,15 @@ class _Drawing(Tool):
 
     def press(self, at: Point) -> bool:
         """Where it begins."""
-        self._scene, self._start, self._gesture = self._table.shown.scene, snapped(self._table, at), object()
-        if self._scene.room is None:
-            self._table.tell(_NO_ROOM)
+        self._before, self._start, self._gesture = self._table.scene, snapped(self._table, at), object()
         return True
 
     def drag(self, to: Point) -> None:
         """How large it is."""
-        end = snapped(self._table, to, scene=self._scene)
-        room = self._scene.room
-        if room is None or math.dist(self._start, end) < _SHORTEST:
+        end = snapped(self._table, to, scene=self._before)
+        if math.dist(self._start, end) < _SHORTEST:
             return
-        if self._table.change(lambda scene: self._drawn(scene, end), self._scene, self._gesture):
+        if self._table.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
             self._table.tell(self._size(end))
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
@@ -182,8 +178,8 @@ class WallPencil(_Drawing):
     tip = "Drag from one end of a new wall to the other; ends that come near a corner meet it"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
-        room = add_wall(scene.room, self._start, end, scene.room.materials[0])
-        return with_room(scene, room), "adding a wall"
+        room, _ = furnished(scene)
+        return with_room(scene, add_wall(room, self._start, end, room.materials[0])), "adding a wall"
 
 
 class PostPencil(_Drawing):
@@ -193,9 +189,9 @@ class PostPencil(_Drawing):
     tip = "Drag from the middle of a new post to its rim"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
+        room, _ = furnished(scene)
         radius = round(math.dist(self._start, end), 3)
-        room = add_post(scene.room, self._start, radius, scene.room.materials[0])
-        return with_room(scene, room), "adding a post"
+        return with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
 
     def _size(self, end: Point) -> str:
         return f"radius {self._table.shown.look.unit.text(math.dist(self._start, end))}"
@@ -206,7 +202,7 @@ TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 
 def snapped(table: Table, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
     """The corner or sensor near a point, else the point to the millimetre; `besides` is no corner to find."""
-    scene = scene or table.shown.scene
+    scene = scene or table.scene
     known = [*corners(scene.room), scene.standing.position] if scene.room else [scene.standing.position]
     near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * table.pixel]
     return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)

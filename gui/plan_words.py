@@ -28,9 +28,10 @@ def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
         return f"beam, {standing_words(shown)}; drag to turn it"
     if grip is not None and grip.part is Part.CORNER:
         return f"corner, {place}; drag to move it"
-    surface = surface_at(scene.room, at, pixel) if scene.room else None
-    if surface is not None:
-        return surface_words(scene.room, surface)
+    room = scene.room
+    surface = surface_at(room, at, pixel) if room else None
+    if room is not None and surface is not None:
+        return surface_words(room, surface)
     middle = scene.standing.position
     away = f"{unit.text(math.dist(middle, at))} at {math.degrees(bearing(middle, at)) % 360:.1f}° from the sensor"
     return f"{place} · {away}"

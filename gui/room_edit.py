@@ -176,7 +176,7 @@ def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> Non
 
 def _like(chain: Document, points: list[list[float]], names: list[str]) -> dict[str, Any]:
     """An open chain of the same material and height."""
-    common = {"material": str(chain["material"])}
+    common: dict[str, Any] = {"material": str(chain["material"])}
     if "height" in chain:
         common["height"] = list(map(float, chain["height"]))
     return {"name": names[0], "points": points, "edges": names, **common}
@@ -189,7 +189,7 @@ def _append(document: Document, kind: str, what: dict[str, Any]) -> None:
         return
     table = tomlkit.table()
     table.update(what)
-    before = present[-1].as_string() if present else document.as_string()
+    before = present[-1].as_string() if present else tomlkit.dumps(document)
     table.trivia.indent = "" if before.endswith("\n\n") else "\n"
     table.add(tomlkit.nl())
     if not present:

@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 
 from gui.grips import Grip, Part
-from gui.room_edit import Point, move_corner, move_post, move_wall, resize_post
+from gui.room_edit import Point, move_corner, move_post, move_wall, remove_surface, resize_post, split_wall
 from gui.scene import Scene
 from sim.room import Place, Room
 from sim.room_file import MOST_DISTANT
@@ -21,24 +21,20 @@ Edit = tuple[Scene, str]  # the scene afterwards, and what was done
 
 def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
     """The scene with what was gripped dragged to a point. Raises InputError where it cannot be there."""
-    room = scene.room
-    if room is None:
-        raise InputError("without a room there is nothing to move; open a room file")
+    room, place = furnished(scene)
+    by = to[0] - grip.at[0], to[1] - grip.at[1]
     if grip.part is Part.SENSOR:
-        here = scene.standing.position
-        return sensor_at(scene, (here[0] + to[0] - grip.at[0], here[1] + to[1] - grip.at[1]))
+        return sensor_at(scene, _sum(place.position, by))
     if grip.part is Part.BEAM:
-        middle = scene.standing.position
-        return sensor_turned(scene, bearing(middle, to) - bearing(middle, grip.at))
-    if grip.part is Part.CORNER:
+        return sensor_turned(scene, bearing(place.position, to) - bearing(place.position, grip.at))
+    if grip.surface is None:
         return with_room(scene, move_corner(room, grip.at, on_grid(to))), "moving a corner"
     name = room.names[grip.surface]
-    by = on_grid((to[0] - grip.at[0], to[1] - grip.at[1]))
     if grip.part is Part.WALL:
-        return with_room(scene, move_wall(room, grip.surface, by)), f"moving {name}"
+        return with_room(scene, move_wall(room, grip.surface, on_grid(by))), f"moving {name}"
     x, y, radius = map(float, room.posts[grip.surface - len(room.walls)])
     if grip.part is Part.POST:
-        return with_room(scene, move_post(room, grip.surface, on_grid((x + by[0], y + by[1])))), f"moving {name}"
+        return with_room(scene, move_post(room, grip.surface, on_grid(_sum((x, y), by)))), f"moving {name}"
     radius += math.dist((x, y), to) - math.dist((x, y), grip.at)
     radius = max(_SMALLEST_RADIUS, on_grid((radius, 0.0))[0])
     return with_room(scene, resize_post(room, grip.surface, radius)), f"resizing {name}"
@@ -46,22 +42,44 @@ def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
 
 def sensor_at(scene: Scene, position: Point) -> Edit:
     """The scene with the sensor elsewhere, looking as before. Raises InputError inside a post."""
+    _, place = furnished(scene)
     position = on_grid(position)
     if max(map(abs, position)) > MOST_DISTANT:
         raise InputError(f"the sensor can stand no farther than {MOST_DISTANT:g} m off")
-    return _standing(scene, position, scene.place.heading), "moving the sensor"
+    return _standing(scene, position, place.heading), "moving the sensor"
 
 
 def sensor_turned(scene: Scene, by: float) -> Edit:
     """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad, to a tenth of a degree."""
-    heading = math.radians(round(math.degrees(scene.place.heading + by) % 360, 1))
-    return _standing(scene, scene.place.position, heading), "turning the sensor"
+    _, place = furnished(scene)
+    heading = math.radians(round(math.degrees(place.heading + by) % 360, 1))
+    return _standing(scene, place.position, heading), "turning the sensor"
+
+
+def without_surface(scene: Scene, surface: int) -> Edit:
+    """The scene without a wall or a post."""
+    room, _ = furnished(scene)
+    return with_room(scene, remove_surface(room, surface)), f"removing {room.names[surface]}"
+
+
+def with_corner(scene: Scene, wall: int, at: Point) -> Edit:
+    """The scene with one more corner, in a wall."""
+    room, _ = furnished(scene)
+    return with_room(scene, split_wall(room, wall, on_grid(at))), f"a corner in {room.names[wall]}"
 
 
 def with_room(scene: Scene, room: Room) -> Scene:
     """The scene in the changed room. Raises InputError where the sensor would then be inside a post."""
-    _check_free(room, scene.place)
+    _, place = furnished(scene)
+    _check_free(room, place)
     return replace(scene, room=room)
+
+
+def furnished(scene: Scene) -> tuple[Room, Place]:
+    """Room and place of a scene. Raises InputError where it has none."""
+    if scene.room is None or scene.place is None:
+        raise InputError("without a room there is nothing to change; open a room file")
+    return scene.room, scene.place
 
 
 def bearing(middle: Point, at: Point) -> float:
@@ -75,10 +93,15 @@ def on_grid(point: Point) -> Point:
     return round(x, 6), round(y, 6)
 
 
+def _sum(one: Point, other: Point) -> Point:
+    return one[0] + other[0], one[1] + other[1]
+
+
 def _standing(scene: Scene, position: Point, heading: float) -> Scene:
+    room, before = furnished(scene)
     # a place of its own, named as `--place X,Y` would be: those that the file names stay where they are
-    place = Place(f"{position[0]:g},{position[1]:g}", position, heading, scene.place.height)
-    _check_free(scene.room, place)
+    place = Place(f"{position[0]:g},{position[1]:g}", position, heading, before.height)
+    _check_free(room, place)
     return replace(scene, place=place)
 
 

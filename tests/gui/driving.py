@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import pyqtgraph as pg
-from PySide6.QtCore import QPointF, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from pytestqt.qtbot import QtBot
 
 from gui.main_window import MainWindow
@@ -43,3 +43,21 @@ def click(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float,
     pixel = view.mapFromScene(box.mapViewToScene(QPointF(*at)))
     qtbot.mouseMove(view.viewport(), pixel)
     qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+
+
+def pixel_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> QPoint:
+    """Where a point of a plot lies on the screen."""
+    return view.mapFromScene(box.mapViewToScene(QPointF(*at)))
+
+
+def drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> None:
+    """Drag with the mouse from the first point of a plot over the others to the last."""
+    pixels = [pixel_at(view, box, at) for at in way]
+    qtbot.mouseMove(view.viewport(), pixels[0])
+    qtbot.mousePress(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[0])
+    for pixel in pixels[1:]:
+        for part in (0.5, 1.0):  # two moves, as a hand makes many: the first begins the drag
+            between = pixels[0] + (pixel - pixels[0]) * part
+            qtbot.mouseMove(view.viewport(), between)
+            qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+    qtbot.mouseRelease(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[-1])

@@ -1,0 +1,221 @@
+"""The hand in the plan, with a real mouse and real keys: what is dragged follows, and so does the prediction."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+
+from gui.main_window import MainWindow
+from sonarhw.log import read_log
+from tests.gui.conftest import OpenWith
+from tests.gui.driving import click, drag, pixel_at, predicted, until
+
+Point = tuple[float, float]
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith) -> MainWindow:
+    window = open_with()
+    until(qtbot, lambda: predicted(window))
+    return window
+
+
+def key(qtbot: QtBot, window: MainWindow, key: Qt.Key, *modifiers: Qt.KeyboardModifier) -> None:
+    pressed = Qt.KeyboardModifier.NoModifier
+    for modifier in modifiers:
+        pressed |= modifier
+    qtbot.keyClick(window, key, pressed)
+
+
+def drag_in_plan(qtbot: QtBot, window: MainWindow, *way: Point) -> None:
+    drag(qtbot, window.plan, window.plan.plotItem.vb, *way)
+
+
+def click_in_plan(qtbot: QtBot, window: MainWindow, at: Point) -> None:
+    click(qtbot, window.plan, window.plan.plotItem.vb, at)
+
+
+def hover(qtbot: QtBot, window: MainWindow, at: Point) -> str:
+    pixel = pixel_at(window.plan, window.plan.plotItem.vb, at)
+    qtbot.mouseMove(window.plan.viewport(), pixel)
+    qtbot.wait(15)
+    qtbot.mouseMove(window.plan.viewport(), pixel + pixel.__class__(1, 0))
+    qtbot.wait(15)
+    return window.plan_panel.said.text()
+
+
+def wall(window: MainWindow, name: str) -> list[float]:
+    room = window.session.shown.scene.room
+    return room.walls[room.names.index(name)].tolist()
+
+
+def stands(window: MainWindow) -> Point:
+    return window.session.shown.scene.standing.position
+
+
+def test_the_dragged_sensor_takes_the_prediction_along_and_one_undo_takes_both_back(
+    qtbot: QtBot, window: MainWindow
+) -> None:
+    before, outline = stands(window), window.session.shown.outline
+    drag_in_plan(qtbot, window, before, (0.5, 0.2), (0.4, 0.3))
+    assert stands(window) == pytest.approx((0.4, 0.3), abs=0.003)
+    until(qtbot, lambda: predicted(window))
+    moved = window.session.shown.outline
+    assert moved.place.position == stands(window)
+    heard = ~np.isnan(moved.ranges)
+    assert np.nanmedian(np.abs(moved.ranges[heard] - outline.ranges[heard])) > 0.01
+    key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert stands(window) == before
+    assert window.session.shown.scene.standing.name == "figure9"
+    assert not window.session.history.undo_label
+
+
+def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    shown = window.session.shown
+    x, y = stands(window)
+    end = window.plan.sensor.handle_at
+    away = math.dist((x, y), end)
+    angle = math.atan2(end[1] - y, end[0] - x) + math.radians(30)
+    drag_in_plan(qtbot, window, end, (x + away * math.cos(angle), y + away * math.sin(angle)))
+    turned = window.session.shown
+    assert math.degrees(turned.heading(3) - shown.heading(3)) % 360 == pytest.approx(30, abs=1)
+    assert stands(window) == (x, y)
+
+
+def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
+    now = 0.0
+    window.plan.hands.clock = lambda: now
+    x, y = stands(window)
+    shift = Qt.KeyboardModifier.ShiftModifier
+    for pressed in (Qt.Key.Key_Left, Qt.Key.Key_Left, Qt.Key.Key_Up):
+        key(qtbot, window, pressed, shift)
+    assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
+    now = 5.0
+    key(qtbot, window, Qt.Key.Key_PageUp, shift)
+    assert math.degrees(window.session.shown.scene.standing.heading) == pytest.approx(1)
+    until(qtbot, window.commands.undo.isEnabled)
+    key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert window.session.shown.scene.standing.heading == 0.0
+    assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
+    key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert stands(window) == (x, y)  # quick strokes are one step
+
+
+def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_P)
+    drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.4))
+    key(qtbot, window, Qt.Key.Key_H)
+    drag_in_plan(qtbot, window, stands(window), (0.5, 0.3), (0.3, 0.4))
+    assert "cannot stand inside post 1" in window.plan_panel.said.text()
+    assert math.dist(stands(window), (0.3, 0.4)) > 0.1
+    assert window.banner.message == ""
+
+
+def test_outside_the_walls_a_sensor_may_stand_and_it_is_said(qtbot: QtBot, window: MainWindow) -> None:
+    drag_in_plan(qtbot, window, stands(window), (0.85, 0.3), (0.98, 0.3))
+    assert stands(window) == pytest.approx((0.98, 0.3), abs=0.003)
+    assert "outside the walls" in hover(qtbot, window, stands(window))
+    until(qtbot, lambda: predicted(window))
+    assert window.session.shown.outline.place.position == stands(window)
+
+
+def test_a_sensor_dragged_off_the_screen_stays_at_its_rim(qtbot: QtBot, window: MainWindow) -> None:
+    (left, _), _ = window.plan.plotItem.vb.viewRange()
+    drag_in_plan(qtbot, window, stands(window), (left - 5.0, 0.3))
+    assert stands(window)[0] == pytest.approx(left, abs=0.01)
+    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left)
+
+
+def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBot, window: MainWindow) -> None:
+    assert hover(qtbot, window, (0.5, 0.742)) == "top · shelving, reflectance 0.95 (−0.4 dB)"
+    hover(qtbot, window, (0.3, 0.3))
+    cursor, (x, y) = window.session.shown.cursor, stands(window)
+    assert cursor.range == pytest.approx(math.dist((x, y), (0.3, 0.3)), abs=0.005)
+    assert cursor.heading == pytest.approx(math.atan2(0.3 - y, 0.3 - x), abs=0.02)
+
+
+def test_the_ruler_tells_distance_and_angle_from_corner_to_corner(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_M)
+    drag_in_plan(qtbot, window, (0.004, 0.003), (0.925, 0.739))
+    assert window.plan_panel.said.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
+    assert window.plan.ruler.label.toPlainText() == "1.188 m at 38.6°"
+    assert wall(window, "top") == [0.928, 0.742, 0.0, 0.742]
+    key(qtbot, window, Qt.Key.Key_H)
+    assert not window.plan.ruler.label.isVisible()
+
+
+def test_a_corner_is_dragged_with_both_its_walls_and_the_prediction_follows(qtbot: QtBot, window: MainWindow) -> None:
+    outline = window.session.shown.outline
+    view = window.plan.plotItem.vb.viewRange()
+    key(qtbot, window, Qt.Key.Key_E)
+    drag_in_plan(qtbot, window, (0.0, 0.742), (0.1, 0.6))
+    assert wall(window, "top") == pytest.approx([0.928, 0.742, 0.1, 0.6], abs=0.003)
+    assert wall(window, "left")[:2] == wall(window, "top")[2:]
+    assert window.plan.plotItem.vb.viewRange() == view  # the room stays where it is on the screen
+    until(qtbot, lambda: predicted(window) and window.session.shown.outline is not outline)
+    assert window.session.shown.outline.room is window.session.shown.scene.room
+    assert window.session.history.undo_label == "moving a corner"
+
+
+def test_a_wall_is_drawn_from_corner_to_corner_and_taken_out_again(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_W)
+    drag_in_plan(qtbot, window, (0.003, 0.739), (0.3, 0.3), (0.3, 0.2))
+    assert wall(window, "wall 1") == pytest.approx([0.0, 0.742, 0.3, 0.2], abs=0.003)
+    assert wall(window, "wall 1")[:2] == [0.0, 0.742]  # exactly: they meet
+    key(qtbot, window, Qt.Key.Key_E)
+    click_in_plan(qtbot, window, (0.15, 0.471))
+    key(qtbot, window, Qt.Key.Key_Delete)
+    assert window.session.shown.scene.room.names == ("bottom", "right", "top", "left")
+    key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert "wall 1" in window.session.shown.scene.room.names
+
+
+def test_a_post_is_drawn_moved_and_resized(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_P)
+    drag_in_plan(qtbot, window, (0.3, 0.4), (0.36, 0.4))
+    key(qtbot, window, Qt.Key.Key_E)
+    drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.5))
+    drag_in_plan(qtbot, window, (0.46, 0.5), (0.5, 0.5))
+    ((x, y, radius),) = window.session.shown.scene.room.posts
+    assert (x, y, radius) == pytest.approx((0.4, 0.5, 0.1), abs=0.005)
+
+
+def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_E)
+    pixel = pixel_at(window.plan, window.plan.plotItem.vb, (0.5, 0.742))
+    qtbot.mouseClick(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    qtbot.mouseDClick(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    qtbot.mouseRelease(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    assert {"top", "top 2"} < set(window.session.shown.scene.room.names)
+    assert wall(window, "top")[2] == pytest.approx(0.5, abs=0.003)
+
+
+def test_where_nothing_is_taken_hold_of_the_paper_moves(qtbot: QtBot, window: MainWindow) -> None:
+    (left, _), _ = window.plan.plotItem.vb.viewRange()
+    drag_in_plan(qtbot, window, (0.3, 0.3), (0.5, 0.3))
+    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left - 0.2, abs=0.01)
+    key(qtbot, window, Qt.Key.Key_F)
+    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left)
+
+
+def test_the_loss_is_written_at_each_bounce(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    window.session.choose(27)  # bottom, top, bottom
+    texts = [label.toPlainText() for label in window.plan.path._labels if label.isVisible()]
+    assert texts == ["1  −0.4 dB\n3  −0.4 dB", "2  −0.4 dB"]
+
+
+def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open_with: OpenWith, scene: object) -> None:
+    window = open_with(scene=replace(scene, room=None, place=None))
+    key(qtbot, window, Qt.Key.Key_W)
+    drag_in_plan(qtbot, window, (0.1, 0.1), (0.5, 0.5))
+    assert "open a room file" in window.plan_panel.said.text()
+    key(qtbot, window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
+    assert window.session.shown.scene.room is None
