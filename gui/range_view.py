@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QPointF, Qt, Signal
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal
+from PySide6.QtGui import QFontMetrics
 
 from compare.match import TOLERANCE, Kind
 from gui.look import Look
@@ -18,11 +19,13 @@ from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
 from gui.plot_look import dress_plot, label_axis, label_length
 from gui.reading_tip import reading_tip
-from gui.shown import Shown
+from gui.residual_unit import residual_unit
+from gui.shown import Cursor, Shown
+from gui.theme import text_font
 from sonarhw.readings import FloatArray
 
-_MOST_RESIDUAL = 25.0  # cm; what is farther off is drawn at the edge
-_AXIS_WIDTH = 48  # pixels, so that both plots begin at one line
+_MOST_RESIDUAL = 0.25  # m; what is farther off is drawn at the edge
+_WIDEST = "-000.0"  # figure on a left axis
 _ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
 
 
@@ -40,7 +43,6 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.residuals = self._plot(1)
         self.residuals.setXLink(self.ranges)
         self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
-        self.residuals.setToolTip("measured less predicted; what is beyond ±25 cm is drawn at the edge")
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
@@ -48,9 +50,12 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
-        self._cursors = [self._add_cursor(plot) for plot in (self.ranges, self.residuals)]
+        self._chosen = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
+        self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
+        self._pointer.append(self._add_line(self.ranges, 0))
         self.ranges.setXRange(0, 360, padding=0.01)
         self.scene().sigMouseClicked.connect(self._click)
+        self.scene().sigMouseMoved.connect(self._move)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
@@ -64,37 +69,55 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             self._marks[1].draw(_residuals(shown))
         for marks in self._marks:
             marks.ring(shown.chosen)
-        for cursor in self._cursors:
-            cursor.setVisible(shown.chosen is not None)
+        for line in self._chosen:
+            line.setVisible(shown.chosen is not None)
             if shown.chosen is not None:
-                cursor.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
+                line.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
+        self._point(shown.cursor)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Nothing is pointed at any more."""
+        self.pointed.emit(None)
+        super().leaveEvent(event)
 
     def _dress(self, look: Look) -> None:
         self.setBackground(look.palette.paper)
+        metrics = QFontMetrics(text_font(look, 0.9))
         for plot in (self.ranges, self.residuals):
             dress_plot(plot, look)
+            # the same for both, so that they begin at one line
+            plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         label_length(self.ranges.getAxis("left"), "range", look)
-        label_axis(self.residuals.getAxis("left"), "residual (cm)")
+        self._dress_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
         dress_outline(self._outline, look.palette)
+        for marks in self._marks:
+            marks.dress(look.palette)
+        for line in self._chosen:
+            line.setPen(pg.mkPen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
+        for line in self._pointer:
+            line.setPen(pg.mkPen(look.palette.ink, width=1))
+
+    def _dress_residuals(self, look: Look) -> None:
+        unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
+        axis.enableAutoSIPrefix(False)
+        axis.setScale(unit.per_metre)
+        label_axis(axis, f"residual ({unit.label})")
+        edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
+        self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is drawn at the edge")
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
             line.setPen(look.palette.tolerance)
-        for marks in self._marks:
-            marks.dress(look.palette)
-        for cursor in self._cursors:
-            cursor.setPen(pg.mkPen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
 
     def _plot(self, row: int) -> pg.PlotItem:
         plot = self.addPlot(row=row, col=0)
-        plot.getAxis("left").setWidth(_AXIS_WIDTH)
         plot.getAxis("bottom").setTickSpacing(90, 30)
         plot.hideButtons()
         return plot
 
     def _add_tolerance(self) -> pg.LinearRegionItem:
         band = pg.LinearRegionItem(
-            (-100 * TOLERANCE, 100 * TOLERANCE),
+            (-TOLERANCE, TOLERANCE),
             orientation="horizontal",
             movable=False,
         )
@@ -102,8 +125,9 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.residuals.addItem(band, ignoreBounds=True)
         return band
 
-    def _add_cursor(self, plot: pg.PlotItem) -> pg.InfiniteLine:
-        line = pg.InfiniteLine(angle=90)
+    def _add_line(self, plot: pg.PlotItem, angle: float) -> pg.InfiniteLine:
+        line = pg.InfiniteLine(angle=angle)
+        line.setVisible(False)
         plot.addItem(line, ignoreBounds=True)
         return line
 
@@ -125,6 +149,34 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             event.accept()
             self.picked.emit(index)
 
+    def _move(self, place: QPointF) -> None:
+        """Tell every view where the hand points; over the residuals at a heading only, at the chosen range."""
+        for plot in (self.ranges, self.residuals):
+            if self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
+                at = plot.vb.mapSceneToView(place)
+                far = at.y() if plot is self.ranges else self._range_near(at.x())
+                self.pointed.emit(Cursor(math.radians(at.x()), max(far, 0.0)))
+                return
+        self.pointed.emit(None)
+
+    def _range_near(self, heading: float) -> float:
+        """The range that the reading nearest to a heading (degrees) is drawn at, m; 0 where there is none."""
+        near, far = math.inf, 0.0
+        for _, places in self._marks[0].placed.values():
+            away = np.abs((places[:, 0] - heading + 180) % 360 - 180)
+            k = int(np.argmin(away))
+            if away[k] < near:
+                near, far = float(away[k]), float(places[k, 1])
+        return far
+
+    def _point(self, cursor: Cursor | None) -> None:
+        for line in self._pointer:
+            line.setVisible(cursor is not None)
+        if cursor is not None:
+            heading = math.degrees(cursor.heading) % 360
+            for line, value in zip(self._pointer, (heading, heading, cursor.range), strict=True):
+                line.setValue(value)
+
     def _under(self, click: QPointF) -> int | None:
         for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
             if plot.sceneBoundingRect().contains(click):
@@ -141,16 +193,11 @@ def _ranges(shown: Shown) -> dict[Kind | Unclassed, Placed]:
 
 
 def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
-    """Measured less predicted of the readings that have both, cm, at the edge where they are beyond it."""
+    """Measured less predicted of the readings that have both, m, at the edge where they are beyond it."""
     placed: dict[Kind | Unclassed, Placed] = {}
+    residuals = np.clip(shown.rows.residuals, -_MOST_RESIDUAL, _MOST_RESIDUAL)
     for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
         points = shown.classes.get(kind)
         if points is not None:
-            apart = np.array([100 * _residual(shown, index) for index in points.readings])
-            placed[kind] = points, _over_heading(points.headings, np.clip(apart, -_MOST_RESIDUAL, _MOST_RESIDUAL))
+            placed[kind] = points, _over_heading(points.headings, residuals[list(points.readings)])
     return placed
-
-
-def _residual(shown: Shown, index: int) -> float:
-    row = shown.row(index)
-    return math.nan if row is None or row.residual is None else row.residual
