@@ -37,7 +37,7 @@ class RangeCells:
     @property
     def middles(self) -> FloatArray:
         """The middle of each, (count,) float, m."""
-        return (np.arange(self.count) + 0.5) * self.width
+        return np.asarray((np.arange(self.count) + 0.5) * self.width)
 
     def loudest(self, ranges: FloatArray, levels: FloatArray) -> FloatArray:
         """The highest of the levels (k,) in each cell, (count,) float; NaN where none lies."""

@@ -10,8 +10,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 
 from gui.bscan import RangeCells
-from gui.bscan_picture import Pane, flat_area, polar_area
-from gui.bscan_request import BScans, PanePicture
+from gui.bscan_picture import ColourScale, Pane, flat_area, polar_area
+from gui.bscan_request import BScans
 from gui.look import Look
 from gui.plan_geometry import wall_lines
 from gui.plot_look import dress_plot, label_axis, label_length
@@ -32,7 +32,7 @@ class BScanPane:
         self.plot = pg.PlotItem()
         self.plot.hideButtons()
         self._ground, self._blanking = pg.PlotCurveItem(fillLevel="enclosed"), pg.PlotCurveItem()
-        self._image = pg.ImageItem()
+        self._image = pg.ImageItem(axisOrder="row-major")
         self._walls = pg.PlotCurveItem(connect="pairs")
         self._chosen, self._cursor = pg.PlotCurveItem(), pg.ScatterPlotItem(symbol="o", brush=None)
         self._bar = pg.ColorBarItem(values=(0, 1), colorMap="cividis", width=12, interactive=False)
@@ -40,6 +40,7 @@ class BScanPane:
         self.plot.layout.setColumnFixedWidth(4, _BESIDE)
         for item in (self._ground, self._image, self._walls, self._blanking, self._chosen, self._cursor):
             self.plot.addItem(item, ignoreBounds=True)
+        self._scale: ColourScale | None = None
         self._polar = False
         self._look = Look()
         self._cells = RangeCells(1.0, 1)
@@ -57,6 +58,7 @@ class BScanPane:
         self._blanking.setPen(pg.mkPen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
         self._chosen.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
         self._chosen.setShadowPen(pg.mkPen(colours.paper, width=2.5))
+        self._scale = None
         self._label()
 
     def turn(self, polar: bool, among: int = 1) -> None:
@@ -85,7 +87,9 @@ class BScanPane:
         room = shown.scene.room
         self._walls.setVisible(self._polar)
         self._walls.setData(*(wall_lines(room) if room else np.empty((0, 2))).T)
-        self._draw_bar(picture)
+        if self._scale is not picture.scale:
+            self._scale = picture.scale
+            self._draw_bar(picture.scale)
 
     def point(self, shown: Shown) -> None:
         """Draw the chosen heading and the linked cursor."""
@@ -148,8 +152,8 @@ class BScanPane:
             label_axis(bottom, "heading in the room (°)")
             label_length(left, "range", self._look)
 
-    def _draw_bar(self, picture: PanePicture) -> None:
-        scale, colours = picture.scale, self._look.palette
+    def _draw_bar(self, scale: ColourScale) -> None:
+        colours = self._look.palette
         self._bar.setColorMap(pg.ColorMap(None, scale.colours[:, :3]))
         self._bar.setLevels((scale.low, scale.high))
         axis = self._bar.axis

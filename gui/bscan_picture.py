@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
 from gui.bscan import SAME_HEADING, BScan, RangeCells
@@ -19,7 +19,7 @@ from gui.levels import in_db
 from gui.palette import Palette
 from sonarhw.readings import FloatArray
 
-Pixels = NDArray[np.uint8]  # (width, height, 4), first the left column, from below; not opaque where nothing is known
+Pixels = NDArray[np.uint8]  # (height, width, 4), first the lowest row; not opaque where nothing is known
 COLOURS = 256
 _SIDE = 800  # pixels of a polar picture
 _COLUMNS = 1440  # of a flat one
@@ -62,6 +62,7 @@ class ColourScale:
         return np.asarray(np.where(unknown, np.uint32(0), self.colours.view(np.uint32)[rows, 0]))
 
 
+@lru_cache(maxsize=16)
 def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) -> ColourScale:
     """The colours of one pane; those of a difference run from predicted's colour by the paper's to measured's."""
     if pane is not Pane.DIFFERENCE:
@@ -76,14 +77,14 @@ def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) 
     return ColourScale(colours, -_DIFFERENCE, _DIFFERENCE, "difference (of full scale)")
 
 
-def _bytes(colours: LinearSegmentedColormap) -> NDArray[np.uint8]:
+def _bytes(colours: Colormap) -> NDArray[np.uint8]:
     return np.asarray(colours(np.linspace(0, 1, COLOURS), bytes=True), dtype=np.uint8)
 
 
 def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: bool) -> Pixels:
     """The picture of one pane: flat over heading (all of the turn) and range, or polar with heading 0 to the right."""
     coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
-    rows = bscan.rows_at(np.arange(_TURN) * SAME_HEADING)
+    rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
     # one row more, of nothing: where a gap is, -1 picks it
     coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
     if polar:
@@ -92,7 +93,7 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
         pixels = np.take(coloured.reshape(-1), np.take(beyond * bscan.cells.count, headings) + cells)
         pixels = pixels.reshape(_SIDE, _SIDE)
     else:
-        pixels = coloured[rows[np.arange(_COLUMNS) * _TURN // _COLUMNS]]
+        pixels = coloured[rows[np.arange(_COLUMNS) * _TURN // _COLUMNS]].T
     return np.ascontiguousarray(pixels).view(np.uint8).reshape(*pixels.shape, 4)
 
 
@@ -100,7 +101,7 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
 def _polar_places(count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Of every pixel of a polar picture the tenth of a degree, _TURN beyond the last cell, and the cell; both flat."""
     along = (np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1
-    x, y = np.meshgrid(along, along, indexing="ij")
+    x, y = np.meshgrid(along, along)
     cells = np.floor(np.hypot(x, y) * count)
     headings = np.round(np.mod(np.arctan2(y, x), math.tau) / SAME_HEADING) % _TURN
     headings[cells >= count] = _TURN

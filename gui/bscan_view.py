@@ -200,7 +200,9 @@ def _note(bscan: BScans | None, wish: BScanWish) -> str:
 
 
 def _button(text: str, key: str, tip: str) -> QToolButton:
-    button = QToolButton(checkable=True, autoRaise=True)
+    button = QToolButton()
+    button.setCheckable(True)
+    button.setAutoRaise(True)
     button.setText(text)
     button.setShortcut(QKeySequence(key))
     button.setToolTip(f"{tip} ({key})")

@@ -9,10 +9,11 @@ import numpy as np
 import pyqtgraph as pg
 
 from gui.chosen_trace import ChosenTrace, Curve, Sound
+from gui.plot_look import label_axis
 from sonarhw.readings import FloatArray
 
-_ROOM = 1.1  # above the loudest
-_QUIETEST = 0.02  # of full scale: a silent trace is not blown up any further
+_HAIR = 1e-9
+_REACHES = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0  # of full scale
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,8 @@ def heights_of(trace: ChosenTrace, rf: bool) -> Heights:
     if not rf:
         return Heights(True, trace.floor_db, 0.0)
     loudest = max((_loudest(sound, trace.blanking) for sound in (trace.measured, trace.predicted) if sound), default=1)
-    reach = min(1.0, _ROOM * max(loudest, _QUIETEST))
+    # in steps, so that the axis stands still from one reading to the next
+    reach = next(step for step in _REACHES if step >= min(1.0, loudest))
     return Heights(False, -reach, reach)
 
 
@@ -71,8 +73,10 @@ class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
 
     def write_in(self, unit: str, scale: float) -> None:
         """Write figures in this unit, `scale` of which are 1 of what is drawn."""
-        self.unit = unit
         self.setScale(scale)
+        if unit != self.unit:
+            self.unit = unit
+            self.picture = None
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """The figures with their unit."""
@@ -84,12 +88,19 @@ class HeightAxis(pg.AxisItem):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("left")
-        self.top = 0.0
+        self._heights: Heights | None = None
+
+    def write_for(self, heights: Heights) -> None:
+        """Write figures for these heights."""
+        if heights != self._heights:
+            self._heights = heights
+            label_axis(self, heights.label)
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """The figures, empty above the top."""
         told = super().tickStrings(values, scale, spacing)
-        return [text if value <= self.top * 1.001 else "" for text, value in zip(told, values, strict=True)]
+        top = self._heights.top + _HAIR if self._heights else 0.0
+        return [text if value <= top else "" for text, value in zip(told, values, strict=True)]
 
 
 class GainAxis(pg.AxisItem):  # type: ignore[misc]
@@ -102,11 +113,13 @@ class GainAxis(pg.AxisItem):  # type: ignore[misc]
     def place(self, gains: FloatArray, heights: Heights) -> FloatArray:
         """Where gains (n,) dB lie among these heights, (n,) float; the axis is written for them from now on."""
         low, high = float(gains.min()), float(gains.max())
-        self._low, self._bottom, self._top = low, heights.bottom, heights.top
-        self._per_height = max(high - low, 1.0) / (heights.top - heights.bottom)
-        self.picture = None
-        self.update()
-        return heights.bottom + (gains - low) / self._per_height
+        per_height = max(high - low, 1.0) / (heights.top - heights.bottom)
+        written = low, per_height, heights.bottom, heights.top
+        if written != (self._low, self._per_height, self._bottom, self._top):
+            self._low, self._per_height, self._bottom, self._top = written
+            self.picture = None  # it is written anew
+            self.update()
+        return np.asarray(heights.bottom + (gains - low) / per_height)
 
     def tickValues(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, list[float]]]:
         """Round decibels, where they lie."""

@@ -17,7 +17,7 @@ from gui.look import Look
 from gui.marks import WHOLE
 from gui.plot_look import dress_plot, label_axis
 from gui.shown import Cursor, Shown
-from gui.trace_axes import EMPTY, GainAxis, HeightAxis, UnitAxis, heights_of, signal_curve
+from gui.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from gui.trace_cursors import TraceCursors
 from gui.trace_marks import TraceMarks
 from sim.air import Air
@@ -134,15 +134,15 @@ class TraceView(QWidget):
         self._trace = trace
         rf = self.rf.isChecked()
         heights = heights_of(trace, rf) if trace else EMPTY
-        self._levels.top = heights.top
-        label_axis(self._levels, heights.label)
+        self._levels.write_for(heights)
         unit = self._look.unit
         self._ranges.write_in(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
         for item, sound in (
             (self._measured, trace.measured if trace else None),
             (self._predicted, trace.predicted if trace else None),
         ):
-            _set_curve(item, None if sound is None else signal_curve(sound) if rf else sound.envelope)
+            curve = None if sound is None else signal_curve(sound) if rf else sound.envelope
+            _set_curve(item, curve, heights)
         self.marks.draw(trace, heights, self._look)
         self.names.draw(trace.echoes if trace else (), heights)
         self.title.setText(_title(trace, rf))
@@ -203,7 +203,9 @@ class TraceView(QWidget):
 
 
 def _button(text: str, key: str, tip: str) -> QToolButton:
-    button = QToolButton(checkable=True, autoRaise=True)
+    button = QToolButton()
+    button.setCheckable(True)
+    button.setAutoRaise(True)
     button.setText(text)
     button.setShortcut(QKeySequence(key))
     button.setToolTip(f"{tip} ({key})")
@@ -215,11 +217,12 @@ def _curve_item() -> pg.PlotDataItem:
     return pg.PlotDataItem(connect="finite", autoDownsample=True, downsampleMethod="peak", clipToView=True)
 
 
-def _set_curve(item: pg.PlotDataItem, curve: Curve | None) -> None:
+def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> None:
     if curve is None:
         item.setData(np.empty(0), np.empty(0))
     else:
-        item.setData(curve.times, curve.values)
+        # what the board hears of its own burst is louder than any echo
+        item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
 
 
 def _title(trace: ChosenTrace | None, rf: bool) -> str:

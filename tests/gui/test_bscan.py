@@ -138,7 +138,7 @@ def test_missing_headings_are_gaps_and_others_touch() -> None:
     cells = RangeCells(0.1, 10)
     degrees = [d for d in range(0, 360, 5) if d not in (100, 105)]
     bscan = bscan_of({heading_key(math.radians(d)): np.ones(10) for d in degrees}, cells)
-    drawn = draw_bscan(bscan, BLACK, None, polar=False)[:, :, 3] > 0
+    drawn = draw_bscan(bscan, BLACK, None, polar=False)[:, :, 3].T > 0
     left, _, width, _ = flat_area(cells)
     at = left + (np.arange(len(drawn)) + 0.5) / len(drawn) * width
     gap = (at > 98) & (at < 107)
@@ -159,10 +159,10 @@ def test_in_a_polar_picture_an_echo_lies_in_its_direction_at_its_range(degrees: 
 def middle_of(pixels: Pixels, area: tuple[float, float, float, float]) -> tuple[float, float]:
     """The middle of what is drawn, in the coordinates of the area."""
     left, bottom, width, height = area
-    columns, rows = np.nonzero(pixels[:, :, 3])
+    rows, columns = np.nonzero(pixels[:, :, 3])
     return (
-        float(left + (columns.mean() + 0.5) / pixels.shape[0] * width),
-        float(bottom + (rows.mean() + 0.5) / pixels.shape[1] * height),
+        float(left + (columns.mean() + 0.5) / pixels.shape[1] * width),
+        float(bottom + (rows.mean() + 0.5) / pixels.shape[0] * height),
     )
 
 
