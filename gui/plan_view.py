@@ -151,4 +151,6 @@ def _is_elsewhere(before: Shown, shown: Shown) -> bool:
     was, now = before.scene, shown.scene
     if was.room is None or now.room is None:
         return was.room is not now.room
+    if was.room.text == now.room.text:
+        return False  # saved under another name
     return (was.room_file, was.room.name) != (now.room_file, now.room.name)

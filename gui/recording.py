@@ -32,11 +32,12 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
         raise LogError(f"{folder}: cannot be made: {error.strerror}; recordings would lie there") from error
     now = time.time()
     path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_plain(scene)}")
+    room = scene.written_room
     metadata = LogMetadata(
         made_by="scan",
         started=now,
         room_file=scene.room_file,
-        room_text=scene.room.text if scene.room else "",
+        room_text=room.text if room else "",
         place=scene.standing.name,
         board=scene.board.name,
         board_text=scene.board.text,

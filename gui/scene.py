@@ -9,6 +9,7 @@ from compare.recorded_board import board_of_log
 from sim.board import Board
 from sim.prediction import PredictionOptions
 from sim.room import Place, Room, parse_room
+from sim.room_writing import with_place
 from sonarhw.errors import InputError
 from sonarhw.log import LogMetadata
 
@@ -30,6 +31,13 @@ class Scene:
         """The place, with the heading that the board's zero really has; without a room the origin, looking along +x."""
         place = self.place or _NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
+
+    @property
+    def written_room(self) -> Room | None:
+        """The room as it is saved: with the place where the sensor stands, though no file may have named it."""
+        if self.room is None or self.place is None or self.room.places.get(self.place.name) == self.place:
+            return self.room
+        return with_place(self.room, self.place)
 
     @property
     def title(self) -> str:

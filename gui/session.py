@@ -23,6 +23,8 @@ from gui.shown import Cursor, Shown
 from gui.status import Status
 from gui.trace_forecast import TraceForecast
 from gui.worker import Failure, Worker
+from sim.room_writing import save_room
+from sonarhw.errors import SonarError
 from sonarhw.log import Log
 
 TICK = 30  # ms
@@ -174,6 +176,21 @@ class Session(QObject):
         """Put the readings into the room in a file."""
         self._files.ask(OpenRoomRequest(Path(path), self.shown.scene.board))
 
+    @Slot(str)
+    def save_room(self, path: str) -> None:
+        """Write the room as it is now, with the sensor's place; the dialog has asked about overwriting."""
+        room = self.shown.scene.written_room
+        if room is None:
+            self.warned.emit("there is no room to save; open a room file")
+            return
+        try:
+            save_room(room, Path(path), overwrite=True)
+        except SonarError as error:
+            self.warned.emit(str(error))
+            return
+        self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=Path(path).name))
+        self._refresh()
+
     @Slot(int)
     def choose(self, index: int) -> None:
         """Ask about one reading."""
@@ -254,7 +271,7 @@ class Session(QObject):
             case Failure():
                 self.warned.emit(opened.message)
             case RoomOpened():
-                self.set_scene(opened.scene)
+                self.set_scene(replace(opened.scene, options=self.shown.scene.options))
             case LogOpened():
                 here = self.shown.scene
                 if not self.replay.loaded:
