@@ -63,7 +63,7 @@ def open_application() -> QApplication:
     application.setApplicationName("sonarhw")
     application.setStyle("Fusion")
     pg.setConfigOptions(antialias=True)
-    apply_look(application, Look())
+    apply_look(Look())
     return application
 
 

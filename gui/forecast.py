@@ -14,6 +14,7 @@ import numpy as np
 from compare.match import Comparison, Matched, compare_readings
 from gui.effort import EffortChoice
 from gui.scene import Scene
+from gui.scene_edit import furnished
 from gui.worker import Failure, Worker
 from sim.paths import Paths
 from sim.predicted_scan import PredictedScan
@@ -55,7 +56,8 @@ class PathsRequest:
         """Find them; what takes seconds in a room of many echoes."""
         began = time.perf_counter()
         scene = self.scene
-        outline = predict_scan(scene.room, scene.standing, scene.board, self._headings(), self.options)
+        room, _ = furnished(scene)
+        outline = predict_scan(room, scene.standing, scene.board, self._headings(), self.options)
         draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
         return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
 
@@ -100,8 +102,9 @@ class CompareRequest:
     def answer(self) -> Compared:
         """Compare them."""
         found, scene = self.found, self.found.scene
+        room, _ = furnished(scene)
         comparison = compare_readings(
-            self.readings, scene.room, scene.standing, scene.board, options=found.options, paths=found.paths
+            self.readings, room, scene.standing, scene.board, options=found.options, paths=found.paths
         )
         return Compared(self.generation, comparison, self.first, found.draft)
 

@@ -3,9 +3,11 @@
 Takes a session; owns nothing but its parts. Gestures go to the session, changes come back from it to the views.
 """
 
+from collections.abc import Callable
+
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QAction, QCloseEvent
-from PySide6.QtWidgets import QApplication, QFileDialog, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from gui.banner import Banner
 from gui.bscan_view import BScanView
@@ -51,8 +53,10 @@ class MainWindow(QMainWindow):
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.toolbar = ToolBar(self.commands)
         self.stage = QStackedWidget()
-        self._views = (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges, self.table, self.sentence)
-        self._views += (self.device, self.room, self.fit_panel, self.toolbar)
+        self._views = (
+            *(self.plan, self.side_by_side, self.bscan, self.trace, self.ranges, self.table, self.sentence),
+            *(self.device, self.room, self.fit_panel, self.toolbar),
+        )
         self.look_commands = LookCommands(self.commands, session, self)
         self._look: Look | None = None
         self.addToolBar(self.toolbar)
@@ -65,7 +69,7 @@ class MainWindow(QMainWindow):
             ("Fit", "F9", self.fit_panel),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_what_has_opened)
-        fill_menus(self.menuBar(), self.commands, self.docks.actions)
+        fill_menus(self.menuBar(), self.commands, self.plan_panel.actions(), self.docks.actions)
         self._connect_commands()
         self._connect_views()
         self.resize(*_SIZE)
@@ -80,8 +84,8 @@ class MainWindow(QMainWindow):
         event.accept()
 
     def _arranged(self) -> QWidget:
-        for view in (self.plan_panel, self.side_by_side, self.bscan):
-            self.stage.addWidget(view)
+        for large in (self.plan_panel, self.side_by_side, self.bscan):
+            self.stage.addWidget(large)
         side = QSplitter(Qt.Orientation.Vertical)
         for view in (self.trace, self.ranges, self.table):
             side.addWidget(view)
@@ -122,18 +126,19 @@ class MainWindow(QMainWindow):
         commands.close.triggered.connect(self.close)
         commands.open_log.triggered.connect(self._ask_log)
         commands.open_room.triggered.connect(self._ask_room)
+        commands.save_room.triggered.connect(self._ask_where_to_save_room)
         commands.views.triggered.connect(self._show_view)
 
     def _connect_views(self) -> None:
         session = self.session
         self.toolbar.place.textActivated.connect(session.set_place)
-        for view in (self.plan, self.side_by_side, self.bscan, self.ranges, self.table):
-            view.picked.connect(session.choose)
-        for view in (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges):
-            view.pointed.connect(session.point_at)
+        for picked in (self.plan, self.side_by_side, self.bscan, self.ranges, self.table):
+            picked.picked.connect(session.choose)
+        for pointed in (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges):
+            pointed.pointed.connect(session.point_at)
         self.bscan.wished.connect(session.wish_bscan)
-        for view in (self.plan, self.side_by_side, self.room, self.fit_panel):
-            view.edited.connect(session.edit)
+        for edited in (self.plan, self.side_by_side, self.room, self.fit_panel):
+            edited.edited.connect(session.edit)
         self.replay_bar.toggled.connect(session.replay.toggle)
         self.replay_bar.sought.connect(session.replay.seek)
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
@@ -151,17 +156,30 @@ class MainWindow(QMainWindow):
     def _ask_room(self) -> None:
         self._ask_file("Open room", "Rooms (*.toml)", self.session.open_room)
 
+    @Slot()
+    def _ask_where_to_save_room(self) -> None:
+        scene = self.session.shown.scene
+        dialog = self._file_dialog("Save room as", "Rooms (*.toml)", self.session.save_room)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix("toml")
+        dialog.selectFile(scene.room_file or "room.toml")
+        dialog.show()
+
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:
         self.stage.setCurrentIndex(self.commands.views.actions().index(action))
 
-    def _ask_file(self, title: str, pattern: str, chosen: object) -> None:
+    def _ask_file(self, title: str, pattern: str, chosen: Callable[[str], None]) -> None:
+        dialog = self._file_dialog(title, pattern, chosen)
+        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+        dialog.show()
+
+    def _file_dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
         # not modal: what runs goes on, and the window still answers
         dialog = QFileDialog(self, title, "", pattern)
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
         dialog.fileSelected.connect(chosen)
-        dialog.show()
+        return dialog
 
     @Slot(object)
     def _show(self, shown: Shown) -> None:
@@ -179,7 +197,7 @@ class MainWindow(QMainWindow):
 
     def _show_look(self, look: Look) -> None:
         self._look = look
-        apply_look(QApplication.instance(), look)
+        apply_look(look)
         for part in (self.banner, self.legend, self.replay_bar, self.look_commands):
             part.show_look(look)
 

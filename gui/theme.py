@@ -11,10 +11,10 @@ from gui.look import Look
 from gui.palette import Palette
 
 
-def apply_look(application: QApplication, look: Look) -> None:
-    """Give every widget the colours and the text size of `look`."""
-    application.setPalette(_palette(look.palette))
-    application.setFont(text_font(look))
+def apply_look(look: Look) -> None:
+    """Give every widget of the application the colours and the text size of `look`."""
+    QApplication.setPalette(_palette(look.palette))
+    QApplication.setFont(text_font(look))
     pg.setConfigOptions(background=look.palette.paper, foreground=look.palette.ink)
 
 
