@@ -14,6 +14,7 @@ class Commands:
         self._owner = owner
         self.all: list[QAction] = []
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in the room of a file")
+        self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Write the room as it is now to a file")
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
         self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
         self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")

@@ -49,10 +49,10 @@ class ToolBar(QToolBar):
         self.place.setCurrentText(here)
 
 
-def fill_menus(bar: QMenuBar, commands: Commands, docks: Sequence[QAction]) -> None:
+def fill_menus(bar: QMenuBar, commands: Commands, tools: Sequence[QAction], docks: Sequence[QAction]) -> None:
     """Every action by name, in the menu where one looks for it."""
     scan = bar.addMenu("&Scan")
-    scan.addActions([commands.open_room, commands.open_log])
+    scan.addActions([commands.open_room, commands.save_room, commands.open_log])
     scan.addSeparator()
     scan.addActions([commands.scan, commands.stop])
     scan.addSeparator()
@@ -61,6 +61,7 @@ def fill_menus(bar: QMenuBar, commands: Commands, docks: Sequence[QAction]) -> N
     edit.addActions([commands.undo, commands.redo])
     edit.addSeparator()
     edit.addActions([commands.previous, commands.next, commands.newest])
+    bar.addMenu("&Plan").addActions([*tools])
     replay = bar.addMenu("&Replay")
     replay.addActions([commands.play, commands.back, commands.forth, commands.previous_scan, commands.next_scan])
     replay.addActions([commands.loop, commands.skip_gaps])
