@@ -47,9 +47,9 @@ class MainWindow(QMainWindow):
         self.plan, self.side_by_side, self.bscan = PlanView(), SideBySide(), BScanView()
         self.plan_panel = PlanPanel(self.plan)
         self.trace, self.ranges, self.table = TraceView(), RangeView(), ReadingTable()
-        self.device, self.room, self.fit_panel = DevicePanel(), RoomPanel(), FitPanel()
-        self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.commands = Commands(self)
+        self.device, self.room, self.fit_panel = DevicePanel(self.commands), RoomPanel(), FitPanel()
+        self.banner, self.legend, self.sentence = Banner(), Legend(), Sentence()
         self.replay_bar, self.status_bar = ReplayBar(self.commands), StatusBar()
         self.toolbar = ToolBar(self.commands)
         self.stage = QStackedWidget()
@@ -108,6 +108,7 @@ class MainWindow(QMainWindow):
         commands, session = self.commands, self.session
         commands.scan.triggered.connect(session.scan)
         commands.stop.triggered.connect(session.stop)
+        commands.home.triggered.connect(session.home)
         commands.undo.triggered.connect(session.undo)
         commands.redo.triggered.connect(session.redo)
         commands.previous.triggered.connect(session.choose_previous)
@@ -121,7 +122,7 @@ class MainWindow(QMainWindow):
         commands.loop.triggered.connect(session.replay.set_loop)
         commands.skip_gaps.triggered.connect(session.replay.set_skip_gaps)
         commands.leave_replay.triggered.connect(session.leave_replay)
-        for view in (self.plan, self.side_by_side, self.bscan):
+        for view in (self.plan, self.side_by_side, self.bscan, self.trace):
             commands.fit.triggered.connect(view.fit)
         commands.close.triggered.connect(self.close)
         commands.open_log.triggered.connect(self._ask_log)
@@ -144,6 +145,10 @@ class MainWindow(QMainWindow):
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
         session.replay.changed.connect(self.replay_bar.show_state)
         self.stage.currentChanged.connect(self._show_what_has_opened)
+        self.device.connect_wanted.connect(session.connect_scanner)
+        self.device.hang_up_wanted.connect(session.hang_up)
+        self.device.turn_wanted.connect(session.turn_to)
+        self.device.wished.connect(session.set_wish)
         session.shown_changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
@@ -212,10 +217,12 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
-        for part in (self.status_bar, self.banner):
-            part.show_state(status)
+        self.status_bar.show_state(status)
+        self.banner.show_state(status)
+        self.device.show_status(status)
         self.commands.scan.setEnabled(status.can_scan and not status.scanning)
         self.commands.stop.setEnabled(status.scanning)
+        self.commands.home.setEnabled(status.can_turn)
         for action in (self.commands.open_log, self.commands.open_room):
             action.setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)

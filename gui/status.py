@@ -44,6 +44,11 @@ class Status:
         """Whether a scanner is at work."""
         return self.phase is not None and self.phase.busy
 
+    @property
+    def can_turn(self) -> bool:
+        """Whether the turntable may be sent somewhere: there is a scanner, it is idle, and no log is looked at."""
+        return self.can_scan and self.source is not Source.REPLAY and not self.scanning
+
 
 def lost_in(scan: RecordedScan) -> int:
     """How many of the readings that a scan made its log does not have; where it does not say how many, the gaps."""

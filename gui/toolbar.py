@@ -54,7 +54,7 @@ def fill_menus(bar: QMenuBar, commands: Commands, tools: Sequence[QAction], dock
     scan = bar.addMenu("&Scan")
     scan.addActions([commands.open_room, commands.save_room, commands.open_log])
     scan.addSeparator()
-    scan.addActions([commands.scan, commands.stop])
+    scan.addActions([commands.scan, commands.stop, commands.home])
     scan.addSeparator()
     scan.addAction(commands.close)
     edit = bar.addMenu("&Edit")
