@@ -7,7 +7,7 @@ import math
 from dataclasses import replace
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
-from PySide6.QtGui import QAction
+from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QDoubleSpinBox,
@@ -36,10 +36,23 @@ from gui.live_scan import ScanWish
 from gui.look import Look
 from gui.shown import Shown
 from gui.status import Source, Status
+from sonarhw.readings import ScanOrder
 
 _FARTHEST = 720.0  # degrees the cable winds
 _MOST_SWEEPS, _MOST_PINGS = 10_000, 100
 _LONGEST = 30.0  # m
+
+
+class _AngleField(QDoubleSpinBox):
+    """An angle that is also entered: Qt's own field tells of leaving it, too."""
+
+    entered = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Tell of Enter, once what was typed is understood."""
+        super().keyPressEvent(event)
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self.entered.emit()
 
 
 class DevicePanel(QWidget):
@@ -172,7 +185,7 @@ class DevicePanel(QWidget):
         self.connect_button.clicked.connect(self.connect_wanted)
         self.hang_up_button.clicked.connect(self.hang_up_wanted)
         self.turn.clicked.connect(self._turn)
-        self.target.lineEdit().returnPressed.connect(self._turn)
+        self.target.entered.connect(self._turn)
         for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.reach):
             field.valueChanged.connect(self._wish)
         self.traces.toggled.connect(self._wish)
@@ -185,13 +198,8 @@ class DevicePanel(QWidget):
 
     @Slot()
     def _wish(self) -> None:
-        wish = self._status.wish
-        if wish is not None:
-            try:
-                order = order_of_sector(*self._sector())
-            except ValueError as error:
-                self.summary.setText(f"⚠ {error}")
-                return
+        wish, order = self._status.wish, self._show_summary()
+        if wish is not None and order is not None:
             reach = self.reach.value()
             far = None if reach == self.reach.minimum() else self._look.unit.metres(reach)
             self.wished.emit(replace(wish, order=order, traces=self.traces.isChecked(), max_range=far))
@@ -233,13 +241,15 @@ class DevicePanel(QWidget):
         except ValueError:
             return False
 
-    def _show_summary(self) -> None:
+    def _show_summary(self) -> ScanOrder | None:
+        """Say what the fields ask for; None where that is no scan."""
         try:
             order = order_of_sector(*self._sector())
         except ValueError as error:
             self.summary.setText(f"⚠ {error}")
-        else:
-            self.summary.setText(scan_summary(order, self._status.link.device if self._status.link else None))
+            return None
+        self.summary.setText(scan_summary(order, self._status.link.device if self._status.link else None))
+        return order
 
 
 def _hint(status: Status) -> str:
@@ -260,8 +270,8 @@ def _button(action: QAction) -> QPushButton:
     return button
 
 
-def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> QDoubleSpinBox:
-    field = QDoubleSpinBox(decimals=decimals, minimum=lowest, maximum=_FARTHEST, value=value, keyboardTracking=False)
+def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
+    field = _AngleField(decimals=decimals, minimum=lowest, maximum=_FARTHEST, value=value, keyboardTracking=False)
     field.setSuffix("°")
     field.setToolTip(tip)
     return field
