@@ -70,16 +70,16 @@ class BScanPane:
         self._image.clear()
         self._label()
 
-    def fit(self) -> None:
-        """Show all of the image."""
-        left, bottom, width, height = self._area()
-        self.plot.vb.setRange(QRectF(left, bottom, width, height), padding=0.02 if self._polar else 0)
+    def fit(self, reach: float | None = None) -> None:
+        """Show the image up to a range, m; None: all of it."""
+        cells = self._cells if reach is None else RangeCells(min(reach, self._cells.reach), 1)
+        self.plot.vb.setRange(QRectF(*self._area(cells)), padding=0.02 if self._polar else 0)
 
     def draw(self, bscan: BScans, shown: Shown) -> None:
         """Put the picture, and what lies round it, in its place."""
         picture, self._cells = bscan.pictures[self.kind], bscan.rows.cells
         self._middle = shown.scene.standing.position
-        area = QRectF(*self._area())
+        area = QRectF(*self._area(self._cells))
         self._image.setImage(picture.pixels, autoLevels=False, levels=None)
         self._image.setRect(area)
         self._ground.setData(*self._at_range(self._cells.reach, closed=True).T)
@@ -121,8 +121,8 @@ class BScanPane:
             cursor = Cursor(math.radians(at.x()) % math.tau, at.y())
         return cursor if 0 <= cursor.range <= self._cells.reach else None
 
-    def _area(self) -> tuple[float, float, float, float]:
-        return polar_area(self._cells, self._middle) if self._polar else flat_area(self._cells)
+    def _area(self, cells: RangeCells) -> tuple[float, float, float, float]:
+        return polar_area(cells, self._middle) if self._polar else flat_area(cells)
 
     def _places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
         """Where headings (rad) and ranges (m) lie in the plot, (n, 2)."""

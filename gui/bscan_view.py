@@ -11,14 +11,15 @@ from PySide6.QtCore import QEvent, QPointF, Signal, Slot
 from PySide6.QtGui import QHideEvent, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QLabel, QSizePolicy, QToolButton, QVBoxLayout, QWidget
 
+from gui.bscan import RangeCells
 from gui.bscan_pane import BScanPane
 from gui.bscan_picture import BScanWish, Pane
 from gui.bscan_request import BScans
 from gui.marks import WHOLE
 from gui.pick import is_plain_click
+from gui.reach import first_look
 from gui.shown import Cursor, Shown
 
-_POINTED_AT_MOST = 30  # times a second
 _CHOICES = (
     ("Measured", "M", (Pane.MEASURED,), "What the board received"),
     ("Predicted", "P", (Pane.PREDICTED,), "What it should have received"),
@@ -38,6 +39,9 @@ class BScanView(QWidget):
         super().__init__()
         self._shown: Shown | None = None
         self._drawn: BScans | None = None
+        self._laid_out: BScanWish | None = None
+        self._zoomed = False  # whether the zoom is one for these images
+        self._cells: RangeCells | None = None
         self.panes_chosen = QButtonGroup(self)
         self.polar = _button("Polar", "O", "Range round the place, over the plan of the room; else heading by range")
         self.decibels = _button("dB", "B", "Levels in decibels of full scale; else linear")
@@ -68,10 +72,14 @@ class BScanView(QWidget):
         if self.isVisible():
             self._draw(shown)
 
+    @Slot()
     def fit(self) -> None:
         """Show all of the images."""
+        self._fit(None)
+
+    def _fit(self, reach: float | None) -> None:
         for pane in self.wish.panes:
-            self.panes[pane].fit()
+            self.panes[pane].fit(reach)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Somebody looks: have it worked out."""
@@ -115,9 +123,7 @@ class BScanView(QWidget):
         self.polar.clicked.connect(self._wish_anew)
         self.decibels.clicked.connect(self._wish_anew)
         self.canvas.scene().sigMouseClicked.connect(self._click)
-        self._moves = pg.SignalProxy(
-            self.canvas.scene().sigMouseMoved, rateLimit=_POINTED_AT_MOST, slot=self._tell_pointed, threadSafe=False
-        )
+        self.canvas.scene().sigMouseMoved.connect(self._tell_pointed)
         self.canvas.viewport().installEventFilter(self)
 
     @Slot()
@@ -128,9 +134,14 @@ class BScanView(QWidget):
 
     def _lay_out(self) -> None:
         """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
-        wish = self.wish
-        self.canvas.clear()
+        wish, before = self.wish, self._laid_out
         first = self.panes[wish.panes[0]]
+        if before is not None and before.polar == wish.polar:
+            first.plot.vb.setRange(self.panes[before.panes[0]].plot.vb.viewRect(), padding=0)
+        else:
+            self._zoomed = False
+        self._laid_out = wish
+        self.canvas.clear()
         for number, kind in enumerate(wish.panes):
             pane = self.panes[kind]
             row, column = divmod(number, 2 if wish.polar else 1)
@@ -138,17 +149,16 @@ class BScanView(QWidget):
             pane.turn(wish.polar, len(wish.panes))
             pane.plot.setXLink(None if pane is first else first.plot)
             pane.plot.setYLink(None if pane is first else first.plot)
-        self.fit()
 
     def _draw(self, shown: Shown) -> None:
         bscan = shown.bscan
         if bscan is not None and bscan.wish == self.wish and bscan is not self._drawn:
-            fresh = self._drawn is None or self._drawn.rows.cells != bscan.rows.cells
-            self._drawn = bscan
             for kind in bscan.wish.panes:
                 self.panes[kind].draw(bscan, shown)
-            if fresh:
-                self.fit()
+            if not self._zoomed or self._cells != bscan.rows.cells:
+                self._zoomed, self._cells = True, bscan.rows.cells
+                self._fit(first_look(shown))
+            self._drawn = bscan
         self.note.setText(_note(bscan, self.wish))
         for kind in self.wish.panes:
             self.panes[kind].point(shown)
@@ -162,8 +172,9 @@ class BScanView(QWidget):
             event.accept()
             self.picked.emit(index)
 
-    def _tell_pointed(self, moved: tuple[QPointF]) -> None:
-        self.pointed.emit(self._place_under(moved[0]))
+    @Slot(object)
+    def _tell_pointed(self, position: QPointF) -> None:
+        self.pointed.emit(self._place_under(position))
 
     def _place_under(self, position: QPointF) -> Cursor | None:
         for kind in self.wish.panes:

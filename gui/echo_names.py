@@ -84,6 +84,7 @@ class EchoNames:
         while len(self._items) < len(names):
             item = pg.TextItem(fill=pg.mkBrush(self._look.palette.paper))
             item.setFont(self._font)
+            item.textItem.document().setDocumentMargin(1)  # rows are close together
             self._view.addItem(item, ignoreBounds=True)
             self._items.append(item)
         for item in self._items[len(names) :]:

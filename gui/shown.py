@@ -50,7 +50,7 @@ class Shown:
     readings: tuple[Reading, ...] = ()
     chosen: int | None = None
     trace: ChosenTrace | None = None  # of the chosen reading, a moment after it is chosen
-    bscan: BScans | None = None  # None where nobody looks at it
+    bscan: BScans | None = None  # as it was when somebody looked at it last
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # from which `rows` are made sooner

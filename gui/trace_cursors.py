@@ -45,11 +45,11 @@ class TraceCursors(QObject):
         """Where they are, s."""
         return [line.value() for line in self._lines]
 
-    def fit(self, duration: float) -> None:
-        """Keep them within a trace of that length, s; in a place of their own once there is one."""
-        if self._duration == 0 and duration > 0:
+    def fit(self, duration: float, seen: float) -> None:
+        """Keep them within a trace of that length, s; at first they stand in the part of it that is seen."""
+        if self._duration == 0:
             for line, share in zip(self._lines, _AT, strict=True):
-                line.setValue(share * duration)
+                line.setValue(share * seen)
         self._duration = duration
         for line in self._lines:
             line.setBounds((0.0, duration))

@@ -16,13 +16,13 @@ from gui.echo_names import EchoNames
 from gui.look import Look
 from gui.marks import WHOLE
 from gui.plot_look import dress_plot, label_axis
+from gui.reach import first_look
 from gui.shown import Cursor, Shown
 from gui.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from gui.trace_cursors import TraceCursors
 from gui.trace_marks import TraceMarks
 from sim.air import Air
 
-_POINTED_AT_MOST = 30  # times a second
 _CURSORS = "Two cursors that read time and range; drag them, or Alt+←/→ moves A and Alt+Shift+←/→ moves B"
 _STEPS = 200  # of a cursor across the view
 
@@ -94,9 +94,7 @@ class TraceView(QWidget):
         self.rf.clicked.connect(self._choose_rf)
         self.cursors_shown.toggled.connect(self._show_cursors)
         self.cursors.moved.connect(self._read_cursors)
-        self._moves = pg.SignalProxy(
-            self.plot.scene().sigMouseMoved, rateLimit=_POINTED_AT_MOST, slot=self._tell_pointed, threadSafe=False
-        )
+        self.plot.scene().sigMouseMoved.connect(self._tell_pointed)
         self.plot.viewport().installEventFilter(self)
         for keys, which, by in (
             ("Alt+Left", 0, -1),
@@ -147,16 +145,26 @@ class TraceView(QWidget):
         self.names.draw(trace.echoes if trace else (), heights)
         self.title.setText(_title(trace, rf))
         self.title.setToolTip(self.title.text())
+        self._measured.setZValue(1 if rf else -1)
         if trace is not None:
-            self._show_all_of(trace.duration)
+            self._look_at(trace)
         self._read_cursors()
 
-    def _show_all_of(self, duration: float) -> None:
-        if self._duration != duration:  # a zoom lasts from one reading to the next
-            self._duration = duration
-            self.plot.setLimits(xMin=0.0, xMax=duration)
-            self.plot.setXRange(0.0, duration, padding=0)
-            self.cursors.fit(duration)
+    @Slot()
+    def fit(self) -> None:
+        """Show all of the trace."""
+        if self._trace is not None:
+            self.plot.setXRange(0.0, self._trace.duration, padding=0)
+
+    def _look_at(self, trace: ChosenTrace) -> None:
+        if self._duration == trace.duration or self._shown is None:
+            return  # a zoom lasts from one reading to the next
+        self._duration = trace.duration
+        reach = first_look(self._shown)
+        end = trace.duration if reach is None else min(trace.duration, trace.time_at(reach))
+        self.plot.setLimits(xMin=0.0, xMax=trace.duration)
+        self.plot.setXRange(0.0, end, padding=0)
+        self.cursors.fit(trace.duration, end)
 
     @Slot()
     def _choose_envelope(self) -> None:
@@ -189,8 +197,8 @@ class TraceView(QWidget):
         if self._trace is not None:
             self.readout.setText(self.cursors.text(self._trace, self._look))
 
-    def _tell_pointed(self, moved: tuple[QPointF]) -> None:
-        (position,) = moved
+    @Slot(object)
+    def _tell_pointed(self, position: QPointF) -> None:
         box = self.plot.plotItem.vb
         if self._trace is not None and box.sceneBoundingRect().contains(position):
             time = box.mapSceneToView(position).x()
