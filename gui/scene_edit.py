@@ -5,17 +5,30 @@ for undo. Refuses with InputError: nothing is half done.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from gui.grips import Grip, Part
-from gui.room_edit import Point, move_corner, move_post, move_wall, remove_surface, resize_post, split_wall
+from gui.room_edit import (
+    Point,
+    move_corner,
+    move_post,
+    move_wall,
+    remove_surface,
+    resize_post,
+    set_material,
+    split_wall,
+)
 from gui.scene import Scene
 from sim.room import Place, Room
 from sim.room_file import MOST_DISTANT
+from sim.room_writing import materials, with_air, with_material
 from sonarhw.errors import InputError
 
 GRID = 0.001  # m: a hand is no more exact, and files stay readable
 _SMALLEST_RADIUS = 0.002  # m
+_NEW = 0.9  # reflectance of a new material
 Edit = tuple[Scene, str]  # the scene afterwards, and what was done
 
 
@@ -50,9 +63,15 @@ def sensor_at(scene: Scene, position: Point) -> Edit:
 
 
 def sensor_turned(scene: Scene, by: float) -> Edit:
-    """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad, to a tenth of a degree."""
+    """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad."""
     _, place = furnished(scene)
-    heading = math.radians(round(math.degrees(place.heading + by) % 360, 1))
+    return sensor_facing(scene, place.heading + by)
+
+
+def sensor_facing(scene: Scene, heading: float) -> Edit:
+    """The scene with the turntable's step 0 at a heading, rad, to a tenth of a degree."""
+    _, place = furnished(scene)
+    heading = math.radians(round(math.degrees(heading) % 360, 1))
     return _standing(scene, place.position, heading), "turning the sensor"
 
 
@@ -66,6 +85,34 @@ def with_corner(scene: Scene, wall: int, at: Point) -> Edit:
     """The scene with one more corner, in a wall."""
     room, _ = furnished(scene)
     return with_room(scene, split_wall(room, wall, on_grid(at))), f"a corner in {room.names[wall]}"
+
+
+def of_material(scene: Scene, surface: int, material: str) -> Edit:
+    """The scene with a surface made of another material."""
+    room, _ = furnished(scene)
+    return with_room(scene, set_material(room, surface, material)), f"{room.names[surface]} of {material}"
+
+
+def coated(scene: Scene, material: str, shares: Mapping[str, float] | None = None) -> Edit:
+    """The scene with another `reflectance` (amplitude ratio) or `scatter` (share of power) of a material.
+
+    A material that there is not yet is made, with a reflectance of 0.9.
+    """
+    room, _ = furnished(scene)
+    known = materials(room).get(material)
+    values = {**(known.model_dump() if known else {"reflectance": _NEW, "scatter": 0.0}), **(shares or {})}
+    return with_room(scene, with_material(room, material, **values)), f"changing {material}"
+
+
+def in_air(scene: Scene, **state: float) -> Edit:
+    """The scene in air of another `temperature_c`, `relative_humidity` or `pressure_kpa`."""
+    room, _ = furnished(scene)
+    return with_room(scene, with_air(room, replace(room.air, **state))), "changing the air"
+
+
+def heard_by(scene: Scene, **options: Any) -> Edit:
+    """The scene with the sound followed and received by other `PredictionOptions`."""
+    return replace(scene, options=replace(scene.options, **options)), "changing how it is heard"
 
 
 def with_room(scene: Scene, room: Room) -> Scene:

@@ -14,6 +14,8 @@ import tomlkit
 
 from sim.air import Air
 from sim.room import Place, Room, parse_room
+from sim.room_file import Material, RoomFile
+from sim.toml_file import parse_toml
 from sonarhw.errors import InputError, OutputError
 
 Document = MutableMapping[str, Any]  # the text of a room file as tables and lists
@@ -64,6 +66,11 @@ def with_material(room: Room, name: str, reflectance: float, scatter: float) -> 
             table["scatter"] = scatter
 
     return changed_room(room, change)
+
+
+def materials(room: Room) -> dict[str, Material]:
+    """The materials that the room's text defines, those that nothing is made of as well."""
+    return parse_toml(room.text, f"room {room.name!r}", RoomFile).materials
 
 
 def section(document: Document, *names: str) -> Document:

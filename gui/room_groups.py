@@ -1,0 +1,172 @@
+"""Groups of the room panel: what they have in common, the sensor in figures, and the chosen wall or post.
+
+Each takes what is shown and hands on edits through the function that it is given.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+from PySide6.QtCore import QSignalBlocker, Signal, Slot
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QGroupBox, QLabel, QPushButton
+
+from gui.look import LengthUnit
+from gui.plan_words import surface_words
+from gui.scene import Scene
+from gui.scene_edit import Edit, of_material, sensor_at, sensor_facing, without_surface
+from gui.shown import Shown
+from sim.room import Place, Room
+from sim.room_writing import materials
+
+_FARTHEST = 1000.0  # m
+_SHORT = 8  # characters that a list asks room for
+
+
+class Change(Protocol):
+    """Does an edit."""
+
+    def __call__(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
+        """`gesture`: edits of the same one are undone together."""
+
+
+class Group(QGroupBox):
+    """A part of the panel with a title, one row an item."""
+
+    def __init__(self, title: str, change: Change) -> None:
+        super().__init__(title)
+        self._change = change
+        self.rows = QFormLayout(self)
+        self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw what is shown; room and place are those of its scene."""
+        raise NotImplementedError
+
+
+class SensorGroup(Group):
+    """Where the sensor stands and where its step 0 points, in figures."""
+
+    def __init__(self, change: Change) -> None:
+        super().__init__("Sensor", change)
+        self._unit = LengthUnit.M
+        self.along_x, self.along_y = (self._field(-_FARTHEST, _FARTHEST, self._move) for _ in range(2))
+        self.heading = self._field(0.0, 360.0, self._turn)
+        self.heading.setDecimals(1)
+        self.heading.setSuffix(" °")
+        self.heading.setWrapping(True)
+        self._gesture = object()
+        for name, field in (("x", self.along_x), ("y", self.along_y), ("Step 0 at", self.heading)):
+            self.rows.addRow(name, field)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw it."""
+        self._unit = unit = shown.look.unit
+        for field, metres in zip((self.along_x, self.along_y), place.position, strict=True):
+            with QSignalBlocker(field):
+                field.setDecimals(unit.decimals)
+                field.setSuffix(f" {unit.label}")
+                field.setSingleStep(10.0 ** (1 - unit.decimals))
+            _show_number(field, unit.of(metres))
+        _show_number(self.heading, math.degrees(place.heading) % 360)
+
+    def _field(self, low: float, high: float, changed: Callable[[], None]) -> QDoubleSpinBox:
+        field = QDoubleSpinBox(minimum=low, maximum=high)
+        field.setKeyboardTracking(False)
+        field.valueChanged.connect(changed)
+        field.editingFinished.connect(self._finish)
+        return field
+
+    @Slot()
+    def _finish(self) -> None:
+        self._gesture = object()
+
+    @Slot()
+    def _move(self) -> None:
+        to = self._unit.metres(self.along_x.value()), self._unit.metres(self.along_y.value())
+        self._change(lambda scene: sensor_at(scene, to), self._gesture)
+
+    @Slot()
+    def _turn(self) -> None:
+        to = math.radians(self.heading.value())
+        self._change(lambda scene: sensor_facing(scene, to), self._gesture)
+
+
+class SurfaceGroup(Group):
+    """One wall or post: of what it is made."""
+
+    chosen = Signal(object)  # its number, or None
+
+    def __init__(self, change: Change) -> None:
+        super().__init__("Wall or post", change)
+        self.surface, self.material = short_list(), short_list()
+        self.words = QLabel(wordWrap=True)
+        self.remove = QPushButton("Remove")
+        self.remove.setToolTip("Take it out of the room (Del)")
+        self._room: Room | None = None
+        for name, field in (("Name", self.surface), ("Material", self.material), ("", self.words), ("", self.remove)):
+            self.rows.addRow(name, field)
+        self.surface.activated.connect(self._choose)
+        self.material.textActivated.connect(self._make)
+        self.remove.clicked.connect(self._remove)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw it."""
+        if room is self._room:
+            return
+        self._room = room
+        show_names(self.surface, room.names, self.surface.currentText())
+        show_names(self.material, materials(room), "")
+        self._draw_surface(room)
+
+    def choose(self, surface: int | None) -> None:
+        """Be about another one."""
+        if self._room is not None and surface is not None and surface < len(self._room.names):
+            self.surface.setCurrentIndex(surface)
+            self._draw_surface(self._room)
+
+    def _draw_surface(self, room: Room) -> None:
+        number = self.surface.currentIndex()
+        self.material.setCurrentText(room.materials[number])
+        self.words.setText(surface_words(room, number))
+        self.remove.setEnabled(number not in room.levels)
+
+    @Slot(int)
+    def _choose(self, number: int) -> None:
+        if self._room is not None:
+            self._draw_surface(self._room)
+            self.chosen.emit(None if number in self._room.levels else number)
+
+    @Slot(str)
+    def _make(self, material: str) -> None:
+        number = self.surface.currentIndex()
+        if self._room is not None and self._room.materials[number] != material:
+            self._change(lambda scene: of_material(scene, number, material))
+
+    @Slot()
+    def _remove(self) -> None:
+        number = self.surface.currentIndex()
+        self._change(lambda scene: without_surface(scene, number))
+
+
+def short_list() -> QComboBox:
+    """A list that does not widen the panel for a long name."""
+    field = QComboBox()
+    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    field.setMinimumContentsLength(_SHORT)
+    return field
+
+
+def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
+    """Let a list hold those names, one of them chosen if it is among them."""
+    wanted = [*names]
+    with QSignalBlocker(field):
+        if [field.itemText(k) for k in range(field.count())] != wanted:
+            field.clear()
+            field.addItems(wanted)
+        field.setCurrentIndex(wanted.index(current) if current in wanted else 0)
+
+
+def _show_number(field: QDoubleSpinBox, value: float) -> None:
+    if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
+        with QSignalBlocker(field):
+            field.setValue(value)

@@ -1,0 +1,192 @@
+"""The room panel, with a real mouse and real keys: materials, air, hearing and the sensor in figures."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtWidgets import QSlider, QStyle, QStyleOptionSlider
+from pytestqt.qtbot import QtBot
+
+from gui.app import open_application
+from gui.look import LengthUnit, Look
+from gui.room_panel import RoomPanel
+from gui.scene import Scene
+from gui.shown import Shown
+from sim.bends import EdgeStrength
+from sim.board import Receiver
+from sim.mount import Unit
+from sim.room import load_room
+from sim.room_writing import materials
+from sonarhw.log import read_log
+from tests.gui.conftest import ROOM, OpenWith
+from tests.gui.driving import predicted, until
+
+
+class Keeper:
+    """Does with edits what the session does: shows them; and keeps what they were called, and the gestures."""
+
+    def __init__(self, panel: RoomPanel, scene: Scene) -> None:
+        self._panel, self.scene = panel, scene
+        self.labels: list[str] = []
+        self.gestures: list[object] = []
+        panel.edited.connect(self.take)
+        self.show()
+
+    def take(self, scene: Scene, label: str, gesture: object) -> None:
+        self.scene = scene
+        self.labels.append(label)
+        self.gestures.append(gesture)
+        self.show()
+
+    def show(self, look: Look | None = None) -> None:
+        self._panel.show_state(Shown(self.scene, look=look or Look()))
+
+
+@pytest.fixture
+def panel(qtbot: QtBot) -> Iterator[RoomPanel]:
+    open_application()
+    panel = RoomPanel()
+    qtbot.addWidget(panel)
+    panel.show()
+    return panel
+
+
+@pytest.fixture
+def keeper(panel: RoomPanel, scene: Scene) -> Keeper:
+    return Keeper(panel, scene)
+
+
+def drag_slider(qtbot: QtBot, slider: QSlider, *values: int) -> None:
+    """Take the knob with the mouse and put it down at the last value."""
+    option = QStyleOptionSlider()
+    slider.initStyleOption(option)
+    part = QStyle.SubControl.SC_SliderHandle
+    knob = slider.style().subControlRect(QStyle.ComplexControl.CC_Slider, option, part, slider)
+    pixels = (slider.width() - knob.width()) / (slider.maximum() - slider.minimum())
+    start, first = knob.center(), slider.value()
+    ways = [start + QPoint(round((value - first) * pixels), 0) for value in values]
+    qtbot.mousePress(slider, Qt.MouseButton.LeftButton, pos=start)
+    for at in ways:
+        qtbot.mouseMove(slider, at)
+    qtbot.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=ways[-1])
+
+
+def test_one_drag_of_a_slider_is_one_step_and_the_walls_take_it(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    reflectance, scatter = panel.materials.amounts["shelving"]
+    drag_slider(qtbot, reflectance.slider, 80, 60, 40)
+    assert len(keeper.labels) >= 3
+    assert len(set(map(id, keeper.gestures))) == 1
+    assert keeper.scene.room.reflectances[0] == pytest.approx(0.4, abs=0.03)
+    assert reflectance.field.value() == keeper.scene.room.reflectances[0]
+    drag_slider(qtbot, scatter.slider, 30)
+    assert len(set(map(id, keeper.gestures))) == 2
+    shelving = materials(keeper.scene.room)["shelving"]
+    assert shelving.scatter == pytest.approx(0.3, abs=0.03)
+    assert shelving.reflectance == reflectance.field.value()
+    assert set(keeper.labels) == {"changing shelving"}
+
+
+def test_air_is_typed_and_what_was_not_typed_stays_as_it_was(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    panel.air.temperature.field.setFocus()
+    panel.air.temperature.field.selectAll()
+    qtbot.keyClicks(panel.air.temperature.field, "-5.5")
+    qtbot.keyClick(panel.air.temperature.field, Qt.Key.Key_Return)
+    air = keeper.scene.room.air
+    assert (air.temperature_c, air.relative_humidity, air.pressure_kpa) == (-5.5, 0.5, 101.325)
+    assert panel.air.speed.text() == f"{air.speed_of_sound:.1f} m/s"
+    assert "temperature_c = -5.5" in keeper.scene.room.text
+
+
+def test_receiver_unit_and_edges_are_chosen_by_key(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    hearing = panel.hearing
+    for field in (hearing.receiver, hearing.unit, hearing.edges):
+        qtbot.keyClick(field, Qt.Key.Key_Down)
+    options = keeper.scene.options
+    assert options.receiver is Receiver.BOARD
+    assert options.unit is Unit.BLOCK
+    assert options.edge_strength is EdgeStrength.KELLER
+    assert keeper.scene.room.text == load_room(ROOM).text
+
+
+def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+) -> None:
+    keeper.show(Look(unit=LengthUnit.CM))
+    x = panel.sensor.along_x
+    assert x.text() == "77.4 cm"
+    x.setFocus()
+    x.selectAll()
+    qtbot.keyClicks(x, "50")
+    qtbot.keyClick(x, Qt.Key.Key_Return)
+    assert keeper.scene.standing.position == (0.5, 0.085)
+    keeper.show()
+    assert x.text() == "0.500 m"
+    panel.sensor.heading.selectAll()
+    qtbot.keyClicks(panel.sensor.heading, "90")
+    qtbot.keyClick(panel.sensor.heading, Qt.Key.Key_Return)
+    assert keeper.scene.standing.heading == pytest.approx(math.pi / 2)
+
+
+def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    qtbot.keyClicks(panel.materials.name, "felt")
+    qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
+    assert [*panel.materials.amounts] == ["shelving", "felt"]
+    panel.choose_surface(keeper.scene.room.names.index("top"))
+    qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
+    room = keeper.scene.room
+    assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]
+    assert panel.surface.words.text().startswith("top · felt, reflectance 0.90")
+
+
+def test_what_cannot_be_is_told_and_the_figures_go_back(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    while len(keeper.scene.room.walls) > 1:
+        qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
+    before = keeper.scene
+    qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
+    assert keeper.scene is before
+    assert "last wall" in panel._refused.text()
+    assert panel._refused.isVisible()
+
+
+def test_without_a_room_nothing_can_be_set(panel: RoomPanel, keeper: Keeper) -> None:
+    keeper.scene = replace(keeper.scene, room=None, place=None)
+    keeper.show()
+    assert not any(group.isEnabled() for group in panel._groups)
+
+
+def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    before = window.session.shown
+    window.session.choose(27)
+    reflectance = window.room.materials.amounts["shelving"][0]
+    drag_slider(qtbot, reflectance.slider, 50)
+    until(qtbot, lambda: predicted(window) and window.session.shown.outline is not before.outline)
+    shown = window.session.shown
+    assert shown.outline.room.reflectances[0] == reflectance.value
+    qtbot.keyClick(window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
+    file = tmp_path / "mine.toml"
+    window.session.save_room(str(file))
+    saved = load_room(file)
+    assert saved.reflectances[0] == reflectance.value
+    assert saved.place("0.764,0.085").position == (0.764, 0.085)
+    assert window.session.shown.scene.room_file == "mine.toml"
+    until(qtbot, window.commands.undo.isEnabled)
+    for _ in range(2):
+        qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert window.session.shown.scene.room is before.scene.room
+
+
+def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    window.plan.hands.choose_surface(2)
+    assert window.room.surface.surface.currentText() == "top"
+    qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
+    assert window.plan.hands.chosen_surface == 3
