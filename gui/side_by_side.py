@@ -3,9 +3,10 @@
 Takes what is shown; hands on the gestures of both plans.
 """
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+from gui.elided import ElidedLabel
 from gui.plan_view import PlanView
 from gui.shown import Shown
 
@@ -23,7 +24,7 @@ class SideBySide(QWidget):
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(1)
-        for title, view in (("Reality: measured", self.reality), ("Simulation: predicted", self.simulation)):
+        for title, view in (("Reality", self.reality), ("Simulation", self.simulation)):
             row.addLayout(_titled(title, view), stretch=1)
             for mine, theirs in ((self.picked, view.picked), (self.pointed, view.pointed), (self.edited, view.edited)):
                 theirs.connect(mine)
@@ -41,11 +42,14 @@ class SideBySide(QWidget):
 
 
 def _titled(title: str, view: PlanView) -> QVBoxLayout:
+    said = ElidedLabel()
+    view.told.connect(said.setText)
+    head = QHBoxLayout()
+    head.setContentsMargins(8, 3, 8, 3)
+    head.addWidget(QLabel(f"<b>{title}</b>"))
+    head.addWidget(said, stretch=1)
     column = QVBoxLayout()
     column.setSpacing(0)
-    label = QLabel(title)
-    label.setAlignment(Qt.AlignmentFlag.AlignCenter)
-    label.setContentsMargins(0, 4, 0, 4)
-    column.addWidget(label)
+    column.addLayout(head)
     column.addWidget(view, stretch=1)
     return column
