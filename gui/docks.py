@@ -3,9 +3,25 @@
 Takes the window and its panels; hands on the docks.
 """
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QWidget
+
+
+class _Upright(QScrollArea):
+    """Scrolls up and down; never narrower than what is in it."""
+
+    def __init__(self, panel: QWidget) -> None:
+        super().__init__()
+        self.setWidgetResizable(True)
+        self.setFrameShape(QScrollArea.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setWidget(panel)
+
+    def minimumSizeHint(self) -> QSize:
+        """Room for the panel and the scroll bar beside it."""
+        width = self.widget().minimumSizeHint().width() + self.verticalScrollBar().sizeHint().width()
+        return QSize(width, super().minimumSizeHint().height())
 
 
 class Docks:
@@ -19,10 +35,7 @@ class Docks:
         """A dock for `panel`; `key` opens and closes it."""
         dock = QDockWidget(name, self._window)
         dock.setObjectName(name)  # by which the layout is remembered
-        inside = QScrollArea(widgetResizable=True)
-        inside.setFrameShape(QScrollArea.Shape.NoFrame)
-        inside.setWidget(panel)
-        dock.setWidget(inside)
+        dock.setWidget(_Upright(panel))
         dock.toggleViewAction().setShortcut(QKeySequence(key))
         dock.toggleViewAction().setToolTip(f"Open or close this panel ({key})")
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)

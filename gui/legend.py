@@ -8,11 +8,12 @@ from functools import partial
 
 import pyqtgraph as pg
 from pyqtgraph.graphicsItems.ScatterPlotItem import drawSymbol
-from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtCore import QMargins, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
 
 from compare.match import Kind
+from gui.flow_layout import FlowLayout
 from gui.look import Look
 from gui.palette import MARKS, Palette, Unclassed
 
@@ -27,13 +28,10 @@ class Legend(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._pictures: list[tuple[QLabel, Picture]] = []
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 2, 8, 2)
-        row.setSpacing(5)
+        row = FlowLayout(self, QMargins(8, 2, 8, 2), gap=14)
         for kind in Kind:
             if kind in MARKS:
                 self._add(row, partial(mark_picture, kind), f"measured: {MARKS[kind].name}", MARKS[kind].meaning)
-        row.addStretch(1)
         for picture, name, meaning in _LINES_AND_PATCHES:
             self._add(row, picture, name, meaning)
 
@@ -42,13 +40,17 @@ class Legend(QWidget):
         for label, picture in self._pictures:
             label.setPixmap(picture(look.palette, self.devicePixelRatioF()))
 
-    def _add(self, row: QHBoxLayout, picture: Picture, name: str, meaning: str) -> None:
+    def _add(self, row: FlowLayout, picture: Picture, name: str, meaning: str) -> None:
         drawn = QLabel()
         self._pictures.append((drawn, picture))
+        entry = QWidget()
+        entry.setToolTip(meaning)
+        pair = QHBoxLayout(entry)
+        pair.setContentsMargins(0, 0, 0, 0)
+        pair.setSpacing(5)
         for label in (drawn, QLabel(name)):
-            label.setToolTip(meaning)
-            row.addWidget(label)
-        row.addSpacing(9)
+            pair.addWidget(label)
+        row.addWidget(entry)
 
 
 def _blank(width: int, height: int, ratio: float) -> QPixmap:

@@ -4,6 +4,7 @@ Takes the commands that its buttons stand for and how the replay stands; hands o
 """
 
 import math
+from dataclasses import replace
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QAction, QIcon
@@ -62,8 +63,6 @@ class ReplayBar(QWidget):
         ):
             action.setIcon(self._icon(shape))
         self.time.setFont(text_font(look))
-        # wide enough for the longest, or the slider moves under the hand at every digit
-        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance("00:00.0 / 00:00.0 · 00000 of 00000"))
         self._show_playing()
 
     def show_state(self, state: ReplayState | None) -> None:
@@ -80,7 +79,10 @@ class ReplayBar(QWidget):
             self._playing = state.playing
             self._show_playing()
         self.slider.show_state(state)
-        self.time.setText(f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}")
+        self.time.setText(time_text(state))
+        # as wide as it will be at the end, or the slider moves under the hand at every digit
+        widest = time_text(replace(state, position=state.duration, count=state.total))
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(widest))
         self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
         commands.loop.setChecked(state.loop)
         commands.skip_gaps.setChecked(state.skip_gaps)
@@ -125,6 +127,11 @@ def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -
     button.setDefaultAction(action)
     button.setAutoRepeat(repeats)  # held down it goes on
     return button
+
+
+def time_text(state: ReplayState) -> str:
+    """Where a replay is, and how much of it has been seen."""
+    return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
 
 
 def clock(seconds: float) -> str:

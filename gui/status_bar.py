@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QStatusBar
 
+from gui.look import Look
 from gui.palette import LIGHT
 from gui.status import Source, Status
 
@@ -21,7 +22,6 @@ class StatusBar(QStatusBar):
     def __init__(self) -> None:
         super().__init__()
         self.setSizeGripEnabled(False)
-        self.setStyleSheet("QStatusBar::item { border: none; }")
         self.doing = QLabel()
         self.badge = QLabel()
         self.figures = QLabel()
@@ -35,6 +35,11 @@ class StatusBar(QStatusBar):
         self.addPermanentWidget(self.figures)
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
+
+    def show_look(self, look: Look) -> None:
+        """Write in the colours of this look: under a style sheet Qt keeps those of the look before."""
+        ink = look.palette.ink
+        self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")
 
     def show_state(self, status: Status) -> None:
         """Say how things stand."""

@@ -25,7 +25,7 @@ class TimeSlider(QSlider):
         super().__init__(Qt.Orientation.Horizontal)
         self._look = Look()
         self._scans: tuple[float, ...] = ()
-        self.setMinimumWidth(120)
+        self.setMinimumWidth(60)
         self.setToolTip("Where in the log; drag to scrub, click to go there. The marks are where scans begin")
         self.valueChanged.connect(self._seek)
 
