@@ -29,12 +29,14 @@ def dress_plot(plot: pg.PlotItem, look: Look) -> None:
 
 
 def label_axis(axis: pg.AxisItem, text: str) -> None:
-    """A label of the axis in the colour that it was dressed in."""
-    axis.setLabel(text, **axis.labelStyle)
+    """A label of the axis in the colour that it was dressed in; its figures are written as they are."""
+    # before prefixes are switched off they are worked out once more, and that would stay
+    axis.setSIPrefixEnableRanges(())
+    axis.enableAutoSIPrefix(False)
+    axis.setLabel(text, siPrefixEnableRanges=(), **axis.labelStyle)
 
 
 def label_length(axis: pg.AxisItem, what: str, look: Look) -> None:
     """An axis over metres, written in the look's unit."""
-    axis.enableAutoSIPrefix(False)
     axis.setScale(look.unit.per_metre)
     label_axis(axis, f"{what} ({look.unit.label})")
