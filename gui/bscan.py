@@ -14,7 +14,7 @@ from gui.levels import envelope_of, in_db
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading, Trace
 
-CELLS = 400  # of range at most; finer ones would not be seen
+CELLS = 600  # of range at most; finer ones would not be seen
 SAME_HEADING = math.radians(0.1)  # headings closer than this share a row; a microstep is no less
 MOST_READINGS = 3600  # the newest are drawn; an hour of traces is more than a memory holds
 _WIDEST = math.radians(60.0)  # of a row
@@ -67,6 +67,13 @@ class BScan:
         """The row that covers a heading (rad); None in a gap."""
         rows = self.rows_at(np.array([heading]))
         return int(rows[0]) if rows[0] >= 0 else None
+
+    def level_at(self, heading: float, distance: float) -> float | None:
+        """The amplitude at a heading (rad) and range (m); None where nothing is known."""
+        row, cell = self.row_at(heading), math.floor(distance / self.cells.width)
+        if row is None or not 0 <= cell < self.cells.count or math.isnan(self.levels[row, cell]):
+            return None
+        return float(self.levels[row, cell])
 
     def rows_at(self, headings: FloatArray) -> NDArray[np.intp]:
         """The row nearest to each heading, (k,) int; -1 in a gap."""

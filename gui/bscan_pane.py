@@ -16,6 +16,7 @@ from gui.look import Look
 from gui.plan_geometry import wall_lines
 from gui.plot_look import dress_plot, label_axis, label_length
 from gui.shown import Cursor, Shown
+from gui.theme import text_font
 from sim.air import Air
 from sonarhw.readings import FloatArray
 
@@ -55,6 +56,7 @@ class BScanPane:
         self._ground.setBrush(colours.blanking)
         self._ground.setPen(None)
         self._walls.setPen(pg.mkPen(colours.wall, width=1))
+        self._walls.setShadowPen(pg.mkPen(colours.paper, width=2.5))
         self._blanking.setPen(pg.mkPen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
         self._chosen.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
         self._chosen.setShadowPen(pg.mkPen(colours.paper, width=2.5))
@@ -146,7 +148,6 @@ class BScanPane:
             label_length(left, "y", self._look)
             bottom.setTickSpacing()
         else:
-            bottom.enableAutoSIPrefix(False)
             bottom.setScale(1.0)
             bottom.setTickSpacing(90, 30)
             label_axis(bottom, "heading in the room (°)")
@@ -159,6 +160,9 @@ class BScanPane:
         axis = self._bar.axis
         for set_pen in (axis.setPen, axis.setTextPen):
             set_pen(colours.ink)
+        font = text_font(self._look, 0.9)
+        axis.setStyle(tickFont=font)
+        axis.label.setFont(font)
         axis.setLabel(scale.label, color=colours.ink)
 
 

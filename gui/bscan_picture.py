@@ -21,7 +21,7 @@ from sonarhw.readings import FloatArray
 
 Pixels = NDArray[np.uint8]  # (height, width, 4), first the lowest row; not opaque where nothing is known
 COLOURS = 256
-_SIDE = 800  # pixels of a polar picture
+_SIDE = 1200  # pixels of a polar picture
 _COLUMNS = 1440  # of a flat one
 _TURN = round(math.tau / SAME_HEADING)
 _DIFFERENCE_DB = 30.0

@@ -159,7 +159,7 @@ class BScanView(QWidget):
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(first_look(shown))
             self._drawn = bscan
-        self.note.setText(_note(bscan, self.wish))
+        self.note.setText(_pointed(bscan, shown) or _note(bscan, self.wish))
         for kind in self.wish.panes:
             self.panes[kind].point(shown)
 
@@ -193,6 +193,23 @@ def reading_along(shown: Shown, heading: float) -> int | None:
     apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
     nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
     return int(nearest[-1])
+
+
+def _pointed(bscan: BScans | None, shown: Shown) -> str:
+    """What measured and predicted are where the cursor points; empty where it points nowhere."""
+    cursor = shown.cursor
+    if bscan is None or cursor is None:
+        return ""
+    told = [f"{math.degrees(cursor.heading) % 360:.1f}°, {shown.look.unit.text(cursor.range)}:"]
+    for name, image in (("measured", bscan.measured), ("predicted", bscan.predicted)):
+        level = image.level_at(cursor.heading, cursor.range)
+        if level is not None:
+            told.append(f"{name} {_decibels(level)}")
+    return "  ".join(told) if len(told) > 1 else ""
+
+
+def _decibels(level: float) -> str:
+    return f"{20 * math.log10(level):.0f} dB".replace("-", "−") if level > 0 else "silent"
 
 
 def _note(bscan: BScans | None, wish: BScanWish) -> str:

@@ -132,7 +132,7 @@ class GainAxis(pg.AxisItem):  # type: ignore[misc]
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """What gain lies at those heights, dB."""
-        return [f"{self._gain(value):.0f}" for value in values]
+        return [f"{round(self._gain(value))}" for value in values]
 
     def _gain(self, height: float) -> float:
         return self._low + (height - self._bottom) * self._per_height
