@@ -4,6 +4,8 @@ Takes what is shown; hands on what a person wants to see of it, which reading wa
 The pictures themselves come ready from a worker's thread; here they are only put in their place.
 """
 
+import math
+
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
