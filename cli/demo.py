@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cli.demo_room import PLACE, demo_room, demo_url
-from cli.gui import gui
+from cli.gui import show_demo
 from cli.output import made_folder, whole_file
 
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
@@ -25,7 +25,7 @@ def demo(
     Its own files of an earlier run are written anew: the demo is seeded and gives the same again.
     """
     if headless is None and _has_display():
-        return gui()
+        return show_demo()
     folder = headless or RESULT
     with demo_room() as room_file, made_folder(folder):
         _without_a_window(room_file, folder)

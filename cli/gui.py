@@ -13,6 +13,8 @@ from cli.options import DEFAULT_BOARD, PlaceName
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
+    from gui.live_scan import ScannerOpener
+    from gui.scanner_choice import ScannerWay
     from gui.scene import Scene
     from sonarhw.log import Log, LogMetadata
     from sonarhw.scanner import Scanner
@@ -27,6 +29,9 @@ class _Wish:
     board: str | None
 
 
+_NOTHING = _Wish(None, None, None)
+
+
 def gui(
     source: Annotated[
         str | None,
@@ -38,14 +43,20 @@ def gui(
         str | None, typer.Option(help="Board profile; default: the log's own.", metavar="NAME|FILE.toml")
     ] = None,
 ) -> int:
-    """Open the window: scan live or replay a log; without LOG or URL a fake scanner scans the demo room."""
+    """Open the window: scan live or replay a log; without LOG or URL as it was left, the first time on the demo."""
     wish = _Wish(room, place, board)
     if source is not None and _is_log(source):
         return _replay(Path(source), wish)
     if source is not None:
         return _scan(source, wish)
     with demo_room() as room_file:
-        return _scan(demo_url(room_file), wish)
+        return _scan(demo_url(room_file), wish, resume=wish == _NOTHING)
+
+
+def show_demo() -> int:
+    """Open the window on a fake scanner in the demo room."""
+    with demo_room() as room_file:
+        return _scan(demo_url(room_file), _NOTHING)
 
 
 def _is_log(source: str) -> bool:
@@ -60,39 +71,56 @@ def _replay(path: Path, wish: _Wish) -> int:
     scene = _log_scene(log, wish)
     check_display()
     from gui.app import WindowStart, run_window
+    from gui.memory import memory_file
 
-    return run_window(WindowStart(scene, log, source_name=path.name))
+    with ExitStack() as during:
+        ways = _Ways(during)
+        return run_window(
+            WindowStart(scene, log, source_name=path.name, source_file=path, find_way=ways.find, memory=memory_file())
+        )
 
 
-def _scan(url: str, wish: _Wish) -> int:
+def _scan(url: str, wish: _Wish, resume: bool = False) -> int:
     from gui.display import check_display
 
     fake = url.startswith(FAKE)
     scene = _fake_scene(url, wish) if fake else _scene(wish)
     check_display()
     from gui.app import WindowStart, run_window
+    from gui.memory import memory_file
 
     with ExitStack() as during:
-        way = _Way(url, during)
+        ways = _Ways(during)
         # a fake may begin at once; a turntable that is there moves only when somebody says so
-        return run_window(WindowStart(scene, way.open, autostart=fake))
+        start = WindowStart(scene, ways.opener(url), autostart=fake, url=url, find_way=ways.find, memory=memory_file())
+        return run_window(replace(start, resume=resume))
 
 
-class _Way:
-    """The way to a scanner: what the URL needs is started by the first scan, for a fake takes seconds to get ready."""
+class _Ways:
+    """The ways to scanners: what a URL needs is started by the first scan, for a fake takes seconds to get ready."""
 
-    def __init__(self, url: str, during: ExitStack) -> None:
-        self._url = url
+    def __init__(self, during: ExitStack) -> None:
         self._during = during
-        self._find: Find | None = None
 
-    def open(self) -> "Scanner":
-        """The scanner, greeted. Raises LinkError, DeviceError."""
-        from sonarhw.scanner import Scanner
+    def find(self, url: str) -> "ScannerWay":
+        """The way to the scanner at `url`; nothing is opened yet. Raises InputError where it says nothing."""
+        from gui.scanner_choice import ScannerWay
 
-        if self._find is None:
-            self._find = self._during.enter_context(resolve(self._url))
-        return Scanner.open(self._find(), find=self._find)
+        scene = _fake_scene(url, _NOTHING) if url.startswith(FAKE) else None
+        return ScannerWay(url, self.opener(url), scene)
+
+    def opener(self, url: str) -> "ScannerOpener":
+        """What opens the scanner at `url` and greets it. It raises LinkError, DeviceError."""
+        found: list[Find] = []
+
+        def open_it() -> "Scanner":
+            from sonarhw.scanner import Scanner
+
+            if not found:
+                found.append(self._during.enter_context(resolve(url)))
+            return Scanner.open(found[0](), find=found[0])
+
+        return open_it
 
 
 def _scene(wish: _Wish) -> "Scene":

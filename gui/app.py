@@ -6,7 +6,7 @@ Takes a `WindowStart`; hands on an exit status: 0 after closing the window, 130 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FrameType
 
@@ -19,10 +19,14 @@ from gui.garbage import collected_between_events
 from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
 from gui.look import Look
 from gui.main_window import MainWindow
+from gui.memory import Memory, read_memory
 from gui.recording import recordings_folder
+from gui.remembering import Remembering, put_back
+from gui.scanner_choice import WayFinder
 from gui.scene import Scene
 from gui.session import Session
 from gui.theme import apply_look
+from sonarhw.errors import SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
 
@@ -36,10 +40,15 @@ class WindowStart:
     scene: Scene
     source: ScannerOpener | Log | None = None  # how to get at a scanner, or a log to replay
     source_name: str = "the log"  # its file name
+    source_file: Path | None = None  # where a log is found again
+    url: str = ""  # of the scanner
+    find_way: WayFinder | None = None  # to any other scanner
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
     autostart: bool = False  # begin to scan at once
     recordings: Path = field(default_factory=recordings_folder)
+    memory: Path | None = None  # where the window remembers how it was left; None: nowhere
+    resume: bool = False  # open on what was open last, where there is such
     when_open: Callable[[MainWindow], None] | None = None  # for tests and pictures
 
 
@@ -69,15 +78,43 @@ def open_application() -> QApplication:
 
 def open_window(start: WindowStart) -> MainWindow:
     """A window, not shown yet, with its session."""
+    begun, memory, complaint = _resumed(start)
+    opener = None if isinstance(begun.source, Log) else begun.source
     wish = ScanWish(start.recordings, start.order, start.traces)
-    if isinstance(start.source, Log):
-        window = MainWindow(Session(start.scene, None, wish))
-        window.session.show_log(start.source, start.source_name)
-        return window
-    window = MainWindow(Session(start.scene, start.source, wish))
-    if start.autostart:
+    window = MainWindow(Session(begun.scene, opener, wish, memory.look.look(), start.find_way))
+    window.session.scanners.url = begun.url
+    put_back(window, memory)
+    if start.memory is not None:
+        Remembering(window, start.memory)
+    if isinstance(begun.source, Log):
+        window.session.show_log(begun.source, begun.source_name, begun.source_file)
+    elif begun.source_file is not None:
+        window.session.open_file(str(begun.source_file))
+    elif begun.autostart:
         window.session.scan()
+    if complaint:
+        window.session.warned.emit(complaint)
     return window
+
+
+def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
+    """The start with what was open last, where that is wanted; what is remembered; and what is to be told of both.
+
+    A scanner is not moved until somebody says so.
+    """
+    memory = Memory()
+    try:
+        if start.memory is not None:
+            memory = read_memory(start.memory)
+        if not start.resume or memory.scene is None or start.find_way is None:
+            return start, memory, ""
+        scene = memory.scene.scene()
+        opener = start.find_way(memory.url).opener if memory.url else None
+    except SonarError as error:
+        return start, memory, str(error)
+    log = Path(memory.log) if memory.log else None
+    resumed = replace(start, scene=scene, source=opener, source_file=log, url=memory.url, autostart=False)
+    return resumed, memory, ""
 
 
 @contextmanager

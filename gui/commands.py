@@ -16,6 +16,8 @@ class Commands:
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in the room of a file")
         self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Write the room as it is now to a file")
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
+        self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: the ports of this machine, or a URL")
+        self.help = self._add("Help", "F1", "Every key on one page")
         self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
         self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")
         self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; what was measured is kept")

@@ -1,24 +1,32 @@
-"""Opening logs and rooms while the window goes on: requests for a worker, and what it answers.
+"""Opening logs, rooms and other people's scans while the window goes on: requests for a worker, and what it answers.
 
 Takes a file; hands on a log with the scene it carries, or a scene for the room.
 """
 
+import time
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
+from compare.foreign_csv import guess_columns, read_foreign_scan
 from gui.scene import Scene, first_place, scene_of_log
 from sim.board import Board
 from sim.room import load_room
-from sonarhw.log import Log, read_log
+from sonarhw.encode import write_scan
+from sonarhw.errors import InputError, LogError
+from sonarhw.log import Log, LogMetadata, read_log
+
+LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
 
 
 @dataclass(frozen=True)
 class LogOpened:
     """A log and the scene inside it; its room is None where it carries none."""
 
-    name: str
+    path: Path
     log: Log
     scene: Scene
+    notice: str = ""  # how it was understood, where that could be otherwise
 
 
 @dataclass(frozen=True)
@@ -30,13 +38,40 @@ class OpenLogRequest:
     def answer(self) -> LogOpened:
         """Read it. Raises InputError."""
         log = read_log(self.path)
-        return LogOpened(self.path.name, log, scene_of_log(log.metadata))
+        return LogOpened(self.path, log, scene_of_log(log.metadata))
+
+
+@dataclass(frozen=True)
+class OpenCsvRequest:
+    """What is in this CSV file?"""
+
+    path: Path
+    folder: Path  # where the log that it becomes is kept
+
+    def answer(self) -> LogOpened:
+        """Make a log of it, and read that. Raises InputError, LogError."""
+        columns, meaning = guess_columns(self.path)
+        readings = read_foreign_scan(self.path, columns, meaning)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogError(f"{self.folder}: cannot be made: {error.strerror}; imported scans lie there") from error
+        names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
+        path = next(name for name in names if not name.exists())
+        write_scan(path, LogMetadata("import", time.time()), readings)
+        log = read_log(path)
+        notice = (
+            f"{self.path.name}: {columns.heading!r} was read as degrees counter-clockwise, {columns.distance!r} as "
+            f"ranges in {meaning.scale:g} m; `sonarhw import` reads it otherwise"
+        )
+        return LogOpened(path, log, scene_of_log(log.metadata), notice)
 
 
 @dataclass(frozen=True)
 class RoomOpened:
     """A scene in the room of a file, at its first place."""
 
+    path: Path
     scene: Scene
 
 
@@ -50,4 +85,25 @@ class OpenRoomRequest:
     def answer(self) -> RoomOpened:
         """Read it. Raises InputError."""
         room = load_room(self.path)
-        return RoomOpened(Scene(room, first_place(room), self.board, self.path.name))
+        return RoomOpened(self.path, Scene(room, first_place(room), self.board, self.path.name))
+
+
+Opened = LogOpened | RoomOpened
+OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest
+
+
+def can_open(path: Path) -> bool:
+    """Whether a file is called like one that can be opened."""
+    return path.suffix.lower() in (LOG, ROOM, CSV)
+
+
+def request_for(path: Path, board: Board, folder: Path) -> OpenRequest:
+    """The request that opens a file of that name. Raises InputError where nothing does."""
+    match path.suffix.lower():
+        case ".mcap":
+            return OpenLogRequest(path)
+        case ".toml":
+            return OpenRoomRequest(path, board)
+        case ".csv":
+            return OpenCsvRequest(path, folder)
+    raise InputError(f"{path.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")

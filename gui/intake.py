@@ -4,6 +4,7 @@ Takes the way to a scanner, or a log; hands on the readings made by now, how fas
 """
 
 import time
+from pathlib import Path
 
 from PySide6.QtCore import QObject
 
@@ -25,6 +26,7 @@ class Intake:
         self.replay = Replay(parent)
         self._rate = RateMeter()
         self._log_name, self._lost_in_log = "", 0
+        self._log_path: Path | None = None
         self._played: tuple[Reading, ...] = ()
 
     @property
@@ -37,6 +39,12 @@ class Intake:
         """Those of the log, also what it has not come to yet; else those of the scanner."""
         return self.replay.readings or self.live.readings
 
+    @property
+    def log_file(self) -> str:
+        """The file that holds the readings shown; empty where there is none."""
+        path = self._log_path if self.replay.loaded else self.live.status.recording if self.live.readings else None
+        return "" if path is None else str(path.absolute())
+
     def begin(self) -> None:
         """Count anew: other readings are shown from now on."""
         self._rate = RateMeter()
@@ -47,10 +55,10 @@ class Intake:
         self.replay.unload()
         self.live.start(scene)
 
-    def load(self, log: Log, name: str) -> None:
-        """Show a log, at its end."""
+    def load(self, log: Log, name: str, path: Path | None = None) -> None:
+        """Show a log, at its end; `path` is where to find it again."""
         self.begin()
-        self._log_name = name
+        self._log_name, self._log_path = name, path
         self._lost_in_log = sum(map(lost_in, log.scans))
         self.replay.load(log)
 

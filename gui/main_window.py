@@ -3,21 +3,23 @@
 Takes a session; owns nothing but its parts. Gestures go to the session, changes come back from it to the views.
 """
 
-from collections.abc import Callable
-
-from PySide6.QtCore import Qt, Slot
-from PySide6.QtGui import QAction, QCloseEvent
-from PySide6.QtWidgets import QFileDialog, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from gui.banner import Banner
 from gui.bscan_view import BScanView
 from gui.commands import Commands
+from gui.connect_commands import ConnectCommands
 from gui.device_panel import DevicePanel
 from gui.docks import Docks
+from gui.file_commands import FileCommands
 from gui.fit_panel import FitPanel
+from gui.help_commands import HelpCommands
 from gui.legend import Legend
 from gui.look import Look
 from gui.look_commands import LookCommands
+from gui.menus import fill_menus
 from gui.plan_panel import PlanPanel
 from gui.plan_view import PlanView
 from gui.range_view import RangeView
@@ -31,7 +33,7 @@ from gui.side_by_side import SideBySide
 from gui.status import Status
 from gui.status_bar import StatusBar
 from gui.theme import apply_look
-from gui.toolbar import ToolBar, fill_menus
+from gui.toolbar import ToolBar
 from gui.trace_view import TraceView
 
 _SIZE = 1280, 800
@@ -40,6 +42,8 @@ _PLAN_SHARE, _SIDE_SHARE = 690, 590
 
 class MainWindow(QMainWindow):
     """The parts of the window and what connects them."""
+
+    closing = Signal()  # everything is still as it was
 
     def __init__(self, session: Session) -> None:
         super().__init__()
@@ -58,6 +62,10 @@ class MainWindow(QMainWindow):
             *(self.device, self.room, self.fit_panel, self.toolbar),
         )
         self.look_commands = LookCommands(self.commands, session, self)
+        self.files = FileCommands(self.commands, session, self)
+        self.connecting = ConnectCommands(self.commands, session.scanners, self)
+        self.help = HelpCommands(self.commands, session, self)
+        self.setAcceptDrops(True)
         self._look: Look | None = None
         self.addToolBar(self.toolbar)
         self.setCentralWidget(self._arranged())
@@ -69,7 +77,7 @@ class MainWindow(QMainWindow):
             ("Fit", "F9", self.fit_panel),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_what_has_opened)
-        fill_menus(self.menuBar(), self.commands, self.plan_panel.actions(), self.docks.actions)
+        fill_menus(self.menuBar(), self.commands, self.files, self.plan_panel.actions(), self.docks.actions)
         self._connect_commands()
         self._connect_views()
         self.resize(*_SIZE)
@@ -79,6 +87,7 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """End the session too: the board stops, the log is closed."""
+        self.closing.emit()
         self.hide()  # what a thread is at may take a moment to finish
         self.session.close()
         event.accept()
@@ -86,11 +95,11 @@ class MainWindow(QMainWindow):
     def _arranged(self) -> QWidget:
         for large in (self.plan_panel, self.side_by_side, self.bscan):
             self.stage.addWidget(large)
-        side = QSplitter(Qt.Orientation.Vertical)
+        side = QSplitter(Qt.Orientation.Vertical, objectName="side")
         for view in (self.trace, self.ranges, self.table):
             side.addWidget(view)
         side.setSizes([250, 280, 120])
-        views = QSplitter(Qt.Orientation.Horizontal)
+        views = QSplitter(Qt.Orientation.Horizontal, objectName="views")
         views.addWidget(self.stage)
         views.addWidget(side)
         views.setSizes([_PLAN_SHARE, _SIDE_SHARE])
@@ -125,9 +134,6 @@ class MainWindow(QMainWindow):
         for view in (self.plan, self.side_by_side, self.bscan, self.trace):
             commands.fit.triggered.connect(view.fit)
         commands.close.triggered.connect(self.close)
-        commands.open_log.triggered.connect(self._ask_log)
-        commands.open_room.triggered.connect(self._ask_room)
-        commands.save_room.triggered.connect(self._ask_where_to_save_room)
         commands.views.triggered.connect(self._show_view)
 
     def _connect_views(self) -> None:
@@ -140,6 +146,8 @@ class MainWindow(QMainWindow):
         self.bscan.wished.connect(session.wish_bscan)
         for edited in (self.plan, self.side_by_side, self.room, self.fit_panel):
             edited.edited.connect(session.edit)
+        self.plan.surface_chosen.connect(self.room.choose_surface)
+        self.room.surface_chosen.connect(self.plan.hands.choose_surface)
         self.replay_bar.toggled.connect(session.replay.toggle)
         self.replay_bar.sought.connect(session.replay.seek)
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
@@ -153,38 +161,19 @@ class MainWindow(QMainWindow):
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
 
-    @Slot()
-    def _ask_log(self) -> None:
-        self._ask_file("Open log", "Logs (*.mcap)", self.session.open_log)
-
-    @Slot()
-    def _ask_room(self) -> None:
-        self._ask_file("Open room", "Rooms (*.toml)", self.session.open_room)
-
-    @Slot()
-    def _ask_where_to_save_room(self) -> None:
-        scene = self.session.shown.scene
-        dialog = self._file_dialog("Save room as", "Rooms (*.toml)", self.session.save_room)
-        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setDefaultSuffix("toml")
-        dialog.selectFile(scene.room_file or "room.toml")
-        dialog.show()
-
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:
         self.stage.setCurrentIndex(self.commands.views.actions().index(action))
 
-    def _ask_file(self, title: str, pattern: str, chosen: Callable[[str], None]) -> None:
-        dialog = self._file_dialog(title, pattern, chosen)
-        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-        dialog.show()
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Take files that can be opened."""
+        if self.files.can_drop(event.mimeData()):
+            event.acceptProposedAction()
 
-    def _file_dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
-        # not modal: what runs goes on, and the window still answers
-        dialog = QFileDialog(self, title, "", pattern)
-        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        dialog.fileSelected.connect(chosen)
-        return dialog
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open what was dropped."""
+        self.files.drop(event.mimeData())
+        event.acceptProposedAction()
 
     @Slot(object)
     def _show(self, shown: Shown) -> None:
@@ -203,7 +192,7 @@ class MainWindow(QMainWindow):
     def _show_look(self, look: Look) -> None:
         self._look = look
         apply_look(look)
-        for part in (self.banner, self.legend, self.replay_bar, self.look_commands):
+        for part in (self.banner, self.legend, self.replay_bar, self.status_bar, self.look_commands):
             part.show_look(look)
 
     def _show_history(self) -> None:
@@ -223,6 +212,6 @@ class MainWindow(QMainWindow):
         self.commands.scan.setEnabled(status.can_scan and not status.scanning)
         self.commands.stop.setEnabled(status.scanning)
         self.commands.home.setEnabled(status.can_turn)
-        for action in (self.commands.open_log, self.commands.open_room):
+        for action in (self.commands.open_log, self.commands.open_room, self.files.menuAction()):
             action.setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)

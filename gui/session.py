@@ -12,17 +12,18 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 
 from gui.bscan_picture import BScanWish
 from gui.choice import Choice
-from gui.files import LogOpened, OpenLogRequest, OpenRoomRequest, RoomOpened
+from gui.documents import Documents
+from gui.files import Opened, RoomOpened
 from gui.forecast import Forecast
 from gui.history import History
 from gui.intake import Intake
 from gui.live_scan import ScannerOpener, ScanWish
 from gui.look import Look
+from gui.scanner_choice import ScannerChoice, ScannerWay, WayFinder
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from gui.status import Status
 from gui.trace_forecast import TraceForecast
-from gui.worker import Failure, Worker
 from sim.room_writing import save_room
 from sonarhw.errors import SonarError
 from sonarhw.log import Log
@@ -36,13 +37,21 @@ class Session(QObject):
     shown_changed = Signal(object)  # Shown
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty takes it away
+    recent_changed = Signal(object)  # tuple of paths, the newest first
 
-    def __init__(self, scene: Scene, opener: ScannerOpener | None, wish: ScanWish, look: Look | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        opener: ScannerOpener | None,
+        wish: ScanWish,
+        look: Look | None = None,
+        find_way: WayFinder | None = None,
+    ) -> None:
         super().__init__()
         self.shown = Shown(scene, look=look or Look())
         self.history = History()
         self._to_tell = False  # whether what is shown has changed since the views were told
-        self.status = Status(can_scan=opener is not None)
+        self.status = Status(can_scan=opener is not None, wish=wish)
         self._intake = Intake(opener, wish, self)
         self.replay, self._live = self._intake.replay, self._intake.live
         self.replay.changed.connect(self._refresh)
@@ -51,7 +60,10 @@ class Session(QObject):
         self._choice = Choice()
         self._forecast = Forecast()
         self._traces = TraceForecast()
-        self._files = Worker("open files")
+        self.documents = Documents(wish.folder)
+        self.scanners = ScannerChoice(find_way, self)
+        self.scanners.chosen.connect(self._use)
+        self.scanners.failed.connect(self.warned)
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.tick)
@@ -97,11 +109,11 @@ class Session(QObject):
         """Scan like this from the next time on."""
         self._live.wish = wish
 
-    def show_log(self, log: Log, name: str = "the log") -> None:
-        """Show all readings of a log, ready to be played."""
+    def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
+        """Show all readings of a log, ready to be played; `path` is where to find it again."""
         self._begin()
         self._forecast.follow(log.readings)
-        self._intake.load(log, name)
+        self._intake.load(log, name, path)
         if log.torn:
             self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
         for doubt in filter(None, (scan.doubt for scan in log.scans)):
@@ -167,14 +179,9 @@ class Session(QObject):
             self.edit(replace(scene, place=scene.room.place(name)), f"standing at {name}")
 
     @Slot(str)
-    def open_log(self, path: str) -> None:
-        """Show the log in a file, in its own room if it has one."""
-        self._files.ask(OpenLogRequest(Path(path)))
-
-    @Slot(str)
-    def open_room(self, path: str) -> None:
-        """Put the readings into the room in a file."""
-        self._files.ask(OpenRoomRequest(Path(path), self.shown.scene.board))
+    def open_file(self, path: str) -> None:
+        """Show a log, in its own room if it has one, or the readings there are in another room, or a scan as CSV."""
+        self.documents.open(Path(path), self.shown.scene.board)
 
     @Slot(str)
     def save_room(self, path: str) -> None:
@@ -190,6 +197,17 @@ class Session(QObject):
             return
         self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=Path(path).name))
         self._refresh()
+
+    @Slot(object)
+    def _use(self, way: ScannerWay) -> None:
+        if self._live.running:
+            self.warned.emit("a scan runs: stop it before another scanner is connected")
+            return
+        self.leave_replay()
+        self._live.use(way.opener)
+        if way.scene is not None:
+            self.set_scene(way.scene)
+        self._live.connect()
 
     @Slot(int)
     def choose(self, index: int) -> None:
@@ -234,11 +252,27 @@ class Session(QObject):
         if look != self.shown.look:
             self._tell_shown(replace(self.shown, look=look))
 
+    @property
+    def scene_to_keep(self) -> Scene:
+        """The scene to open next time."""
+        return self.shown.scene
+
+    @property
+    def log_to_keep(self) -> str:
+        """The log to open next time: the one that is shown, or the recording of the last scan."""
+        return self._intake.log_file
+
+    def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:
+        """These files and scanners were used before."""
+        self.documents.recent, self.scanners.urls = recent, urls
+        self.recent_changed.emit(recent)
+
     def close(self) -> None:
         """Stop the board, close the log, end every thread; twice does no harm."""
         self._timer.stop()
         self._live.close()
-        self._files.close()
+        self.documents.close()
+        self.scanners.close()
         self._forecast.close()
         self._traces.close()
 
@@ -249,35 +283,35 @@ class Session(QObject):
         """Fetch what has happened since the last tick, and tell."""
         now = time.monotonic()
         elapsed, self._last_tick = now - self._last_tick, now
-        for opened in self._files.take():
+        self.scanners.tick()
+        for opened in self.documents.take():
             self._take_opened(opened)
         self.replay.advance(elapsed)
         heard = self._take_heard()
         traced = self._traces.take()
         if self._forecast.take() or heard or traced or self._to_tell:
             self._refresh()
-        for message in self._forecast.failures:
-            self.warned.emit(message)
+        for messages in (self._forecast.failures, self.documents.messages):
+            for message in messages:
+                self.warned.emit(message)
+            messages.clear()
         for message in self._traces.failures:
             (self.replay.give_up_traces if self.replay.loaded else self.warned.emit)(message)
-        self._forecast.failures.clear()
         self._traces.failures.clear()
         self._tell_status(now)
 
-    def _take_opened(self, opened: LogOpened | RoomOpened | Failure) -> None:
+    def _take_opened(self, opened: Opened) -> None:
+        self.recent_changed.emit(self.documents.recent)
         if self._live.running:
             return  # asked for before the scan began; it would tear it from its room
-        match opened:
-            case Failure():
-                self.warned.emit(opened.message)
-            case RoomOpened():
-                self.set_scene(replace(opened.scene, options=self.shown.scene.options))
-            case LogOpened():
-                here = self.shown.scene
-                if not self.replay.loaded:
-                    self._before_replay = here
-                self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
-                self.show_log(opened.log, opened.name)
+        if isinstance(opened, RoomOpened):
+            self.set_scene(opened.scene)
+            return
+        here = self.shown.scene
+        if not self.replay.loaded:
+            self._before_replay = here
+        self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
+        self.show_log(opened.log, opened.path.name, opened.path)
 
     def _take_heard(self) -> bool:
         fresh, told = self._intake.take(self._last_tick)

@@ -1,13 +1,10 @@
-"""Toolbar and menus: the same actions, the ones that are always needed within one click, all of them by name.
+"""The toolbar: what is always needed within one click, and the list of places.
 
-Takes the actions and the docks; hands on a toolbar with the list of places in it.
+Takes the commands; hands on the place that was chosen.
 """
 
-from collections.abc import Sequence
-
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QComboBox, QLabel, QMenuBar, QSizePolicy, QToolBar, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
 
 from gui.commands import Commands
 from gui.shown import Shown
@@ -23,7 +20,7 @@ class ToolBar(QToolBar):
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         self.place = QComboBox()
         self.place.setToolTip("Where in the room the scanner stands")
-        self.addActions([commands.open_room, commands.open_log])
+        self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
         self.addSeparator()
         self.addActions([commands.scan, commands.stop])
         self.addSeparator()
@@ -47,31 +44,3 @@ class ToolBar(QToolBar):
             self.place.clear()
             self.place.addItems(names)
         self.place.setCurrentText(here)
-
-
-def fill_menus(bar: QMenuBar, commands: Commands, tools: Sequence[QAction], docks: Sequence[QAction]) -> None:
-    """Every action by name, in the menu where one looks for it."""
-    scan = bar.addMenu("&Scan")
-    scan.addActions([commands.open_room, commands.save_room, commands.open_log])
-    scan.addSeparator()
-    scan.addActions([commands.scan, commands.stop, commands.home])
-    scan.addSeparator()
-    scan.addAction(commands.close)
-    edit = bar.addMenu("&Edit")
-    edit.addActions([commands.undo, commands.redo])
-    edit.addSeparator()
-    edit.addActions([commands.previous, commands.next, commands.newest])
-    bar.addMenu("&Plan").addActions([*tools])
-    replay = bar.addMenu("&Replay")
-    replay.addActions([commands.play, commands.back, commands.forth, commands.previous_scan, commands.next_scan])
-    replay.addActions([commands.loop, commands.skip_gaps])
-    replay.addSeparator()
-    replay.addAction(commands.leave_replay)
-    view = bar.addMenu("&View")
-    view.addActions([*commands.views.actions(), commands.fit])
-    view.addSeparator()
-    view.addActions([*docks])
-    view.addSeparator()
-    view.addAction(commands.dark)
-    view.addActions(commands.units.actions())
-    view.addActions([commands.larger, commands.smaller, commands.usual_size])

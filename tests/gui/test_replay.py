@@ -40,8 +40,8 @@ def test_a_log_is_shown_whole_with_the_slider_at_its_end(qtbot: QtBot, window: M
 
 
 def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: MainWindow) -> None:
-    window.replay_bar.speed.setCurrentIndex(SPEEDS.index(5.0))
-    window.replay_bar.speed.activated.emit(SPEEDS.index(5.0))
+    window.replay_bar.speed.setCurrentIndex(SPEEDS.index(2.0))
+    window.replay_bar.speed.activated.emit(SPEEDS.index(2.0))
     counts = []
     window.session.shown_changed.connect(lambda shown: counts.append(len(shown.readings)))
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
@@ -100,7 +100,7 @@ def test_a_torn_log_says_so_in_the_banner_and_shows_what_it_holds(
     data = recorded.read_bytes()
     torn.write_bytes(data[: len(data) // 2])
     window = open_with()
-    window.session.open_log(str(torn))
+    window.session.open_file(str(torn))
     until(qtbot, lambda: window.session.replay.loaded)
     kept = len(window.session.shown.readings)
     assert 0 < kept < ORDER.readings
@@ -121,7 +121,7 @@ def test_a_log_opened_in_the_window_brings_its_own_room(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
     window = open_with(scene=Scene(None, None, scene.board))
-    window.session.open_log(str(recorded))
+    window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.status.source is Source.REPLAY and predicted(window))
     assert window.session.shown.scene.room.name == "Simple room"
     assert window.toolbar.place.currentText() == "figure9"
@@ -131,7 +131,7 @@ def test_a_file_that_is_no_log_is_a_banner(qtbot: QtBot, open_with: OpenWith, tm
     path = tmp_path / "no.mcap"
     path.write_text("no log")
     window = open_with()
-    window.session.open_log(str(path))
+    window.session.open_file(str(path))
     until(qtbot, lambda: bool(window.banner.message))
     assert "no.mcap" in window.banner.message
 
@@ -140,7 +140,7 @@ def test_a_scan_after_a_replay_puts_the_log_away(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, recorded: Path
 ) -> None:
     window = open_with(source=fake("max"))
-    window.session.open_log(str(recorded))
+    window.session.open_file(str(recorded))
     until(qtbot, lambda: window.replay_bar.isVisible())
     window.commands.scan.trigger()
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings and not window.session.status.scanning)

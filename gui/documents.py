@@ -1,0 +1,52 @@
+"""The files of the window: opened in a thread, and which were opened last.
+
+Takes paths; hands on logs and rooms as they have been read.
+"""
+
+from pathlib import Path
+
+from gui.files import LogOpened, Opened, request_for
+from gui.recent import with_newest
+from gui.worker import Failure, Worker
+from sim.board import Board
+from sonarhw.errors import InputError
+
+
+class Documents:
+    """Opens one file after another; of several that wait the newest."""
+
+    def __init__(self, folder: Path) -> None:
+        """`folder`: where scans that are imported are kept as logs."""
+        self.recent: tuple[str, ...] = ()
+        self.messages: list[str] = []
+        self._folder = folder
+        self._worker = Worker("open files")
+
+    @property
+    def busy(self) -> bool:
+        """Whether a file is being opened."""
+        return self._worker.busy
+
+    def open(self, path: Path, board: Board) -> None:
+        """Have a file opened; a room for that board."""
+        try:
+            self._worker.ask(request_for(path, board, self._folder))
+        except InputError as error:
+            self.messages.append(str(error))
+
+    def take(self) -> list[Opened]:
+        """What has been opened since the last call."""
+        opened: list[Opened] = []
+        for answer in self._worker.take():
+            if isinstance(answer, Failure):
+                self.messages.append(answer.message)
+            else:
+                opened.append(answer)
+                self.recent = with_newest(self.recent, str(answer.path.absolute()))
+                if isinstance(answer, LogOpened) and answer.notice:
+                    self.messages.append(answer.notice)
+        return opened
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close()

@@ -1,0 +1,89 @@
+"""The commands about files: opened by a dialog, from the list of recent ones, or dropped on the window; rooms saved.
+
+Takes commands and session; tells the session which file is meant. Nothing modal: what runs goes on.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QMimeData, Qt, Slot
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
+
+from gui.commands import Commands
+from gui.files import can_open
+from gui.session import Session
+
+
+class FileCommands(QMenu):
+    """Connects the commands with the session; is itself the menu of recent files."""
+
+    def __init__(self, commands: Commands, session: Session, window: QMainWindow) -> None:
+        super().__init__("Open recent", window)
+        self._window = window
+        self._session = session
+        commands.open_log.triggered.connect(self._ask_log)
+        commands.open_room.triggered.connect(self._ask_room)
+        commands.save_room.triggered.connect(self._ask_where_to_save_room)
+        self.triggered.connect(self._open_recent)
+        session.recent_changed.connect(self.show_recent)
+        self.show_recent(session.documents.recent)
+
+    @Slot(object)
+    def show_recent(self, paths: Sequence[str]) -> None:
+        """Offer these files, the newest first."""
+        self.clear()
+        for path in paths:
+            action = self.addAction(Path(path).name)
+            action.setData(path)
+            action.setToolTip(path)
+        self.setToolTipsVisible(True)
+        self.setEnabled(bool(paths))
+
+    def can_drop(self, dropped: QMimeData) -> bool:
+        """Whether what is held over the window can be opened, by its names."""
+        return bool(_paths(dropped)) and not self._session.status.scanning
+
+    def drop(self, dropped: QMimeData) -> None:
+        """Open what was dropped: of several files the rooms last, so that the readings come to lie in them."""
+        for path in sorted(_paths(dropped), key=lambda path: path.suffix.lower() == ".toml"):
+            self._session.open_file(str(path))
+
+    @Slot(QAction)
+    def _open_recent(self, action: QAction) -> None:
+        self._session.open_file(action.data())
+
+    @Slot()
+    def _ask_log(self) -> None:
+        self._ask_file("Open log", "Logs and scans (*.mcap *.csv)")
+
+    @Slot()
+    def _ask_room(self) -> None:
+        self._ask_file("Open room", "Rooms (*.toml)")
+
+    def _ask_file(self, title: str, pattern: str) -> None:
+        dialog = self._dialog(title, pattern, self._session.open_file)
+        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+        dialog.show()
+
+    @Slot()
+    def _ask_where_to_save_room(self) -> None:
+        room = self._session.shown.scene.room
+        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix("toml")
+        if room is not None:
+            dialog.selectFile(self._session.shown.scene.room_file or "room.toml")
+        dialog.show()
+
+    def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
+        recent = self._session.documents.recent
+        dialog = QFileDialog(self._window, title, str(Path(recent[0]).parent) if recent else "", pattern)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.fileSelected.connect(chosen)
+        return dialog
+
+
+def _paths(dropped: QMimeData) -> list[Path]:
+    paths = [Path(url.toLocalFile()) for url in dropped.urls() if url.isLocalFile()]
+    return [path for path in paths if can_open(path)]

@@ -1,0 +1,42 @@
+"""The command that opens the help page, with the menus as its groups: what can be done is found where it is listed.
+
+Takes the menu bar; opens at most one page.
+"""
+
+from PySide6.QtCore import QObject, Slot
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QMainWindow, QMenu
+
+from gui.commands import Commands
+from gui.help_page import HelpPage
+from gui.session import Session
+
+
+class HelpCommands(QObject):
+    """Opens the page, and closes it again."""
+
+    def __init__(self, commands: Commands, session: Session, window: QMainWindow) -> None:
+        super().__init__(window)
+        self._window = window
+        self._session = session
+        self.page: HelpPage | None = None
+        commands.help.triggered.connect(self._open_or_close)
+
+    @Slot()
+    def _open_or_close(self) -> None:
+        if self.page is not None:
+            self.page.close()
+            return
+        menus = (entry.menu() for entry in self._window.menuBar().actions())
+        groups = {menu.title().replace("&", ""): _with_keys(menu) for menu in menus if isinstance(menu, QMenu)}
+        self.page = HelpPage(groups, self._session.shown.look, self._window)
+        self.page.destroyed.connect(self._forget)
+        self.page.show()
+
+    @Slot()
+    def _forget(self) -> None:
+        self.page = None
+
+
+def _with_keys(menu: QMenu) -> list[QAction]:
+    return [action for action in menu.actions() if not action.shortcut().isEmpty()]
