@@ -105,6 +105,7 @@ class ReadingMarks:
             points, places = placed.get(kind, (None, NOWHERE))
             few = points is not None and len(places) <= _MOST_MARKS
             self._dots[kind].set_places(NOWHERE if few else places)
+            scatter.setVisible(few)  # an empty one still takes time at every repaint
             if few:
                 scatter.setData(*places.T, data=points.readings)
             else:

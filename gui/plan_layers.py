@@ -52,6 +52,7 @@ class RoomLayer:
         self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
         self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
         self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)
+        self._corners.setVisible(handles)
         wall, post = _NOTHING, np.empty((0, 3))
         if room and chosen is not None and chosen < len(room.walls):
             wall = room.walls[chosen].reshape(2, 2)
@@ -152,6 +153,7 @@ class CursorLayer:
         if cursor is not None:
             at = points_at(shown.scene.standing.position, np.array([cursor.heading]), np.array([cursor.range]))
         self._cross.setData(*at.T)
+        self._cross.setVisible(cursor is not None)  # what is not seen costs no time
 
 
 class RulerLayer:
@@ -181,13 +183,13 @@ class RulerLayer:
         self._ends.setData(*ends.T)
         self.label.setText(text)
         self.label.setPos(*end)
-        self.label.setVisible(True)
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(True)
 
     def clear(self) -> None:
         """Take it away."""
-        self._line.setData([], [])
-        self._ends.setData([], [])
-        self.label.setVisible(False)
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(False)
 
 
 def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
