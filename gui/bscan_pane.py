@@ -42,7 +42,7 @@ class BScanPane:
         for item in (self._ground, self._image, self._walls, self._blanking, self._chosen, self._cursor):
             self.plot.addItem(item, ignoreBounds=True)
         self._scale: ColourScale | None = None
-        self._polar = False
+        self._polar, self._lowest = False, True
         self._look = Look()
         self._cells = RangeCells(1.0, 1)
         self._middle = 0.0, 0.0
@@ -63,9 +63,12 @@ class BScanPane:
         self._scale = None
         self._label()
 
-    def turn(self, polar: bool, among: int = 1) -> None:
-        """Lay axes for a polar image, or for a flat one; it says which it is where it is one of several."""
-        self._polar = polar
+    def turn(self, polar: bool, among: int = 1, lowest: bool = True) -> None:
+        """Lay axes for a polar image, or for a flat one; it says which it is where it is one of several.
+
+        Of flat ones below each other only the lowest names the heading.
+        """
+        self._polar, self._lowest = polar, lowest
         title = self.kind.value if among > 1 else None
         self.plot.setTitle(title, color=self._look.palette.ink, size=f"{10 * self._look.scale:.1f}pt")
         self.plot.setAspectLocked(polar)
@@ -152,6 +155,7 @@ class BScanPane:
             bottom.setTickSpacing(90, 30)
             label_axis(bottom, "heading in the room (°)")
             label_length(left, "range", self._look)
+            bottom.showLabel(self._lowest)
 
     def _draw_bar(self, scale: ColourScale) -> None:
         colours = self._look.palette

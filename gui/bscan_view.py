@@ -69,7 +69,7 @@ class BScanView(QWidget):
             self.canvas.setBackground(shown.look.palette.paper)
             for pane in self.panes.values():
                 pane.dress(shown.look)
-                pane.turn(self.wish.polar, len(self.wish.panes))
+            self._lay_out()
             self._drawn = None
         if self.isVisible():
             self._draw(shown)
@@ -148,7 +148,7 @@ class BScanView(QWidget):
             pane = self.panes[kind]
             row, column = divmod(number, 2 if wish.polar else 1)
             self.canvas.addItem(pane.plot, row=row, col=column)
-            pane.turn(wish.polar, len(wish.panes))
+            pane.turn(wish.polar, len(wish.panes), kind is wish.panes[-1])
             pane.plot.setXLink(None if pane is first else first.plot)
             pane.plot.setYLink(None if pane is first else first.plot)
 
