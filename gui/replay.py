@@ -138,6 +138,12 @@ class Replay(QObject):
             self._playback.seek(position)
             self._tell()
 
+    def seek_reading(self, index: int) -> None:
+        """Go to where that reading has just been made. Raises IndexError where there is none."""
+        if self._playback is not None:
+            self._playback.seek_reading(index)
+            self._tell()
+
     @Slot()
     def next_scan(self) -> None:
         """Go to the beginning of the next scan, or to the end."""
