@@ -6,6 +6,7 @@ Takes the way to a scanner; hands on readings, how things stand, and once, when 
 from gui.live_device import LiveDevice
 from gui.live_scan import ConnectErrand, Errand, HomeErrand, ScanErrand, ScannerOpener, ScanWish, TurnErrand
 from gui.live_status import LinkSeen, LiveStatus, Phase, trouble
+from gui.packed_trace import with_packed_trace
 from gui.scene import Scene
 from sonarhw.errors import LogError, SonarError
 from sonarhw.readings import Reading
@@ -100,7 +101,7 @@ class LiveFeed:
         status = self.status  # before the readings, so that none comes after the end
         fresh = tuple(self._device.take())
         if fresh:
-            self.readings += fresh
+            self.readings += tuple(map(with_packed_trace, fresh))
         if self._device.warnings:
             return len(fresh), self._device.warnings.popleft()
         if not status.ended or self._end_told:

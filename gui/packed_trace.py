@@ -1,0 +1,45 @@
+"""Traces kept in the bytes in which they came: an hour of a live scan with traces then fits into a memory.
+
+Takes traces of floating-point samples; hands on the same traces, whose samples are worked out when somebody looks.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray, Reading, Trace
+
+_FORMS = np.uint8, np.uint16  # of samples on the wire
+_SAME = 1e-12
+
+
+class PackedTrace(Trace):
+    """A trace of whole steps of a converter."""
+
+    def __init__(self, steps: NDArray[np.unsignedinteger], like: Trace) -> None:
+        for name, value in (("_steps", steps), ("rate", like.rate), ("start", like.start), ("carrier", like.carrier)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def samples(self) -> FloatArray:
+        """The samples as they were before."""
+        steps: NDArray[np.unsignedinteger] = self.__dict__["_steps"]
+        levels = steps / np.float64(np.iinfo(steps.dtype).max)
+        return 2 * levels - 1 if self.carrier else levels
+
+
+def with_packed_trace(reading: Reading) -> Reading:
+    """The same reading, its trace packed."""
+    return reading if reading.trace is None else replace(reading, trace=packed(reading.trace))
+
+
+def packed(trace: Trace) -> Trace:
+    """The trace in an eighth or a quarter of its memory; itself where samples are lost or finer than the wire's."""
+    levels = (trace.samples + 1) / 2 if trace.carrier else trace.samples
+    for form in _FORMS:
+        full = np.iinfo(form).max
+        steps = np.round(levels * full)
+        if (np.abs(steps / full - levels) < _SAME).all() and ((steps >= 0) & (steps <= full)).all():
+            return PackedTrace(steps.astype(form), trace)
+    return trace
