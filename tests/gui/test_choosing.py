@@ -41,6 +41,19 @@ def test_a_click_between_the_points_of_the_range_view_takes_the_nearest(qtbot: Q
     assert "at 90.0°" in window.sentence.text()
 
 
+def test_a_row_of_the_table_is_chosen_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
+    view, model = window.table.view, window.table.model
+    view.scrollToTop()
+    place = view.visualRect(model.index(1, 1)).center()
+    qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    assert window.session.shown.chosen == 1
+    assert "at 10.0°" in window.sentence.text()
+    qtbot.keyClick(view, Qt.Key.Key_Down)
+    assert window.session.shown.chosen == 2
+    click(qtbot, window.ranges, window.ranges.ranges.vb, place_of(window.ranges._marks[0], 9))
+    assert view.currentIndex().row() == 9
+
+
 def test_a_click_far_from_any_reading_of_the_plan_changes_nothing(qtbot: QtBot, window: MainWindow) -> None:
     before = window.session.shown.chosen
     click(qtbot, window.plan, window.plan.plotItem.vb, (0.2, 0.35))

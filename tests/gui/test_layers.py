@@ -35,6 +35,11 @@ def test_the_parts_without_widgets_import_no_qt() -> None:
         "status",
         "choice",
         "rate",
+        "live_device",
+        "live_feed",
+        "notices",
+        "reading_rows",
+        "device_words",
     ]
     script = (
         f"import sys; [__import__('gui.' + m) for m in {modules}]; print([m for m in sys.modules if 'PySide' in m])"
