@@ -169,7 +169,7 @@ class Session(QObject):
             self._to_tell = True  # a mouse moves more often than anybody looks
         else:
             self._refresh()
-            self._tell_status(time.monotonic())
+        self._tell_status(time.monotonic())
 
     @Slot(str)
     def set_place(self, name: str) -> None:

@@ -89,7 +89,16 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         window.close()
         window.deleteLater()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
-    ours = {"live scanner", "watch the line", "draft paths", "find paths", "compare readings", "traces", "open files"}
+    ours = {
+        "live scanner",
+        "watch the line",
+        "draft paths",
+        "find paths",
+        "compare readings",
+        "traces",
+        "open files",
+        "ask ports",
+    }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 
 

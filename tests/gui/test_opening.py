@@ -1,0 +1,96 @@
+"""Files get into the window by being dropped, chosen from the recent ones, or as CSV; what is none is told."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from gui.main_window import MainWindow
+from gui.scene import Scene
+from gui.status import Source
+from sonarhw.log import read_log
+from tests.gui.conftest import ORDER, ROOM, OpenWith
+from tests.gui.driving import until
+
+LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+
+
+def drop(window: MainWindow, *paths: Path) -> bool:
+    """Drop files on the window; whether it takes them."""
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    enter = QDragEnterEvent(QPoint(200, 200), Qt.DropAction.CopyAction, data, LEFT, NO_KEY)
+    enter.ignore()
+    QApplication.sendEvent(window, enter)
+    if enter.isAccepted():
+        QApplication.sendEvent(window, QDropEvent(QPointF(200, 200), Qt.DropAction.CopyAction, data, LEFT, NO_KEY))
+    return enter.isAccepted()
+
+
+def test_a_log_that_is_dropped_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with()
+    assert drop(window, recorded)
+    until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
+    assert window.session.status.source is Source.REPLAY
+
+
+def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    room = tmp_path / "other.toml"
+    room.write_text(ROOM.read_text().replace('name = "Simple room"', 'name = "Other room"'))
+    window = open_with()
+    assert drop(window, room, recorded)
+    until(qtbot, lambda: window.session.replay.loaded and not window.session.documents.busy)
+    until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
+    assert len(window.session.shown.readings) == ORDER.readings
+
+
+def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("turret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
+    window = open_with()
+    assert drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 3)
+    ranges = [reading.range for reading in window.session.shown.readings]
+    assert ranges[0] == pytest.approx(0.154, abs=1e-6)
+    assert ranges[1] is None
+    assert "'range_cm' as ranges in 0.01 m" in window.banner.message
+    assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
+    assert window.session.shown.scene.room is scene.room
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "picture.png"])
+def test_what_cannot_be_opened_is_not_taken(open_with: OpenWith, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("text")
+    assert not drop(open_with(), tmp_path / name)
+
+
+def test_a_csv_in_which_nothing_can_be_meant_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
+    window = open_with()
+    drop(window, tmp_path / "odd.csv")
+    until(qtbot, lambda: "odd.csv" in window.banner.message)
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_recent_files_are_offered_newest_first_and_open_with_a_click(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    room = tmp_path / "small.toml"
+    room.write_text(ROOM.read_text())
+    window = open_with()
+    assert not window.files.isEnabled()
+    for path in (recorded, room):
+        window.session.open_file(str(path))
+        until(qtbot, lambda path=path: str(path) in window.session.documents.recent)
+    assert [action.text() for action in window.files.actions()] == ["small.toml", recorded.name]
+    window.session.leave_replay()
+    window.files.actions()[1].trigger()
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert window.session.documents.recent[0] == str(recorded)
