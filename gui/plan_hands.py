@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
 
-from gui.grips import Part, surface_at
+from gui.grips import Grip, Part, surface_at
 from gui.pick import is_plain_click
 from gui.plan_tools import Hand, Tool
 from gui.plan_words import words_at
 from gui.room_edit import Point
 from gui.scene import Scene
-from gui.scene_edit import Edit, bearing, sensor_at, sensor_turned, with_corner, without_surface
+from gui.scene_edit import Edit, bearing, dragged, sensor_turned, with_corner, without_surface
 from gui.shown import Cursor, Shown
 from sonarhw.errors import InputError
 
@@ -118,9 +118,14 @@ class PlanHands:
             self.choose_surface(None)
 
     def nudge(self, right: int, up: int) -> None:
-        """Move the sensor by so many small steps."""
-        x, y = self.scene.standing.position
-        self._by_key(lambda scene: sensor_at(scene, (x + right * NUDGE, y + up * NUDGE)))
+        """Move the sensor by so many small steps; where the tool edits, the chosen wall or post."""
+        surface, room = self.chosen_surface, self.scene.room
+        by = right * NUDGE, up * NUDGE
+        if self.tool.edits and surface is not None and room is not None:
+            part = Part.WALL if surface < len(room.walls) else Part.POST
+            self._by_key(lambda scene: dragged(scene, Grip(part, (0.0, 0.0), surface), by))
+        else:
+            self._by_key(lambda scene: dragged(scene, Grip(Part.SENSOR, (0.0, 0.0)), by))
 
     def turn(self, left: int) -> None:
         """Turn the sensor counter-clockwise by so many small steps."""

@@ -14,6 +14,7 @@ from gui.plan_tools import TOOLS
 from gui.plan_view import PlanView
 
 _MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}
+_ZOOM = 1.25
 _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
@@ -54,12 +55,19 @@ class PlanPanel(QWidget):
         return bar
 
     def _add_keys(self) -> None:
+        hands = self.view.hands
         for side, by in _MOVES.items():
-            action = self._action(f"Sensor {side.lower()}", f"Shift+{side}", "Move the sensor by a centimetre")
-            action.triggered.connect(partial(self.view.hands.nudge, *by))
-        for side, (key, by_steps) in _TURNS.items():
-            action = self._action(f"Sensor turned {side}", key, "Turn the sensor by a degree")
-            action.triggered.connect(partial(self.view.hands.turn, by_steps))
+            action = self._action(
+                f"Move {side.lower()}", f"Shift+{side}", "By 1 cm: the sensor; in Edit, what is chosen"
+            )
+            action.triggered.connect(partial(hands.nudge, *by))
+        for side, (key, steps) in _TURNS.items():
+            action = self._action(f"Turn {side}", key, "Turn the sensor by a degree")
+            action.triggered.connect(partial(hands.turn, steps))
+        for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
+            self._action(name, key, "The wheel does it about the mouse").triggered.connect(
+                partial(self.view.zoom, scale)
+            )
 
     def _action(self, text: str, key: str, tip: str) -> QAction:
         action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)

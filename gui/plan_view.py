@@ -20,6 +20,7 @@ from gui.plan_hands import PlanHands
 from gui.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from gui.plot_look import dress_plot, label_length
 from gui.reading_tip import reading_tip
+from gui.scene_edit import bearing
 from gui.shown import Shown
 from sim.by_heading import standpoints
 
@@ -82,17 +83,32 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
         self.plotItem.vb.setRange(area, padding=0)
 
+    def zoom(self, scale: float) -> None:
+        """See `scale` times as much, about the middle."""
+        self.plotItem.vb.scaleBy((scale, scale))
+
     def draw_room(self) -> None:
         """Draw the room, as the tool in the hand wants to see it."""
         if self.shown is not None:
             self.room.draw(self.shown.scene.room, self.hands.chosen_surface, self.hands.tool.edits)
 
     def pick(self, event: MouseClickEvent) -> None:
-        """Ask about the reading nearest to a click, if one is near."""
-        index = nearest_reading(self.plotItem.vb, self._marks.placed, event.scenePos())
+        """Ask about the reading nearest to a click, if one is near; where none is drawn, of that heading."""
+        if self._measured:
+            index = nearest_reading(self.plotItem.vb, self._marks.placed, event.scenePos())
+        else:
+            index = self._towards(event)
         if index is not None:
             event.accept()
             self.picked.emit(index)
+
+    def _towards(self, event: MouseClickEvent) -> int | None:
+        if self.shown is None or not self.shown.readings:
+            return None
+        at = self.plotItem.vb.mapSceneToView(event.scenePos())
+        heading = bearing(self.shown.scene.standing.position, (at.x(), at.y()))
+        apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
+        return int(np.argmin(apart))
 
     def leaveEvent(self, event: QEvent) -> None:
         """Nothing is pointed at any more."""

@@ -8,12 +8,21 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from PySide6.QtCore import QSignalBlocker, Signal, Slot
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QGroupBox, QLabel, QPushButton
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+)
 
 from gui.look import LengthUnit
 from gui.plan_words import surface_words
 from gui.scene import Scene
-from gui.scene_edit import Edit, of_material, sensor_at, sensor_facing, without_surface
+from gui.scene_edit import Edit, kept_place, of_material, sensor_at, sensor_facing, without_surface
 from gui.shown import Shown
 from sim.room import Place, Room
 from sim.room_writing import materials
@@ -57,6 +66,15 @@ class SensorGroup(Group):
         self._gesture = object()
         for name, field in (("x", self.along_x), ("y", self.along_y), ("Step 0 at", self.heading)):
             self.rows.addRow(name, field)
+        self.name = QLineEdit(placeholderText="name of this place")
+        self.keep = QPushButton("Keep")
+        self.keep.setToolTip("Write this place into the room by that name")
+        last = QHBoxLayout()
+        last.addWidget(self.name, stretch=1)
+        last.addWidget(self.keep)
+        self.rows.addRow(last)
+        self.keep.clicked.connect(self._keep)
+        self.name.returnPressed.connect(self._keep)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Draw it."""
@@ -84,6 +102,13 @@ class SensorGroup(Group):
     def _move(self) -> None:
         to = self._unit.metres(self.along_x.value()), self._unit.metres(self.along_y.value())
         self._change(lambda scene: sensor_at(scene, to), self._gesture)
+
+    @Slot()
+    def _keep(self) -> None:
+        name = self.name.text().strip()
+        if name:
+            self._change(lambda scene: kept_place(scene, name))
+            self.name.clear()
 
     @Slot()
     def _turn(self) -> None:

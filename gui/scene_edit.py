@@ -23,7 +23,7 @@ from gui.room_edit import (
 from gui.scene import Scene
 from sim.room import Place, Room
 from sim.room_file import MOST_DISTANT
-from sim.room_writing import materials, with_air, with_material
+from sim.room_writing import materials, with_air, with_material, with_place
 from sonarhw.errors import InputError
 
 GRID = 0.001  # m: a hand is no more exact, and files stay readable
@@ -73,6 +73,13 @@ def sensor_facing(scene: Scene, heading: float) -> Edit:
     _, place = furnished(scene)
     heading = math.radians(round(math.degrees(heading) % 360, 1))
     return _standing(scene, place.position, heading), "turning the sensor"
+
+
+def kept_place(scene: Scene, name: str) -> Edit:
+    """The scene with the place where the sensor stands in the room by a name, in the place of one of that name."""
+    room, place = furnished(scene)
+    kept = with_place(room, replace(place, name=name))
+    return replace(scene, room=kept, place=kept.places[name]), f"keeping place {name}"
 
 
 def without_surface(scene: Scene, surface: int) -> Edit:

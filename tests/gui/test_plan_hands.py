@@ -186,6 +186,20 @@ def test_a_post_is_drawn_moved_and_resized(qtbot: QtBot, window: MainWindow) -> 
     assert (x, y, radius) == pytest.approx((0.4, 0.5, 0.1), abs=0.005)
 
 
+def test_keys_move_what_is_chosen_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
+    key(qtbot, window, Qt.Key.Key_E)
+    click_in_plan(qtbot, window, (0.5, 0.742))
+    for _ in range(3):
+        key(qtbot, window, Qt.Key.Key_Up, Qt.KeyboardModifier.ShiftModifier)
+    assert wall(window, "top") == pytest.approx([0.928, 0.772, 0.0, 0.772])
+    ((left, right), _) = window.plan.plotItem.vb.viewRange()
+    key(qtbot, window, Qt.Key.Key_Plus)
+    ((closer_left, closer_right), _) = window.plan.plotItem.vb.viewRange()
+    assert closer_right - closer_left == pytest.approx((right - left) / 1.25)
+    key(qtbot, window, Qt.Key.Key_Minus)
+    assert window.plan.plotItem.vb.viewRange()[0] == pytest.approx([left, right])
+
+
 def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_E)
     pixel = pixel_at(window.plan, window.plan.plotItem.vb, (0.5, 0.742))

@@ -130,6 +130,16 @@ def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
     assert keeper.scene.standing.heading == pytest.approx(math.pi / 2)
 
 
+def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    panel.sensor.along_y.setValue(0.6)
+    qtbot.keyClicks(panel.sensor.name, "shelf")
+    qtbot.keyClick(panel.sensor.name, Qt.Key.Key_Return)
+    assert keeper.scene.standing.name == "shelf"
+    assert keeper.scene.room.place("shelf").position == (0.774, 0.6)
+    assert keeper.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
+    assert keeper.labels[-1] == "keeping place shelf"
+
+
 def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
     qtbot.keyClicks(panel.materials.name, "felt")
     qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
