@@ -23,6 +23,8 @@ class MaterialGroup(Group):
     def __init__(self, change: Change) -> None:
         super().__init__("Materials", change)
         self.amounts: dict[str, tuple[Amount, Amount]] = {}  # reflectance and scatter
+        self._room: Room | None = None
+        self._known: dict[str, Material] = {}
         self.name = QLineEdit(placeholderText="name of a new material")
         self.add = QPushButton("Add")
         self.add.setToolTip("Define a material; a wall takes it under Wall or post")
@@ -35,7 +37,9 @@ class MaterialGroup(Group):
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Draw them."""
-        known = materials(room)
+        if room is not self._room:  # its text takes milliseconds to read
+            self._room, self._known = room, materials(room)
+        known = self._known
         if [*known] != [*self.amounts]:
             self._lay_out(known)
         for name, (reflectance, scatter) in self.amounts.items():
