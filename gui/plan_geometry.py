@@ -19,11 +19,23 @@ from sonarhw.readings import FloatArray
 _JUMP = 0.1  # m between neighbouring headings: another path wins, and a line between them would be a wall nobody has
 _BEAM_POINTS = 17
 _SAME_BOUNCE = 0.005  # m
+_NEAR = 2.0  # times the size of the room
 
 
 def wall_lines(room: Room) -> FloatArray:
     """Both ends of every wall one after another, (2n, 2): to be connected in pairs."""
     return room.walls.reshape(-1, 2)
+
+
+def seen_bounds(room: Room, sensor: tuple[float, float]) -> FloatArray:
+    """Lower and upper corner (2, 2) of what the plan is about: walls, posts, and the sensor where it is not far off."""
+    posts, radii = room.posts[:, :2], room.posts[:, 2:]
+    points = np.vstack((wall_lines(room), posts - radii, posts + radii))
+    low, high = points.min(axis=0), points.max(axis=0)
+    reach = _NEAR * (high - low).max()
+    if np.all((sensor > low - reach) & (sensor < high + reach)):
+        low, high = np.minimum(low, sensor), np.maximum(high, sensor)
+    return np.array([low, high])
 
 
 def outline_ranges(outline: PredictedScan) -> FloatArray:

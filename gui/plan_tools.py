@@ -11,6 +11,7 @@ from PySide6.QtCore import Qt
 
 from gui.grips import Grip, Part, room_grip, sensor_grip
 from gui.look import LengthUnit
+from gui.plan_words import point_words, standing_words
 from gui.room_edit import Point, add_post, add_wall, corners
 from gui.scene import Scene
 from gui.scene_edit import Edit, bearing, dragged, furnished, on_grid, with_room
@@ -101,7 +102,14 @@ class Hand(Tool):
             grip, before = self._held
             if grip.part is Part.CORNER:
                 to = snapped(self._table, to, besides=grip.at, scene=before)
-            self._table.change(lambda scene: dragged(scene, grip, to), before, self._held)
+            if self._table.change(lambda scene: dragged(scene, grip, to), before, self._held):
+                self._table.tell(self._where(grip, to))
+
+    def _where(self, grip: Grip, to: Point) -> str:
+        unit = self._table.shown.look.unit
+        if grip.part in (Part.SENSOR, Part.BEAM):
+            return standing_words(self._table.scene, unit)
+        return point_words(to, unit)
 
 
 class Pencil(Hand):

@@ -15,7 +15,7 @@ from compare.picture import points_at
 from gui.look import Look
 from gui.marks import WHOLE, ReadingMarks, dress_outline, outline_item
 from gui.pick import nearest_reading
-from gui.plan_geometry import outline_points, wall_lines
+from gui.plan_geometry import outline_points, seen_bounds
 from gui.plan_hands import PlanHands
 from gui.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from gui.plot_look import dress_plot, label_length
@@ -73,12 +73,11 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
 
     def fit(self) -> None:
         """Show the room and some way beyond, where echoes by several walls seem to lie; without a room everything."""
-        room = self.shown.scene.room if self.shown else None
-        if room is None:
+        scene = self.hands.scene if self.shown else None
+        if scene is None or scene.room is None:
             self.plotItem.vb.autoRange(padding=0.05)
             return
-        ends = wall_lines(room)
-        (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
+        (left, bottom), (right, top) = seen_bounds(scene.room, scene.standing.position)
         beyond = _BEYOND * max(right - left, top - bottom)
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
         self.plotItem.vb.setRange(area, padding=0)

@@ -9,8 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from gui.grips import Grip, Part, surface_at
+from gui.look import LengthUnit
 from gui.plan_geometry import decibels_text
 from gui.room_edit import Point
+from gui.scene import Scene
 from gui.scene_edit import bearing
 from gui.shown import Shown
 from sim.enclosures import inside
@@ -20,12 +22,11 @@ from sim.room import Room
 def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
     """One line on what a hand would take hold of at a point, or on what is there."""
     scene, unit = shown.scene, shown.look.unit
-    x, y = at
-    place = f"x {unit.text(x)}, y {unit.text(y)}"
+    place = point_words(at, unit)
     if grip is not None and grip.part is Part.SENSOR:
-        return f"sensor, {standing_words(shown)}; drag to move it"
+        return f"sensor, {standing_words(scene, unit)}; drag to move it"
     if grip is not None and grip.part is Part.BEAM:
-        return f"beam, {standing_words(shown)}; drag to turn it"
+        return f"beam, {standing_words(scene, unit)}; drag to turn it"
     if grip is not None and grip.part is Part.CORNER:
         return f"corner, {place}; drag to move it"
     room = scene.room
@@ -46,13 +47,16 @@ def surface_words(room: Room, surface: int) -> str:
     return f"{room.names[surface]} · {room.materials[surface]}, reflectance {math.sqrt(power):.2f}{scatters}{loss}"
 
 
-def standing_words(shown: Shown) -> str:
+def point_words(at: Point, unit: LengthUnit) -> str:
+    """A point as people read it."""
+    return f"x {unit.text(at[0])}, y {unit.text(at[1])}"
+
+
+def standing_words(scene: Scene, unit: LengthUnit) -> str:
     """Where the sensor stands and looks; said, too, where that is outside the walls."""
-    scene, unit = shown.scene, shown.look.unit
     place = scene.standing
-    x, y = (unit.text(value) for value in place.position)
     outside = ", outside the walls" if scene.room and is_outside(scene.room, place.position) else ""
-    return f"x {x}, y {y}{outside}, step 0 at {math.degrees(place.heading) % 360:.1f}°"
+    return f"{point_words(place.position, unit)}{outside}, step 0 at {math.degrees(place.heading) % 360:.1f}°"
 
 
 def is_outside(room: Room, at: Point) -> bool:

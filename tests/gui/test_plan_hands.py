@@ -120,6 +120,7 @@ def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow)
 def test_outside_the_walls_a_sensor_may_stand_and_it_is_said(qtbot: QtBot, window: MainWindow) -> None:
     drag_in_plan(qtbot, window, stands(window), (0.85, 0.3), (0.98, 0.3))
     assert stands(window) == pytest.approx((0.98, 0.3), abs=0.003)
+    assert "outside the walls" in window.plan_panel.said.text()
     assert "outside the walls" in hover(qtbot, window, stands(window))
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.outline.place.position == stands(window)
@@ -130,6 +131,16 @@ def test_a_sensor_dragged_off_the_screen_stays_at_its_rim(qtbot: QtBot, window: 
     drag_in_plan(qtbot, window, stands(window), (left - 5.0, 0.3))
     assert stands(window)[0] == pytest.approx(left, abs=0.01)
     assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left)
+
+
+def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindow) -> None:
+    drag_in_plan(qtbot, window, stands(window), (1.02, 0.3))
+    for _ in range(40):
+        key(qtbot, window, Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier)
+    assert stands(window)[0] == pytest.approx(1.42, abs=0.01)
+    key(qtbot, window, Qt.Key.Key_F)
+    ((left, right), _) = window.plan.plotItem.vb.viewRange()
+    assert left < 0 < stands(window)[0] < right
 
 
 def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBot, window: MainWindow) -> None:
