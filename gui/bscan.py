@@ -15,7 +15,7 @@ from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading, Trace
 
 CELLS = 600  # of range at most; finer ones would not be seen
-SAME_HEADING = math.radians(0.1)  # headings closer than this share a row; a microstep is no less
+SAME_HEADING = math.radians(0.25)  # headings closer than this share a row; no beam is as narrow
 MOST_READINGS = 3600  # the newest are drawn; an hour of traces is more than a memory holds
 _WIDEST = math.radians(60.0)  # of a row
 _LONE = math.radians(5.0)  # width of a row with no neighbour

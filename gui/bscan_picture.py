@@ -22,8 +22,7 @@ from sonarhw.readings import FloatArray
 Pixels = NDArray[np.uint8]  # (height, width, 4), first the lowest row; not opaque where nothing is known
 COLOURS = 256
 _SIDE = 1200  # pixels of a polar picture
-_COLUMNS = 1440  # of a flat one
-_TURN = round(math.tau / SAME_HEADING)
+_TURN = round(math.tau / SAME_HEADING)  # columns of a flat one
 _DIFFERENCE_DB = 30.0
 _DIFFERENCE = 0.5  # of full scale
 
@@ -93,13 +92,13 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
         pixels = np.take(coloured.reshape(-1), np.take(beyond * bscan.cells.count, headings) + cells)
         pixels = pixels.reshape(_SIDE, _SIDE)
     else:
-        pixels = coloured[rows[np.arange(_COLUMNS) * _TURN // _COLUMNS]].T
+        pixels = coloured[rows].T
     return np.ascontiguousarray(pixels).view(np.uint8).reshape(*pixels.shape, 4)
 
 
 @lru_cache(maxsize=4)
 def _polar_places(count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Of every pixel of a polar picture the tenth of a degree, _TURN beyond the last cell, and the cell; both flat."""
+    """Of every pixel of a polar picture which heading of _TURN, _TURN beyond the last cell, and the cell; both flat."""
     along = (np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1
     x, y = np.meshgrid(along, along)
     cells = np.floor(np.hypot(x, y) * count)
@@ -110,8 +109,7 @@ def _polar_places(count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
     """Where a flat picture lies: left and width in degrees, bottom and height in m (left, bottom, width, height)."""
-    half = 180.0 / _COLUMNS
-    return -half, 0.0, 360.0, cells.reach
+    return -180.0 / _TURN, 0.0, 360.0, cells.reach
 
 
 def polar_area(cells: RangeCells, middle: tuple[float, float]) -> tuple[float, float, float, float]:

@@ -15,7 +15,7 @@ from gui.scene import Scene
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
 
-SLICE = 0.03  # s
+SLICE = 0.05  # s
 
 
 @dataclass(frozen=True)

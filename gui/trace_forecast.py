@@ -52,7 +52,9 @@ class TraceForecast:
         self._asked_trace: tuple[object, ...] = ()
         self._asked_bscan: tuple[object, ...] = ()
         self._drawing = False  # one B-scan at a time: the next goes on from it
-        self._worker = Worker("traces")
+        # two, so that a trace never waits for a B-scan
+        self._tracer = Worker("traces")
+        self._drawer = Worker("B-scans")
 
     def begin_scan(self) -> None:
         """Forget traces and B-scan; what is shown from now on belongs to another scan."""
@@ -74,7 +76,7 @@ class TraceForecast:
     def take(self) -> bool:
         """Take in what has been worked out since the last call; whether anything has changed."""
         changed = False
-        for answer in self._worker.take():
+        for answer in (*self._tracer.take(), *self._drawer.take()):
             match answer:
                 case Failure(request=BScanRequest()):
                     self._drawing = False
@@ -90,8 +92,9 @@ class TraceForecast:
         return changed
 
     def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
+        """End the threads."""
+        self._tracer.close()
+        self._drawer.close()
 
     def _ask_trace(self, shown: Shown) -> None:
         reading, row = shown.chosen_reading, shown.chosen_row
@@ -102,7 +105,7 @@ class TraceForecast:
         subject = (shown.scene, reading, prediction, index)
         if not _same(subject, self._asked_trace):
             self._asked_trace = subject
-            self._worker.ask(TraceRequest(self._generation, shown.scene, reading, prediction, index))
+            self._tracer.ask(TraceRequest(self._generation, shown.scene, reading, prediction, index))
 
     def _ask_bscan(self) -> None:
         shown, wish = self._shown, self._wish
@@ -111,7 +114,7 @@ class TraceForecast:
         subject = (shown.scene, shown.readings, shown.outline, wish, shown.look.palette)
         if not _same(subject, self._asked_bscan):
             self._asked_bscan, self._drawing = subject, True
-            self._worker.ask(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
+            self._drawer.ask(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
 
     def _take_bscan(self, bscan: BScans) -> bool:
         if bscan.generation != self._generation:

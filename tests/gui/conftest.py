@@ -96,6 +96,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "find paths",
         "compare readings",
         "traces",
+        "B-scans",
         "open files",
         "ask ports",
     }
