@@ -39,6 +39,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         super().__init__()
         self.setViewportUpdateMode(WHOLE)
         self._shown: Shown | None = None
+        self._top = 0.0  # m, of the range axis
         self.ranges = self._plot(0)
         self.residuals = self._plot(1)
         self.residuals.setXLink(self.ranges)
@@ -67,6 +68,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
+        self._reach(shown)
         for marks in self._marks:
             marks.ring(shown.chosen)
         for line in self._chosen:
@@ -74,6 +76,16 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             if shown.chosen is not None:
                 line.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
         self._point(shown.cursor)
+
+    def _reach(self, shown: Shown) -> None:
+        """Reach as far as anything drawn; while that changes little the axis stays, or it would jump under a hand."""
+        drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
+        if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
+            drawn.append(float(np.nanmax(shown.outline.ranges)))
+        most = max(drawn, default=1.0)
+        if not 0.5 * self._top < most <= self._top:
+            self._top = 1.15 * most
+            self.ranges.setYRange(0.0, self._top, padding=0.05)
 
     def leaveEvent(self, event: QEvent) -> None:
         """Nothing is pointed at any more."""
@@ -87,6 +99,9 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             dress_plot(plot, look)
             # the same for both, so that they begin at one line
             plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
+        # high enough for the names of the axes, one beside each plot
+        self.ranges.setMinimumHeight(metrics.horizontalAdvance("range (m)") + 8)
+        self.residuals.setMinimumHeight(metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height())
         label_length(self.ranges.getAxis("left"), "range", look)
         self._dress_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
