@@ -22,6 +22,7 @@ from sonarhw.readings import FloatArray
 
 _BEAM_LENGTH, _HANDLE = 0.3, 0.12  # of the room's diagonal
 _MOST_LABELLED = 9  # points; labels at more would hide the rays
+_AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in their own size
 _NOTHING = np.empty((0, 2))
 
 
@@ -132,7 +133,7 @@ class PathLayer:
             if k < len(labels):
                 text, at = labels[k]
                 label.setText(text)
-                label.setPos(*at)
+                _set_beside(label, at)
 
 
 class CursorLayer:
@@ -162,7 +163,7 @@ class RulerLayer:
     def __init__(self, plot: pg.PlotItem) -> None:
         self._line = pg.PlotCurveItem()
         self._ends = pg.ScatterPlotItem(size=13, symbol="crosshair", brush=None)
-        self.label = pg.TextItem(anchor=(-0.1, 1.2))
+        self.label = pg.TextItem()
         for item in (self._line, self._ends, self.label):
             item.setZValue(40)
             plot.addItem(item, ignoreBounds=True)
@@ -170,7 +171,7 @@ class RulerLayer:
 
     def dress(self, look: Look) -> None:
         """Draw in this look from now on."""
-        self._line.setPen(pg.mkPen(look.palette.ink, width=1.5))
+        self._line.setPen(pg.mkPen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
         self._ends.setPen(pg.mkPen(look.palette.ink, width=1.5))
         self.label.setColor(look.palette.ink)
         self.label.fill = pg.mkBrush(look.palette.tip_paper)
@@ -182,7 +183,7 @@ class RulerLayer:
         self._line.setData(*ends.T)
         self._ends.setData(*ends.T)
         self.label.setText(text)
-        self.label.setPos(*end)
+        _set_beside(self.label, ends[1])
         for item in (self._line, self._ends, self.label):
             item.setVisible(True)
 
@@ -210,9 +211,19 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
     return path
 
 
+def _set_beside(label: pg.TextItem, at: FloatArray) -> None:
+    """Put a label beside a point, on the side where there is more room to be seen."""
+    label.setPos(*at)
+    box = label.getViewBox()
+    if box is not None:
+        (left, right), (low, high) = box.viewRange()
+        label.setAnchor(
+            (_AFTER if at[0] < (left + right) / 2 else _BEFORE, _ABOVE if at[1] < (low + high) / 2 else _BELOW)
+        )
+
+
 def _label() -> pg.TextItem:
-    # beside the bounce, where the reading may lie
-    item = pg.TextItem(anchor=(-0.1, 1.3))
+    item = pg.TextItem()
     item.setZValue(30)
     item.setVisible(False)
     return item
