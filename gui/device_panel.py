@@ -83,7 +83,8 @@ class DevicePanel(QWidget):
         self.step = _degrees(5.0, "From one heading to the next", lowest=0.01, decimals=2)
         self.sweeps = _count(_MOST_SWEEPS, "How often the sector is scanned, to and fro")
         self.pings = _count(_MOST_PINGS, "Readings at each heading")
-        self.reach = QDoubleSpinBox(decimals=2, keyboardTracking=False)
+        self.reach = QDoubleSpinBox(decimals=2)
+        self.reach.setKeyboardTracking(False)  # a number that is half typed is none
         self.reach.setToolTip("Listen no farther than this; at the lowest value: as far as the board hears")
         self.reach.setSpecialValueText("all it hears")
         self.traces = QCheckBox("Record traces")
@@ -271,13 +272,15 @@ def _button(action: QAction) -> QPushButton:
 
 
 def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
-    field = _AngleField(decimals=decimals, minimum=lowest, maximum=_FARTHEST, value=value, keyboardTracking=False)
+    field = _AngleField(decimals=decimals, minimum=lowest, maximum=_FARTHEST, value=value)
+    field.setKeyboardTracking(False)
     field.setSuffix("°")
     field.setToolTip(tip)
     return field
 
 
 def _count(most: int, tip: str) -> QSpinBox:
-    field = QSpinBox(minimum=1, maximum=most, keyboardTracking=False)
+    field = QSpinBox(minimum=1, maximum=most)
+    field.setKeyboardTracking(False)
     field.setToolTip(tip)
     return field

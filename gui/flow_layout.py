@@ -28,7 +28,7 @@ class FlowLayout(QLayout):
         """One of them; None where there is none."""
         return self._items[index] if 0 <= index < len(self._items) else None
 
-    def takeAt(self, index: int) -> QLayoutItem | None:
+    def takeAt(self, index: int) -> QLayoutItem | None:  # type: ignore[override]  # Qt asks until it gets none
         """Take one out; None where there is none."""
         return self._items.pop(index) if 0 <= index < len(self._items) else None
 

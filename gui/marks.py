@@ -21,6 +21,7 @@ _SIZE = 9
 WHOLE = QGraphicsView.ViewportUpdateMode.FullViewportUpdate
 _RING = 16
 NOWHERE = np.empty((0, 2))
+NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
 _MOST_MARKS = 2000  # of one class; more are dots, for each mark takes time at every repaint
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
@@ -102,8 +103,8 @@ class ReadingMarks:
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
         for kind, scatter in self._scatters.items():
-            points, places = placed.get(kind, (None, NOWHERE))
-            few = points is not None and len(places) <= _MOST_MARKS
+            points, places = placed.get(kind, (NO_POINTS, NOWHERE))
+            few = 0 < len(places) <= _MOST_MARKS
             self._dots[kind].set_places(NOWHERE if few else places)
             scatter.setVisible(few)  # an empty one still takes time at every repaint
             if few:

@@ -100,8 +100,11 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             # the same for both, so that they begin at one line
             plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         # high enough for the names of the axes, one beside each plot
-        self.ranges.setMinimumHeight(metrics.horizontalAdvance("range (m)") + 8)
-        self.residuals.setMinimumHeight(metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height())
+        upper = metrics.horizontalAdvance("range (m)") + 8
+        lower = metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height()
+        self.ranges.setMinimumHeight(upper)
+        self.residuals.setMinimumHeight(lower)
+        self.setMinimumHeight(upper + lower + 2 * metrics.height())
         label_length(self.ranges.getAxis("left"), "range", look)
         self._dress_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")

@@ -81,9 +81,9 @@ class ReadingModel(QAbstractTableModel):
         row, column = int(self.order[index.row()]), Column(index.column())
         match role:
             case Qt.ItemDataRole.DisplayRole:
-                return self._text(row, column)
+                return self._text(self._shown, row, column)
             case Qt.ItemDataRole.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
-                return self._text(row, column)
+                return self._text(self._shown, row, column)
             case Qt.ItemDataRole.DecorationRole if column is Column.CLASS:
                 return self._marks[CLASSES[self.rows.classes[row]]]
             case Qt.ItemDataRole.TextAlignmentRole if column in _AT_RIGHT:
@@ -104,11 +104,11 @@ class ReadingModel(QAbstractTableModel):
 
     # changes
 
-    def _text(self, row: int, column: Column) -> str:
+    def _text(self, shown: Shown, row: int, column: Column) -> str:
         if column is not Column.SENTENCE:
-            return cell_text(self.rows, row, column, self._shown.look)
+            return cell_text(self.rows, row, column, shown.look)
         if row not in self._sentences:
-            self._sentences[row] = self._shown.sentence_of(row)
+            self._sentences[row] = shown.sentence_of(row)
         return self._sentences[row]
 
     def _change(self, rows: ReadingRows, order: IntArray) -> None:

@@ -57,7 +57,8 @@ class ReadingTable(QWidget):
         self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
         self.words.setToolTip("Only readings whose path, heading or class has all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
-        self.copy = QToolButton(text="Copy CSV")
+        self.copy = QToolButton()
+        self.copy.setText("Copy CSV")
         self.copy.setToolTip("Copy the selected rows, or all that are listed where there are no two (Ctrl+C)")
         bar = QHBoxLayout()
         bar.setContentsMargins(6, 2, 6, 2)
@@ -92,7 +93,8 @@ class ReadingTable(QWidget):
             QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), self._shown.sentence_of))
 
     def _made_view(self) -> _Rows:
-        view = _Rows(showGrid=False, alternatingRowColors=True, wordWrap=False)
+        view = _Rows(showGrid=False, wordWrap=False)
+        view.setAlternatingRowColors(True)
         view.setModel(self.model)
         view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -106,7 +108,9 @@ class ReadingTable(QWidget):
         return view
 
     def _made_button(self, kind: Class) -> QToolButton:
-        button = QToolButton(checkable=True, checked=True, autoRaise=True)
+        button = QToolButton(autoRaise=True)
+        button.setCheckable(True)
+        button.setChecked(True)
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
         button.setToolTip(f"{class_name(kind)}: {meaning}. Press to hide them or show them again")

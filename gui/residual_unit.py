@@ -18,7 +18,8 @@ class ResidualUnit:
 
     def text(self, metres: float) -> str:
         """A residual as people read it, with its sign and without the unit."""
-        return f"{metres * self.per_metre:+.{self.decimals}f}"
+        length = round(metres * self.per_metre, self.decimals)
+        return f"{length:+.{self.decimals}f}" if length else f"{0:.{self.decimals}f}"
 
 
 _UNITS = {

@@ -26,6 +26,8 @@ from sonarhw.scanner import Scanner
 from tests.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.gui.driving import ended, until
 
+LONG = replace(ORDER, sweeps=5)  # so that something can happen in the midst of it
+
 
 @pytest.fixture
 def during() -> Iterator[ExitStack]:
@@ -118,7 +120,7 @@ def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
 
 def test_f6_stops_a_turntable_that_turns(qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack) -> None:
     window = opened(open_with, board, during, 1.0)
-    window.session.home()
+    window.session.live.home()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
     qtbot.keyClick(window, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
@@ -129,10 +131,10 @@ def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
     qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
-    window.session.turn_to(math.radians(9999))
+    window.session.live.turn(math.radians(9999))
     until(qtbot, lambda: window.banner.message != "")
     assert window.session.status.phase is Phase.FAILED
-    window.session.home()
+    window.session.live.home()
     until(qtbot, lambda: idle(window, Phase.READY))
     assert window.session.status.link.statistics.reopened == 0
 
@@ -219,7 +221,7 @@ def test_in_a_replay_the_turntable_is_left_alone(
 def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_the_scan_is_whole(
     qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
 ) -> None:
-    window = opened(open_with, board, during, 6.0, autostart=True)
+    window = opened(open_with, board, during, 6.0, autostart=True, order=LONG)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
     board.plug = None
     until(qtbot, lambda: "the scan goes on by itself" in window.banner.message)
@@ -230,10 +232,10 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     until(qtbot, lambda: window.banner.message == "")
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.DONE
-    assert sorted(reading.number for reading in window.session.shown.readings) == list(range(ORDER.readings))
+    assert sorted(reading.number for reading in window.session.shown.readings) == list(range(LONG.readings))
     assert window.session.status.link.statistics.losses == 1
     log = read_log(window.session.status.recording)
-    assert len(log.readings) == ORDER.readings
+    assert len(log.readings) == LONG.readings
 
 
 def test_a_cable_pulled_while_nothing_runs_is_told_too(
@@ -253,7 +255,7 @@ def test_a_cable_pulled_while_nothing_runs_is_told_too(
 def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
     qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
 ) -> None:
-    window = opened(open_with, board, during, autostart=True)
+    window = opened(open_with, board, during, autostart=True, order=LONG)
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
     board.plug = None
     until(qtbot, lambda: window.banner.message != "")
