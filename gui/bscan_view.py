@@ -10,8 +10,8 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QPointF, Signal, Slot
-from PySide6.QtGui import QHideEvent, QKeySequence, QShowEvent
-from PySide6.QtWidgets import QButtonGroup, QHBoxLayout, QLabel, QSizePolicy, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from gui.bscan import RangeCells
 from gui.bscan_pane import BScanPane
@@ -21,12 +21,13 @@ from gui.marks import WHOLE
 from gui.pick import is_plain_click
 from gui.reach import first_look
 from gui.shown import Cursor, Shown
+from gui.view_actions import add_buttons, view_action
 
 _CHOICES = (
-    ("Measured", "M", (Pane.MEASURED,), "What the board received"),
-    ("Predicted", "P", (Pane.PREDICTED,), "What it should have received"),
-    ("Difference", "D", (Pane.DIFFERENCE,), "Measured less predicted"),
-    ("All", "A", tuple(Pane), "All three, with one zoom"),
+    ("Measured", "F2", (Pane.MEASURED,), "What the board received"),
+    ("Predicted", "F3", (Pane.PREDICTED,), "What it should have received"),
+    ("Difference", "F4", (Pane.DIFFERENCE,), "Measured less predicted"),
+    ("All three", "Shift+F4", tuple(Pane), "Measured, predicted and difference, with one zoom"),
 )
 
 
@@ -44,9 +45,14 @@ class BScanView(QWidget):
         self._laid_out: BScanWish | None = None
         self._zoomed = False  # whether the zoom is one for these images
         self._cells: RangeCells | None = None
-        self.panes_chosen = QButtonGroup(self)
-        self.polar = _button("Polar", "O", "Range round the place, over the plan of the room; else heading by range")
-        self.decibels = _button("dB", "B", "Levels in decibels of full scale; else linear")
+        self.choices = QActionGroup(self)
+        for name, key, panes, tip in _CHOICES:
+            choice = view_action(self, name, key, tip)
+            choice.setData(panes)
+            self.choices.addAction(choice)
+        self.choices.actions()[0].setChecked(True)
+        self.polar = view_action(self, "Polar", "O", "Range round the place, over the room; else heading by range")
+        self.decibels = view_action(self, "dB", "B", "Levels in decibels of full scale; else linear")
         self.decibels.setChecked(True)
         self.note = QLabel()
         self.canvas = pg.GraphicsLayoutWidget()
@@ -59,8 +65,7 @@ class BScanView(QWidget):
     @property
     def wish(self) -> BScanWish:
         """What is to be seen."""
-        panes = _CHOICES[self.panes_chosen.checkedId()][2]
-        return BScanWish(panes, self.polar.isChecked(), self.decibels.isChecked())
+        return BScanWish(self.choices.checkedAction().data(), self.polar.isChecked(), self.decibels.isChecked())
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
@@ -103,14 +108,9 @@ class BScanView(QWidget):
         row = QHBoxLayout()
         row.setContentsMargins(8, 4, 8, 2)
         row.setSpacing(3)
-        for number, (name, key, _, tip) in enumerate(_CHOICES):
-            button = _button(name, key, tip)
-            self.panes_chosen.addButton(button, number)
-            row.addWidget(button)
-        self.panes_chosen.button(0).setChecked(True)
+        add_buttons(row, self.choices.actions())
         row.addSpacing(12)
-        row.addWidget(self.polar)
-        row.addWidget(self.decibels)
+        add_buttons(row, (self.polar, self.decibels))
         self.note.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.note.setContentsMargins(12, 0, 0, 0)
         row.addWidget(self.note, stretch=1)
@@ -121,9 +121,8 @@ class BScanView(QWidget):
         column.addWidget(self.canvas, stretch=1)
 
     def _connect(self) -> None:
-        self.panes_chosen.idClicked.connect(self._wish_anew)
-        self.polar.clicked.connect(self._wish_anew)
-        self.decibels.clicked.connect(self._wish_anew)
+        for chosen in (self.choices, self.polar, self.decibels):
+            chosen.triggered.connect(self._wish_anew)
         self.canvas.scene().sigMouseClicked.connect(self._click)
         self.canvas.scene().sigMouseMoved.connect(self._tell_pointed)
         self.canvas.viewport().installEventFilter(self)
@@ -227,13 +226,3 @@ def _note(bscan: BScans | None, wish: BScanWish) -> str:
     if bscan.rows.done < 1:
         told.append(f"{bscan.rows.done:.0%} worked out")
     return " · ".join(told)
-
-
-def _button(text: str, key: str, tip: str) -> QToolButton:
-    button = QToolButton()
-    button.setCheckable(True)
-    button.setAutoRaise(True)
-    button.setText(text)
-    button.setShortcut(QKeySequence(key))
-    button.setToolTip(f"{tip} ({key})")
-    return button

@@ -77,7 +77,8 @@ class MainWindow(QMainWindow):
             ("Fit", "F9", self.fit_panel),
         ):
             self.docks.add(name, key, panel).visibilityChanged.connect(self._show_what_has_opened)
-        fill_menus(self.menuBar(), self.commands, self.files, self.plan_panel.actions(), self.docks.actions)
+        choices = self.trace.actions(), self.bscan.actions()
+        fill_menus(self.menuBar(), self.commands, self.files, self.plan_panel.actions(), *choices, self.docks.actions)
         self._connect_commands()
         self._connect_views()
         self.resize(*_SIZE)

@@ -1,6 +1,7 @@
 """The menus: every command by name, where one looks for it.
 
-Takes the commands, the plan's tools, the docks and the menu of recent files; fills a menu bar.
+Takes the commands, the plan's tools, the choices of traces and B-scan, the docks and the menu of recent files; fills a
+menu bar.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,13 @@ from gui.commands import Commands
 
 
 def fill_menus(
-    bar: QMenuBar, commands: Commands, recent: QMenu, tools: Sequence[QAction], docks: Sequence[QAction]
+    bar: QMenuBar,
+    commands: Commands,
+    recent: QMenu,
+    tools: Sequence[QAction],
+    traces: Sequence[QAction],
+    bscans: Sequence[QAction],
+    docks: Sequence[QAction],
 ) -> None:
     """Every action by name, in the menu where one looks for it."""
     file = bar.addMenu("&File")
@@ -30,6 +37,10 @@ def fill_menus(
     edit.addSeparator()
     edit.addActions([commands.previous, commands.next, commands.newest])
     bar.addMenu("&Plan").addActions([*tools])
+    trace = bar.addMenu("&Trace")
+    trace.addActions([*traces])
+    trace.addSeparator()
+    trace.addActions([*bscans])
     replay = bar.addMenu("&Replay")
     replay.addActions([commands.play, commands.back, commands.forth, commands.previous_scan, commands.next_scan])
     replay.addActions([commands.loop, commands.skip_gaps])

@@ -4,12 +4,13 @@ Takes what is shown; hands on where the mouse points. Time runs along the bottom
 """
 
 import math
+from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
-from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QActionGroup
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
@@ -21,9 +22,9 @@ from gui.shown import Cursor, Shown
 from gui.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from gui.trace_cursors import TraceCursors
 from gui.trace_marks import TraceMarks
+from gui.view_actions import add_buttons, view_action
 from sim.air import Air
 
-_CURSORS = "Two cursors that read time and range; drag them, or Alt+←/→ moves A and Alt+Shift+←/→ moves B"
 _STEPS = 200  # of a cursor across the view
 
 
@@ -38,9 +39,13 @@ class TraceView(QWidget):
         self._look = Look()
         self._trace: ChosenTrace | None = None
         self._duration = 0.0
-        self.envelope = _button("Envelope", "V", "The level of the trace")
-        self.rf = _button("RF", "R", "The trace with its carrier")
-        self.cursors_shown = _button("Cursors", "C", _CURSORS)
+        self.envelope = view_action(self, "Envelope", "V", "The level of the trace")
+        self.rf = view_action(self, "RF", "R", "The trace with its carrier")
+        self.forms = QActionGroup(self)
+        for form in (self.envelope, self.rf):
+            self.forms.addAction(form)
+        self.envelope.setChecked(True)
+        self.cursors_shown = view_action(self, "Cursors", "C", "Two cursors that read time and range; drag them")
         self.title, self.readout = QLabel(), QLabel()
         gain_axis = GainAxis()
         self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
@@ -77,9 +82,7 @@ class TraceView(QWidget):
         row.setSpacing(3)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         row.addWidget(self.title, stretch=1)
-        for button in (self.envelope, self.rf, self.cursors_shown):
-            row.addWidget(button)
-        self.envelope.setChecked(True)
+        add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)
         self.readout.setContentsMargins(8, 0, 8, 2)
         column = QVBoxLayout(self)
@@ -90,21 +93,16 @@ class TraceView(QWidget):
         column.addWidget(self.readout)
 
     def _connect(self) -> None:
-        self.envelope.clicked.connect(self._choose_envelope)
-        self.rf.clicked.connect(self._choose_rf)
+        self.forms.triggered.connect(self._draw_anew)
         self.cursors_shown.toggled.connect(self._show_cursors)
         self.cursors.moved.connect(self._read_cursors)
         self.plot.scene().sigMouseMoved.connect(self._tell_pointed)
         self.plot.viewport().installEventFilter(self)
-        for keys, which, by in (
-            ("Alt+Left", 0, -1),
-            ("Alt+Right", 0, 1),
-            ("Alt+Shift+Left", 1, -1),
-            ("Alt+Shift+Right", 1, 1),
-        ):
-            shortcut = QShortcut(QKeySequence(keys), self)
-            shortcut.setProperty("moves", (which, by))
-            shortcut.activated.connect(self._step_cursor)
+        for which, name in enumerate("AB"):
+            for side, by in (("Left", -1), ("Right", 1)):
+                key = f"Alt+Shift+{side}" if which else f"Alt+{side}"
+                action = view_action(self, f"Cursor {name} {side.lower()}", key, "A small step", checkable=False)
+                action.triggered.connect(partial(self._step_cursor, which, by))
 
     def eventFilter(self, watched: object, event: QEvent) -> bool:
         """Tell when the mouse has left the plot."""
@@ -167,16 +165,7 @@ class TraceView(QWidget):
         self.cursors.fit(trace.duration, end)
 
     @Slot()
-    def _choose_envelope(self) -> None:
-        self._choose(rf=False)
-
-    @Slot()
-    def _choose_rf(self) -> None:
-        self._choose(rf=True)
-
-    def _choose(self, rf: bool) -> None:
-        self.envelope.setChecked(not rf)
-        self.rf.setChecked(rf)
+    def _draw_anew(self) -> None:
         self._draw(self._trace)
 
     @Slot(bool)
@@ -185,9 +174,7 @@ class TraceView(QWidget):
         self.readout.setVisible(shown)
         self._read_cursors()
 
-    @Slot()
-    def _step_cursor(self) -> None:
-        which, by = self.sender().property("moves")
+    def _step_cursor(self, which: int, by: int) -> None:
         left, right = self.plot.viewRange()[0]
         self.cursors_shown.setChecked(True)
         self.cursors.step(which, by * (right - left) / _STEPS)
@@ -208,16 +195,6 @@ class TraceView(QWidget):
         self._pointer.setVisible(cursor is not None and self._trace is not None)
         if cursor is not None and self._trace is not None:
             self._pointer.setValue(self._trace.time_at(cursor.range))
-
-
-def _button(text: str, key: str, tip: str) -> QToolButton:
-    button = QToolButton()
-    button.setCheckable(True)
-    button.setAutoRaise(True)
-    button.setText(text)
-    button.setShortcut(QKeySequence(key))
-    button.setToolTip(f"{tip} ({key})")
-    return button
 
 
 def _curve_item() -> pg.PlotDataItem:

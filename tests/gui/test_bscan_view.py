@@ -67,7 +67,7 @@ def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: Mai
 
 
 def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.keyClick(window, Qt.Key.Key_A)
+    qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
     until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
     window.session.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in window.bscan.panes.values():
@@ -77,7 +77,7 @@ def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window:
 
 
 def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.keyClick(window, Qt.Key.Key_A)
+    qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
     until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
     window.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
     for pane in window.bscan.panes.values():

@@ -1,0 +1,31 @@
+"""Choices of a view: each an action with its key, which menus and the help page list too, and a button that shows it.
+
+Takes a view; hands on actions that belong to it.
+"""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtWidgets import QHBoxLayout, QToolButton, QWidget
+
+
+def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool = True) -> QAction:
+    """An action of `owner`, with a key that works in the whole window."""
+    action = QAction(text, owner)
+    action.setShortcut(QKeySequence(key))
+    action.setToolTip(f"{tip} ({key})")
+    action.setStatusTip(tip)
+    action.setCheckable(checkable)
+    owner.addAction(action)
+    return action
+
+
+def add_buttons(row: QHBoxLayout, actions: Sequence[QAction]) -> None:
+    """A flat button for each action."""
+    for action in actions:
+        button = QToolButton()
+        button.setAutoRaise(True)
+        button.setDefaultAction(action)
+        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keys stay with the window
+        row.addWidget(button)
