@@ -117,6 +117,12 @@ def rows_of(
     return ReadingRows(readings, angles, headings, measured, predicted, classes, paths, names)
 
 
+def longer_of(rows: ReadingRows, earlier: ReadingRows) -> ReadingRows:
+    """Whichever knows more readings, where both are of one scan; else `rows`."""
+    both = len(rows) and _shared(rows.readings, earlier.readings)
+    return earlier if both and len(earlier) > len(rows) else rows
+
+
 def _shared(earlier: tuple[Reading, ...], later: tuple[Reading, ...]) -> int:
     """How many readings both begin with: a scan only grows, and a replay shows more of it or less."""
     both = min(len(earlier), len(later))

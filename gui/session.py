@@ -338,7 +338,7 @@ class Session(QObject):
             outline=self._forecast.outline,
             compared=compared,
             readings=readings,
-            earlier=self.shown.rows,
+            earlier=self.shown.known_rows,
             chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )
         self._tell_shown(shown)

@@ -17,7 +17,7 @@ from gui.chosen_trace import ChosenTrace
 from gui.forecast import Compared
 from gui.look import Look
 from gui.palette import Unclassed
-from gui.reading_rows import CLASSES, NO_ROWS, ReadingRows, rows_of
+from gui.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
 from gui.scene import Scene
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading
@@ -102,6 +102,11 @@ class Shown:
     def rows(self) -> ReadingRows:
         """All readings as columns."""
         return rows_of(self.readings, self.compared, self.scene.standing.heading, self.earlier)
+
+    @property
+    def known_rows(self) -> ReadingRows:
+        """What is known of the rows of this scan, also of those that a replay has gone back over."""
+        return longer_of(self.rows, self.earlier)
 
     @cached_property
     def classes(self) -> dict[Kind | Unclassed, ClassPoints]:

@@ -96,6 +96,15 @@ def test_rows_of_a_growing_and_shrinking_scan_are_those_made_afresh(shown: Shown
             assert getattr(rows, name).tolist() == pytest.approx(getattr(afresh, name).tolist(), nan_ok=True), name
 
 
+def test_what_a_replay_has_gone_back_over_is_still_known_and_another_scan_is_not_kept(shown: Shown) -> None:
+    whole = shown.rows
+    back = replace(shown, readings=shown.readings[:4], earlier=whole)
+    assert back.known_rows is whole
+    another = tuple(replace(reading) for reading in shown.readings[:4])
+    assert replace(back, readings=another).known_rows.readings is another
+    assert replace(back, readings=()).known_rows.readings == ()
+
+
 values = st.one_of(st.just(math.nan), st.floats(-5, 5))
 
 
