@@ -1,4 +1,4 @@
-"""The files of the window: opened in a thread, and which were opened last.
+"""The files of the window: opened in a thread, rooms saved, and which were used last.
 
 Takes paths; hands on logs and rooms as they have been read.
 """
@@ -9,7 +9,9 @@ from gui.files import LogOpened, Opened, request_for
 from gui.recent import with_newest
 from gui.worker import Failure, Worker
 from sim.board import Board
-from sonarhw.errors import InputError
+from sim.room import Room
+from sim.room_writing import save_room
+from sonarhw.errors import InputError, SonarError
 
 
 class Documents:
@@ -46,6 +48,18 @@ class Documents:
                 if isinstance(answer, LogOpened) and answer.notice:
                     self.messages.append(answer.notice)
         return opened
+
+    def save_room(self, room: Room | None, path: Path) -> bool:
+        """Write a room; whether it has been written. The dialog has asked about overwriting."""
+        try:
+            if room is None:
+                raise InputError("there is no room to save; open a room file")
+            save_room(room, path, overwrite=True)
+        except SonarError as error:
+            self.messages.append(str(error))
+            return False
+        self.recent = with_newest(self.recent, str(path.absolute()))
+        return True
 
     def close(self) -> None:
         """End the thread."""

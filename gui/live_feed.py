@@ -59,6 +59,10 @@ class LiveFeed:
         self.hang_up()
         self._opener = opener
 
+    def set_wish(self, wish: ScanWish) -> None:
+        """Scan like this from the next time on."""
+        self.wish = wish
+
     def connect(self) -> None:
         """See who answers."""
         self._ask(ConnectErrand())

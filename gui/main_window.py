@@ -96,11 +96,13 @@ class MainWindow(QMainWindow):
     def _arranged(self) -> QWidget:
         for large in (self.plan_panel, self.side_by_side, self.bscan):
             self.stage.addWidget(large)
-        side = QSplitter(Qt.Orientation.Vertical, objectName="side")
+        side = QSplitter(Qt.Orientation.Vertical)
+        side.setObjectName("side")  # by which its sizes are remembered
         for view in (self.trace, self.ranges, self.table):
             side.addWidget(view)
         side.setSizes([250, 280, 120])
-        views = QSplitter(Qt.Orientation.Horizontal, objectName="views")
+        views = QSplitter(Qt.Orientation.Horizontal)
+        views.setObjectName("views")
         views.addWidget(self.stage)
         views.addWidget(side)
         views.setSizes([_PLAN_SHARE, _SIDE_SHARE])
@@ -118,7 +120,7 @@ class MainWindow(QMainWindow):
         commands, session = self.commands, self.session
         commands.scan.triggered.connect(session.scan)
         commands.stop.triggered.connect(session.stop)
-        commands.home.triggered.connect(session.home)
+        commands.home.triggered.connect(session.live.home)
         commands.undo.triggered.connect(session.undo)
         commands.redo.triggered.connect(session.redo)
         commands.previous.triggered.connect(session.choose_previous)
@@ -154,10 +156,10 @@ class MainWindow(QMainWindow):
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
         session.replay.changed.connect(self.replay_bar.show_state)
         self.stage.currentChanged.connect(self._show_what_has_opened)
-        self.device.connect_wanted.connect(session.connect_scanner)
-        self.device.hang_up_wanted.connect(session.hang_up)
-        self.device.turn_wanted.connect(session.turn_to)
-        self.device.wished.connect(session.set_wish)
+        self.device.connect_wanted.connect(session.live.connect)
+        self.device.hang_up_wanted.connect(session.live.hang_up)
+        self.device.turn_wanted.connect(session.live.turn)
+        self.device.wished.connect(session.live.set_wish)
         session.shown_changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)

@@ -33,7 +33,7 @@ def remembered(window: MainWindow) -> Memory:
     """What is to be remembered of a window, before it is hidden."""
     session = window.session
     return Memory(
-        scene=SceneMemory.of(session.scene_to_keep),
+        scene=SceneMemory.of(session.shown.scene),
         log=session.log_to_keep,
         url=session.scanners.url,
         recent=session.documents.recent,

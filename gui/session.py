@@ -24,8 +24,6 @@ from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from gui.status import Status
 from gui.trace_forecast import TraceForecast
-from sim.room_writing import save_room
-from sonarhw.errors import SonarError
 from sonarhw.log import Log
 
 TICK = 30  # ms
@@ -53,7 +51,7 @@ class Session(QObject):
         self._to_tell = False  # whether what is shown has changed since the views were told
         self.status = Status(can_scan=opener is not None, wish=wish)
         self._intake = Intake(opener, wish, self)
-        self.replay, self._live = self._intake.replay, self._intake.live
+        self.replay, self.live = self._intake.replay, self._intake.live
         self.replay.changed.connect(self._refresh)
         self.replay.broken.connect(self.warned)
         self._before_replay: Scene | None = None
@@ -75,7 +73,7 @@ class Session(QObject):
     @Slot()
     def scan(self) -> None:
         """Scan with the scanner this session was given, and record."""
-        if self._live.possible and not self._live.running:
+        if self.live.possible and not self.live.running:
             self._begin()
             self._intake.scan(self.shown.scene)
 
@@ -83,31 +81,6 @@ class Session(QObject):
     def stop(self) -> None:
         """Stop the scanner, whatever it is at, or the playback."""
         self._intake.stop()
-
-    @Slot()
-    def home(self) -> None:
-        """Find the zero of the turntable."""
-        self._live.home()
-
-    @Slot(float)
-    def turn_to(self, angle: float) -> None:
-        """Turn the turntable to `angle`, rad from its zero."""
-        self._live.turn(angle)
-
-    @Slot()
-    def connect_scanner(self) -> None:
-        """See who answers, and stay connected."""
-        self._live.connect()
-
-    @Slot()
-    def hang_up(self) -> None:
-        """Stop the scanner and let go of its port."""
-        self._live.hang_up()
-
-    @Slot(object)
-    def set_wish(self, wish: ScanWish) -> None:
-        """Scan like this from the next time on."""
-        self._live.wish = wish
 
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
         """Show all readings of a log, ready to be played; `path` is where to find it again."""
@@ -127,7 +100,7 @@ class Session(QObject):
             self.replay.unload()
             if self._before_replay is not None:
                 self.set_scene(self._before_replay)
-            self._forecast.follow(self._live.readings)
+            self._forecast.follow(self.live.readings)
 
     def set_scene(self, scene: Scene) -> None:
         """Put the readings into another room; what was done to the one before cannot be undone any more."""
@@ -186,28 +159,20 @@ class Session(QObject):
     @Slot(str)
     def save_room(self, path: str) -> None:
         """Write the room as it is now, with the sensor's place; the dialog has asked about overwriting."""
-        room = self.shown.scene.written_room
-        if room is None:
-            self.warned.emit("there is no room to save; open a room file")
-            return
-        try:
-            save_room(room, Path(path), overwrite=True)
-        except SonarError as error:
-            self.warned.emit(str(error))
-            return
-        self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=Path(path).name))
-        self._refresh()
+        if self.documents.save_room(self.shown.scene.written_room, Path(path)):
+            self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=Path(path).name))
+            self._refresh()
 
     @Slot(object)
     def _use(self, way: ScannerWay) -> None:
-        if self._live.running:
+        if self.live.running:
             self.warned.emit("a scan runs: stop it before another scanner is connected")
             return
         self.leave_replay()
-        self._live.use(way.opener)
+        self.live.use(way.opener)
         if way.scene is not None:
             self.set_scene(way.scene)
-        self._live.connect()
+        self.live.connect()
 
     @Slot(int)
     def choose(self, index: int) -> None:
@@ -253,11 +218,6 @@ class Session(QObject):
             self._tell_shown(replace(self.shown, look=look))
 
     @property
-    def scene_to_keep(self) -> Scene:
-        """The scene to open next time."""
-        return self.shown.scene
-
-    @property
     def log_to_keep(self) -> str:
         """The log to open next time: the one that is shown, or the recording of the last scan."""
         return self._intake.log_file
@@ -270,7 +230,7 @@ class Session(QObject):
     def close(self) -> None:
         """Stop the board, close the log, end every thread; twice does no harm."""
         self._timer.stop()
-        self._live.close()
+        self.live.close()
         self.documents.close()
         self.scanners.close()
         self._forecast.close()
@@ -302,7 +262,7 @@ class Session(QObject):
 
     def _take_opened(self, opened: Opened) -> None:
         self.recent_changed.emit(self.documents.recent)
-        if self._live.running:
+        if self.live.running:
             return  # asked for before the scan began; it would tear it from its room
         if isinstance(opened, RoomOpened):
             self.set_scene(opened.scene)
@@ -316,7 +276,7 @@ class Session(QObject):
     def _take_heard(self) -> bool:
         fresh, told = self._intake.take(self._last_tick)
         if fresh:
-            self._forecast.follow(self._live.readings)
+            self._forecast.follow(self.live.readings)
         if told:
             self.warned.emit(told)
         return fresh

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -145,7 +146,8 @@ def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
     with vanishing(Board(echoes, 1, scene.board.blanking)) as (url, vanish):
-        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True)
+        endless = replace(ORDER, sweeps=100)
+        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True, order=endless)
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
         vanish()
         until(qtbot, lambda: ended(window))
