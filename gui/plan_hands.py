@@ -36,7 +36,7 @@ class PlanHands:
         self._plan = plan
         self.tool: Tool = Hand(self)
         self._busy = False  # in a gesture
-        self._chosen: str | None = None  # by name: numbers change
+        self.chosen: str | None = None  # by name: numbers change
         self.clock: Callable[[], float] = time.monotonic
         self._nudged, self._nudging = -math.inf, object()
         self._asked: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
@@ -78,12 +78,12 @@ class PlanHands:
         self._plan.edited.emit(changed, label, gesture)
         return True
 
-    def choose_surface(self, surface: int | None) -> None:
+    def choose_surface(self, name: str | None) -> None:
         """Let a wall or post be the one that keys and panel are about."""
-        room = self.scene.room
-        self._chosen = None if room is None or surface is None else room.names[surface]
-        self._plan.draw_room()
-        self._plan.surface_chosen.emit(surface)
+        if name != self.chosen:
+            self.chosen = name
+            self._plan.draw_room()
+            self._plan.surface_chosen.emit(name)
 
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Lay the ruler."""
@@ -99,7 +99,7 @@ class PlanHands:
     def chosen_surface(self) -> int | None:
         """Number of the chosen wall or post."""
         room = self.scene.room if self._plan.shown else None
-        return room.names.index(self._chosen) if room and self._chosen in room.names else None
+        return room.names.index(self.chosen) if room and self.chosen in room.names else None
 
     def hold(self, tool: type[Tool]) -> None:
         """Take another tool."""
@@ -166,7 +166,7 @@ class PlanHands:
         if event.double() and surface is not None and surface < len(room.walls):
             self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
         else:
-            self.choose_surface(surface)
+            self.choose_surface(None if surface is None else room.names[surface])
 
     def hover(self, position: QPointF) -> None:
         """Say what lies there, and point at it in all views."""

@@ -48,8 +48,9 @@ class RoomLayer:
         self._chosen_post.setPen(pg.mkPen(colours.chosen, width=4))
         self._corners.setPen(pg.mkPen(colours.ink, width=1))
 
-    def draw(self, room: Room | None, chosen: int | None, handles: bool) -> None:
-        """Draw a room with one of its surfaces chosen; `handles`: with its corners."""
+    def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
+        """Draw a room with the surface of that name chosen; `handles`: with its corners."""
+        chosen = room.names.index(name) if room and name in room.names else None
         self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
         self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
         self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)

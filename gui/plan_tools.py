@@ -12,7 +12,7 @@ from PySide6.QtCore import Qt
 from gui.grips import Grip, Part, room_grip, sensor_grip
 from gui.look import LengthUnit
 from gui.plan_words import point_words, standing_words
-from gui.room_edit import Point, add_post, add_wall, corners
+from gui.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 from gui.scene import Scene
 from gui.scene_edit import Edit, bearing, dragged, furnished, on_grid, with_room
 from gui.shown import Shown
@@ -43,7 +43,7 @@ class Table(Protocol):
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
         """Do an edit to the scene as it was when the gesture began; whether it was allowed."""
 
-    def choose_surface(self, surface: int | None) -> None:
+    def choose_surface(self, name: str | None) -> None:
         """Let a wall or post be the one that keys and panel are about."""
 
     def measure(self, start: Point, end: Point, text: str) -> None:
@@ -128,8 +128,9 @@ class Pencil(Hand):
     def press(self, at: Point) -> bool:
         """Take hold of what is there, and choose it."""
         taken = super().press(at)
-        if self._held is not None and self._held[0].surface is not None:
-            self._table.choose_surface(self._held[0].surface)
+        room, surface = self._table.scene.room, self._held[0].surface if self._held else None
+        if room is not None and surface is not None:
+            self._table.choose_surface(room.names[surface])
         return taken
 
 
@@ -158,6 +159,7 @@ class _Drawing(Tool):
 
     shape = Qt.CursorShape.CrossCursor
     edits = True
+    stem = ""  # of the name of what is drawn
 
     def press(self, at: Point) -> bool:
         """Where it begins."""
@@ -171,6 +173,8 @@ class _Drawing(Tool):
             return
         if self._table.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
             self._table.tell(self._size(end))
+            if self._before.room is not None:
+                self._table.choose_surface(free_name(self._before.room, self.stem))
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         raise NotImplementedError
@@ -182,7 +186,7 @@ class _Drawing(Tool):
 class WallPencil(_Drawing):
     """Draws a wall."""
 
-    name, key = "Wall", "W"
+    name, key, stem = "Wall", "W", WALL
     tip = "Drag from one end of a new wall to the other; ends that come near a corner meet it"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
@@ -193,7 +197,7 @@ class WallPencil(_Drawing):
 class PostPencil(_Drawing):
     """Draws a post."""
 
-    name, key = "Post", "P"
+    name, key, stem = "Post", "P", POST
     tip = "Drag from the middle of a new post to its rim"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:

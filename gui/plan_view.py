@@ -33,7 +33,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
     picked = Signal(int)  # a reading
     pointed = Signal(object)  # Cursor or None
     edited = Signal(object, str, object)  # Scene, what was done, gesture
-    surface_chosen = Signal(object)  # number of a wall or post, or None
+    surface_chosen = Signal(object)  # name of a wall or post, or None
     told = Signal(str)  # what lies under the hand, what it measures, or why something cannot be
 
     def __init__(self, measured: bool = True, predicted: bool = True) -> None:
@@ -89,7 +89,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
     def draw_room(self) -> None:
         """Draw the room, as the tool in the hand wants to see it."""
         if self.shown is not None:
-            self.room.draw(self.shown.scene.room, self.hands.chosen_surface, self.hands.tool.edits)
+            self.room.draw(self.shown.scene.room, self.hands.chosen, self.hands.tool.edits)
 
     def pick(self, event: MouseClickEvent) -> None:
         """Ask about the reading nearest to a click, if one is near; where none is drawn, of that heading."""

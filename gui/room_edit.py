@@ -18,6 +18,7 @@ from sim.room_file import MEETING
 from sim.room_writing import Document, changed_room
 from sonarhw.errors import InputError
 
+WALL, POST = "wall", "post"  # what new ones are called, with a number
 Point = tuple[float, float]  # m
 Segments = tuple[list[list[float]], list[str]]  # of an open chain: its points, and the names of what lies between
 
@@ -36,7 +37,7 @@ def move_wall(room: Room, wall: int, by: Point) -> Room:
 
 def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
     """The room with one more straight wall; it meets those whose ends lie where its own do."""
-    name = free_name(room, "wall")
+    name = free_name(room, WALL)
     wall = {"name": name, "points": [list(start), list(end)], "material": material, "edges": [name]}
     return changed_room(room, lambda document: _append(document, "walls", wall))
 
@@ -57,7 +58,7 @@ def split_wall(room: Room, wall: int, at: Point) -> Room:
 
 def add_post(room: Room, center: Point, radius: float, material: str) -> Room:
     """The room with one more post."""
-    post = {"name": free_name(room, "post"), "center": list(center), "radius": radius, "material": material}
+    post = {"name": free_name(room, POST), "center": list(center), "radius": radius, "material": material}
     return changed_room(room, lambda document: _append(document, "posts", post))
 
 

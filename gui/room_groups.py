@@ -119,7 +119,7 @@ class SensorGroup(Group):
 class SurfaceGroup(Group):
     """One wall or post: of what it is made."""
 
-    chosen = Signal(object)  # its number, or None
+    chosen = Signal(object)  # its name, or None
 
     def __init__(self, change: Change) -> None:
         super().__init__("Wall or post", change)
@@ -128,6 +128,7 @@ class SurfaceGroup(Group):
         self.remove = QPushButton("Remove")
         self.remove.setToolTip("Take it out of the room (Del)")
         self._room: Room | None = None
+        self._wanted = ""  # the name of the one that it is about
         for name, field in (("Name", self.surface), ("Material", self.material), ("", self.words), ("", self.remove)):
             self.rows.addRow(name, field)
         self.surface.activated.connect(self._choose)
@@ -139,14 +140,15 @@ class SurfaceGroup(Group):
         if room is self._room:
             return
         self._room = room
-        show_names(self.surface, room.names, self.surface.currentText())
+        show_names(self.surface, room.names, self._wanted)
         show_names(self.material, materials(room), "")
         self._draw_surface(room)
 
-    def choose(self, surface: int | None) -> None:
-        """Be about another one."""
-        if self._room is not None and surface is not None and surface < len(self._room.names):
-            self.surface.setCurrentIndex(surface)
+    def choose(self, name: str | None) -> None:
+        """Be about another one, if need be one that is still to come."""
+        self._wanted = name or self._wanted
+        if self._room is not None and self._wanted in self._room.names:
+            self.surface.setCurrentText(self._wanted)
             self._draw_surface(self._room)
 
     def _draw_surface(self, room: Room) -> None:
@@ -158,8 +160,9 @@ class SurfaceGroup(Group):
     @Slot(int)
     def _choose(self, number: int) -> None:
         if self._room is not None:
+            self._wanted = self._room.names[number]
             self._draw_surface(self._room)
-            self.chosen.emit(None if number in self._room.levels else number)
+            self.chosen.emit(None if number in self._room.levels else self._wanted)
 
     @Slot(str)
     def _make(self, material: str) -> None:

@@ -23,7 +23,7 @@ class RoomPanel(QWidget):
     """Everything about the room that is not drawn with a hand."""
 
     edited = Signal(object, str, object)  # Scene, what was done, gesture
-    surface_chosen = Signal(object)  # number of a wall or post, or None
+    surface_chosen = Signal(object)  # name of a wall or post, or None
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,9 +50,9 @@ class RoomPanel(QWidget):
         self._draw(shown)
 
     @Slot(object)
-    def choose_surface(self, surface: int | None) -> None:
+    def choose_surface(self, name: str | None) -> None:
         """Be about a wall or post that was chosen elsewhere."""
-        self.surface.choose(surface)
+        self.surface.choose(name)
 
     def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
         """Do an edit to the scene that is shown; what cannot be is told and not done."""

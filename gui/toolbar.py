@@ -9,6 +9,8 @@ from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
 from gui.commands import Commands
 from gui.shown import Shown
 
+_PLACE = 11  # characters: as X,Y with millimetres
+
 
 class ToolBar(QToolBar):
     """What is always within one click."""
@@ -20,6 +22,7 @@ class ToolBar(QToolBar):
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         self.place = QComboBox()
         self.place.setToolTip("Where in the room the scanner stands")
+        self.place.setMinimumContentsLength(_PLACE)
         self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
         self.addSeparator()
         self.addActions([commands.scan, commands.stop])

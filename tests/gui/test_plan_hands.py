@@ -179,6 +179,10 @@ def test_a_wall_is_drawn_from_corner_to_corner_and_taken_out_again(qtbot: QtBot,
     drag_in_plan(qtbot, window, (0.003, 0.739), (0.3, 0.3), (0.3, 0.2))
     assert wall(window, "wall 1") == pytest.approx([0.0, 0.742, 0.3, 0.2], abs=0.003)
     assert wall(window, "wall 1")[:2] == [0.0, 0.742]  # exactly: they meet
+    key(qtbot, window, Qt.Key.Key_Delete)  # what was drawn last is chosen
+    assert "wall 1" not in window.session.shown.scene.room.names
+    until(qtbot, window.commands.undo.isEnabled)
+    key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     key(qtbot, window, Qt.Key.Key_E)
     click_in_plan(qtbot, window, (0.15, 0.471))
     key(qtbot, window, Qt.Key.Key_Delete)

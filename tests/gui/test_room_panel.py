@@ -144,7 +144,7 @@ def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper
     qtbot.keyClicks(panel.materials.name, "felt")
     qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
     assert [*panel.materials.amounts] == ["shelving", "felt"]
-    panel.choose_surface(keeper.scene.room.names.index("top"))
+    panel.choose_surface("top")
     qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
     room = keeper.scene.room
     assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]
@@ -196,7 +196,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
 def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F8)
-    window.plan.hands.choose_surface(2)
+    window.plan.hands.choose_surface("top")
     assert window.room.surface.surface.currentText() == "top"
     qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
     assert window.plan.hands.chosen_surface == 3
