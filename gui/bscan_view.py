@@ -111,14 +111,15 @@ class BScanView(QWidget):
         add_buttons(row, self.choices.actions())
         row.addSpacing(12)
         add_buttons(row, (self.polar, self.decibels))
+        row.addStretch(1)
         self.note.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.note.setContentsMargins(12, 0, 0, 0)
-        row.addWidget(self.note, stretch=1)
+        self.note.setContentsMargins(8, 0, 8, 2)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         column.addLayout(row)
         column.addWidget(self.canvas, stretch=1)
+        column.addWidget(self.note)
 
     def _connect(self) -> None:
         for chosen in (self.choices, self.polar, self.decibels):

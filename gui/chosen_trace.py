@@ -135,9 +135,11 @@ def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: floa
 
 
 def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Gain:
-    times = np.linspace(duration / _GAIN_POINTS, duration, _GAIN_POINTS)
     if is_stepped(board, receiver):
-        return Gain(Curve(times, stepped_gain_db(times, board)), True)
+        ends = np.array([0.0, *(time for time in board.gain_steps if time < duration), duration])
+        levels = stepped_gain_db((ends[:-1] + ends[1:]) / 2, board)
+        return Gain(Curve(np.repeat(ends, 2)[1:-1], np.repeat(levels, 2)), True)
+    times = np.linspace(duration / _GAIN_POINTS, duration, _GAIN_POINTS)
     return Gain(Curve(times, way_loss_db(times * speed, board)), False)
 
 

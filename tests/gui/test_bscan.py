@@ -36,6 +36,7 @@ from gui.palette import LIGHT
 from gui.scene import Scene
 from sim.air import Air
 from sim.board import load_board
+from sim.mount import Mount
 from sim.prediction import predict_scan
 from sim.room import Place, Room, load_room
 from sonarhw.errors import NotALog
@@ -116,6 +117,18 @@ def test_the_predicted_echo_of_a_wall_lies_where_the_wall_is() -> None:
 
 def one_wall(room: Room, wall: tuple[tuple[float, float], tuple[float, float]]) -> Room:
     return replace(room, walls=np.array([[*wall]]).reshape(room.walls[:1].shape), air=Air())
+
+
+def test_a_head_beside_its_axis_is_predicted_at_the_headings_that_its_prediction_has() -> None:
+    board = replace(load_board("polaroid-6500"), max_range=2.0, mount=Mount(ahead=0.05))
+    room = one_wall(load_room(ROOM), ((1.0, -3.0), (1.0, 3.0)))
+    scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.radians([0.0, 20.0, 340.0]))
+    assert scan.only_at is not None
+    cells = cells_for(2.0, 0.004)
+    speed = room.air.speed_of_sound
+    for k, heading in enumerate(scan.headings):
+        expected = trace_row(scan.signal_at(k, 2 * cells.reach / speed).envelope(), speed, cells)
+        np.testing.assert_array_equal(predicted_row(scan, heading + 1e-4 - math.tau, cells), expected)
 
 
 def test_a_reading_lies_at_its_heading_in_the_room() -> None:

@@ -10,6 +10,7 @@ from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 
 from gui.app import open_application
+from gui.bscan import SAME_HEADING, difference
 from gui.bscan_picture import Pane
 from gui.bscan_request import BScanRequest
 from gui.bscan_view import BScanView
@@ -19,8 +20,8 @@ from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
-from tests.gui.conftest import OpenWith
-from tests.gui.driving import pixel_at, predicted, until
+from tests.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.gui.driving import ended, pixel_at, predicted, until
 
 
 @pytest.fixture
@@ -96,6 +97,20 @@ def test_nothing_is_worked_out_while_nobody_looks(qtbot: QtBot, window: MainWind
     assert window.session.shown.bscan is before
     qtbot.keyClick(window, Qt.Key.Key_3)
     until(qtbot, lambda: window.session.shown.bscan is not before and worked_out(window))
+
+
+def test_a_live_scan_fills_the_bscan_heading_by_heading(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("max"))
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    window.commands.scan.trigger()
+    until(qtbot, lambda: ended(window) and predicted(window) and worked_out(window))
+    until(qtbot, lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
+    angles = np.sort([reading.angle for reading in window.session.shown.readings])
+    np.testing.assert_allclose(window.session.shown.bscan.measured.headings, angles, atol=0.5 * SAME_HEADING)
+    # the fake's room is the predicted one: but for its noise they agree
+    bscan = window.session.shown.bscan
+    apart = difference(bscan.measured, bscan.predicted, window.session.shown.scene.board.threshold_db).levels
+    assert np.nanmean(np.abs(apart) < 3.0) > 0.95
 
 
 @pytest.fixture
