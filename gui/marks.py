@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QPainter, QPen, QPolygonF
 from PySide6.QtWidgets import QGraphicsView
@@ -123,4 +124,12 @@ class ReadingMarks:
 
 
 def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:
-    return pg.ScatterPlotItem(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))
+    return _Scatter(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))
+
+
+class _Scatter(pg.ScatterPlotItem):  # type: ignore[misc]  # pyqtgraph has no types
+    """Looks for a mark under the hand before it makes an object of every mark, which takes milliseconds."""
+
+    def hoverEvent(self, ev: HoverEvent) -> None:
+        if not self._toolTipCleared or (not ev.exit and self._maskAt(ev.pos()).any()):
+            super().hoverEvent(ev)
