@@ -108,6 +108,7 @@ class DevicePanel(QWidget):
         """Say how things stand, and offer what can be done now."""
         before, self._status = self._status, status
         self.state.setText(state_text(status))
+        self.state.setToolTip(status.trouble)
         self.hint.setText(_hint(status))
         self.hint.setVisible(bool(self.hint.text()))
         self.who.setText(who(status.link))
@@ -259,7 +260,7 @@ def _hint(status: Status) -> str:
         return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner; a scan puts the log away."
     if not status.can_scan:
         return "Choose one with Connect, or begin with “sonarhw gui PORT”."
-    return status.trouble
+    return ""
 
 
 def _button(action: QAction) -> QPushButton:

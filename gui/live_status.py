@@ -65,7 +65,7 @@ def trouble(link: LinkSeen | None, phase: Phase | None) -> str:
     """What to tell of a scanner that is away, and what is being done about it; empty where all is well."""
     if link is None or not link.loss:
         return ""
-    goes_on = "; the scan goes on by itself" if phase is Phase.SCANNING else ""
-    if link.connection in (Connection.GREETING, Connection.PREPARING):
-        return f"{link.loss}. Asking whether it is back{goes_on}."
-    return f"{link.loss}. It is looked for; plug it in again{goes_on}."
+    greeted = link.connection in (Connection.GREETING, Connection.PREPARING)
+    told = "The scanner is asked whether it is back" if greeted else "The scanner is away and looked for"
+    goes_on = ", and the scan goes on by itself" if phase is Phase.SCANNING else ""
+    return f"{told}{goes_on}. {link.loss}"

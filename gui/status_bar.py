@@ -69,7 +69,7 @@ def doing(status: Status) -> str:
     """What goes on now."""
     parts = []
     if status.source is Source.LIVE and status.phase is not None:
-        parts.append(str(status.phase))
+        parts.append("waiting for the scanner" if status.trouble else str(status.phase))
     if status.source is Source.LIVE and status.recording is not None:
         parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
     if status.source is Source.REPLAY:
