@@ -60,14 +60,16 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         before, self.shown = self.shown, shown
         if before is None or before.look != shown.look:
             self._dress(shown.look)
-        if before is None or before.scene is not shown.scene:
+        if before is None or before.scene.room is not shown.scene.room:
             self.draw_room()
         if self._predicted:
             self._draw_predicted(before, shown)
         if self._measured:
             self._draw_measured(before, shown)
-        self.sensor.draw(shown)
-        self.pointer.draw(shown)
+        if _differ(before, shown, "scene", "readings", "look"):
+            self.sensor.draw(shown)
+        if _differ(before, shown, "scene", "cursor"):
+            self.pointer.draw(shown)
         if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
             self.fit()
 
@@ -128,10 +130,12 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         if before is None or before.outline is not shown.outline:
             points = outline_points(shown.outline) if shown.outline else np.empty((0, 2))
             self._outline.setData(*points.T)
-        self.path.draw(shown)
+        if _differ(before, shown, "scene", "compared", "readings", "chosen", "look"):
+            self.path.draw(shown)
 
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
-        if before is None or not shown.same_readings(before):
+        fresh = before is None or not shown.same_readings(before)
+        if fresh:
             stands = partial(standpoints, shown.scene.board, shown.scene.standing)
             self._marks.draw(
                 {
@@ -139,7 +143,8 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
                     for kind, points in shown.classes.items()
                 }
             )
-        self._marks.ring(shown.chosen)
+        if fresh or _differ(before, shown, "chosen"):
+            self._marks.ring(shown.chosen)
 
     def _tip(self, index: int) -> str:
         return reading_tip(self.shown, index) if self.shown else ""
@@ -159,6 +164,11 @@ class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
             ev.accept()
         else:
             super().mouseDragEvent(ev, axis)
+
+
+def _differ(before: Shown | None, shown: Shown, *parts: str) -> bool:
+    """Whether any of those parts is another one than before."""
+    return before is None or any(getattr(before, part) is not getattr(shown, part) for part in parts)
 
 
 def _is_elsewhere(before: Shown, shown: Shown) -> bool:
