@@ -57,17 +57,17 @@ class PlanPanel(QWidget):
     def _add_keys(self) -> None:
         hands = self.view.hands
         for side, by in _MOVES.items():
-            action = self._action(
-                f"Move {side.lower()}", f"Shift+{side}", "By 1 cm: the sensor; in Edit, what is chosen"
-            )
-            action.triggered.connect(partial(hands.nudge, *by))
+            tip = "By 1 cm: the sensor; in Edit, the chosen wall or post"
+            self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(hands.nudge, *by))
         for side, (key, steps) in _TURNS.items():
             action = self._action(f"Turn {side}", key, "Turn the sensor by a degree")
             action.triggered.connect(partial(hands.turn, steps))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
-            self._action(name, key, "The wheel does it about the mouse").triggered.connect(
-                partial(self.view.zoom, scale)
-            )
+            action = self._action(name, key, "The wheel does it about the mouse")
+            action.triggered.connect(partial(self.view.zoom, scale))
+        for side, by in _MOVES.items():
+            action = self._action(f"Look {side.lower()}", f"Ctrl+Shift+{side}", "Move the paper by a tenth of the view")
+            action.triggered.connect(partial(self.view.pan, *by))
 
     def _action(self, text: str, key: str, tip: str) -> QAction:
         action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)

@@ -88,6 +88,11 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         """See `scale` times as much, about the middle."""
         self.plotItem.vb.scaleBy((scale, scale))
 
+    def pan(self, right: int, up: int) -> None:
+        """See what lies so many tenths of the view further on."""
+        (left, far_right), (low, high) = self.plotItem.vb.viewRange()
+        self.plotItem.vb.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
+
     def draw_room(self) -> None:
         """Draw the room, as the tool in the hand wants to see it."""
         if self.shown is not None:

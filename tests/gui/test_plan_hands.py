@@ -213,6 +213,9 @@ def test_keys_move_what_is_chosen_and_zoom(qtbot: QtBot, window: MainWindow) -> 
     assert closer_right - closer_left == pytest.approx((right - left) / 1.25)
     key(qtbot, window, Qt.Key.Key_Minus)
     assert window.plan.plotItem.vb.viewRange()[0] == pytest.approx([left, right])
+    key(qtbot, window, Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier)
+    tenth = (right - left) / 10
+    assert window.plan.plotItem.vb.viewRange()[0] == pytest.approx([left + tenth, right + tenth])
 
 
 def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindow) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +10,15 @@ import pytest
 from gui.grips import Grip, Part, room_grip, sensor_grip, surface_at
 from gui.plan_geometry import bounce_losses
 from gui.plan_words import is_outside, surface_words
+from gui.recording import start_recording
 from gui.room_edit import add_post
-from gui.scene import Scene
+from gui.scene import Scene, scene_of_log
 from gui.scene_edit import dragged, sensor_at, sensor_turned
 from sim.board import load_board
 from sim.prediction import predict_scan
 from sim.room import Room, load_room
 from sonarhw.errors import InputError
+from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
 
 PIXEL = 0.002  # m
@@ -75,6 +78,16 @@ def test_the_places_of_the_file_stay_where_they_are(scene: Scene) -> None:
     moved, _ = sensor_at(scene, (0.5, 0.5))
     assert moved.room.places == scene.room.places
     assert moved.standing.name == "0.5,0.5"
+
+
+def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene: Scene, tmp_path: Path) -> None:
+    moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30))
+    log, path = start_recording(tmp_path, moved, warn=print)
+    log.close()
+    again = scene_of_log(read_log(path).metadata)
+    assert again.standing.position == (0.5, 0.5)
+    assert math.degrees(again.standing.heading) == pytest.approx(30)
+    assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
 
 
 def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
