@@ -81,6 +81,8 @@ def open_window(start: WindowStart) -> MainWindow:
     begun, memory, complaint = _resumed(start)
     opener = None if isinstance(begun.source, Log) else begun.source
     wish = ScanWish(start.recordings, start.order, start.traces)
+    if start.resume and memory.wish is not None:
+        wish = replace(memory.wish, folder=start.recordings)
     window = MainWindow(Session(begun.scene, opener, wish, memory.look.look(), start.find_way))
     window.session.scanners.url = begun.url
     put_back(window, memory)

@@ -10,6 +10,7 @@ from pathlib import Path
 from platformdirs import user_data_path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gui.live_scan import ScanWish
 from gui.look import LengthUnit, Look
 from gui.palette import DARK, LIGHT
 from gui.scene import Scene
@@ -91,6 +92,7 @@ class Memory(_Part):
     scene: SceneMemory | None = None
     log: str = ""  # whose readings were shown
     url: str = ""  # of the scanner
+    wish: ScanWish | None = None  # what to scan
     recent: tuple[str, ...] = ()
     urls: tuple[str, ...] = ()
     look: LookMemory = LookMemory()

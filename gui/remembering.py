@@ -36,6 +36,7 @@ def remembered(window: MainWindow) -> Memory:
         scene=SceneMemory.of(session.shown.scene),
         log=session.log_to_keep,
         url=session.scanners.url,
+        wish=session.live.wish,
         recent=session.documents.recent,
         urls=session.scanners.urls,
         look=LookMemory.of(session.shown.look),

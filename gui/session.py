@@ -49,10 +49,11 @@ class Session(QObject):
         self.shown = Shown(scene, look=look or Look())
         self.history = History()
         self._to_tell = False  # whether what is shown has changed since the views were told
+        self._ticking = False
         self.status = Status(can_scan=opener is not None, wish=wish)
         self._intake = Intake(opener, wish, self)
         self.replay, self.live = self._intake.replay, self._intake.live
-        self.replay.changed.connect(self._refresh)
+        self.replay.changed.connect(self._follow_replay)
         self.replay.broken.connect(self.warned)
         self._before_replay: Scene | None = None
         self._choice = Choice()
@@ -246,7 +247,9 @@ class Session(QObject):
         self.scanners.tick()
         for opened in self.documents.take():
             self._take_opened(opened)
+        self._ticking = True
         self.replay.advance(elapsed)
+        self._ticking = False
         heard = self._take_heard()
         traced = self._traces.take()
         if self._forecast.take() or heard or traced or self._to_tell:
@@ -289,6 +292,12 @@ class Session(QObject):
         self._traces.begin_scan()
 
     @Slot()
+    def _follow_replay(self) -> None:
+        if self._ticking:
+            self._to_tell = True  # with whatever else this tick brings
+        else:
+            self._refresh()
+
     def _refresh(self) -> None:
         readings, compared = self._intake.readings, self._forecast.compared
         if self.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:

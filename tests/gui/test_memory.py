@@ -67,7 +67,7 @@ def test_a_window_closed_over_a_log_opens_over_it_again(
     assert window.files.actions()[0].data() == str(recorded)
 
 
-def test_a_sensor_that_was_moved_stands_where_it_was_left(
+def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wished(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.json"
@@ -75,10 +75,13 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left(
     there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
     options = replace(shipped.options, unit=Unit.BLOCK)
     window.session.edit(replace(shipped, place=there, options=options), "moving the sensor")
+    wish = replace(window.session.live.wish, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
+    window.session.live.set_wish(wish)
     window.close()
     window = reopened(open_with, memory, shipped)
     assert window.session.shown.scene.place == there
     assert window.session.shown.scene.options == options
+    assert window.session.live.wish == wish
     assert window.session.shown.scene.room.text == shipped.room.text
 
 
