@@ -3,6 +3,7 @@
 Takes the window; hands on actions, which toolbar, menus and help page show.
 """
 
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QWidget
 
@@ -21,6 +22,7 @@ class Commands:
         self.close = self._add("Close", "Ctrl+Q", "Stop the scan and close the window")
         self.scan = self._add("▶ Scan", "F5", "Home the turntable, scan, record")
         self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; what was measured is kept")
+        self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too
         self.home = self._add("Home", "Ctrl+H", "Let the turntable find its zero")
         self.undo = self._add("Undo", "Ctrl+Z", "Take back what was done to the room last")
         self.redo = self._add("Redo", "Ctrl+Shift+Z", "Do again what was taken back")

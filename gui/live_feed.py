@@ -31,8 +31,11 @@ class LiveFeed:
 
     @property
     def phase(self) -> Phase | None:
-        """How far the errand is; None before the first."""
-        return self._device.status.phase if self._device else None
+        """How far the errand is; None before the first, and where all it did was to connect and hang up again."""
+        device = self._device
+        if device is None or (device.over and device.status.phase is Phase.READY and not self.readings):
+            return None
+        return device.status.phase
 
     @property
     def status(self) -> LiveStatus:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractSpinBox
+from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
 
 from gui.commands import Commands
@@ -75,6 +75,7 @@ def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
     url = window.session.status.link.url
     press(qtbot, window.device.hang_up_button)
     until(qtbot, lambda: window.device.state.text() == "Not connected")
+    assert window.status_bar.badge.text() == "no scan"
     with Scanner.open(url) as other:
         assert other.info.serial == "FAKE-0003"
 
@@ -119,12 +120,26 @@ def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
 
 
 def test_f6_stops_a_turntable_that_turns(qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack) -> None:
-    window = opened(open_with, board, during, 1.0)
+    window = opened(open_with, board, during, 0.3)
     window.session.live.home()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
     qtbot.keyClick(window, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
     assert window.banner.message == ""
+
+
+def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
+    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+) -> None:
+    window = opened(open_with, board, during, 0.3)
+    dialog = QDialog(window)
+    with qtbot.waitActive(dialog):
+        dialog.show()
+        dialog.activateWindow()
+    window.commands.home.trigger()
+    until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
+    qtbot.keyClick(dialog, Qt.Key.Key_F6)
+    until(qtbot, lambda: idle(window, Phase.STOPPED))
 
 
 def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
