@@ -13,7 +13,7 @@ from typing import Any
 
 from gui.live_scan import Errand, ScannerOpener
 from gui.live_status import LinkSeen, LiveStatus, Phase
-from sonarhw.errors import CommandRefused, InputError, LogError, SonarError
+from sonarhw.errors import Incompatible, LinkError, NoAnswer, SonarError, WrongDevice
 from sonarhw.messages import Outcome
 from sonarhw.readings import Reading
 from sonarhw.scanner import Scanner
@@ -130,7 +130,9 @@ class LiveDevice:
         try:
             self.advance(errand.phase)
             outcome = Outcome.STOPPED if self.stop_wanted else errand.run(scanner, self)
-        except (CommandRefused, LogError, InputError) as error:  # the scanner is as well as before
+        except (LinkError, NoAnswer, WrongDevice, Incompatible):
+            raise
+        except SonarError as error:  # the scanner is still there
             self._failed(error)
         else:
             self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else errand.done)

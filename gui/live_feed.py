@@ -22,6 +22,7 @@ class LiveFeed:
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
+        self._seen = _IDLE  # of the errand, when its readings were taken last
         self._end_told = True
 
     @property
@@ -33,14 +34,14 @@ class LiveFeed:
     def phase(self) -> Phase | None:
         """How far the errand is; None before the first, and where all it did was to connect and hang up again."""
         device = self._device
-        if device is None or (device.over and device.status.phase is Phase.READY and not self.readings):
+        if device is None or (device.over and self._seen.phase is Phase.READY and not self.readings):
             return None
-        return device.status.phase
+        return self._seen.phase
 
     @property
     def status(self) -> LiveStatus:
-        """What is known of the errand."""
-        return self._device.status if self._device else _IDLE
+        """What is known of the errand: no more than of its readings, so that none comes after the end."""
+        return self._seen
 
     @property
     def link(self) -> LinkSeen | None:
@@ -105,7 +106,7 @@ class LiveFeed:
         """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
         if self._device is None:
             return 0, ""
-        status = self.status  # before the readings, so that none comes after the end
+        status = self._seen = self._device.status  # before the readings, so that none comes after the end
         fresh = tuple(self._device.take())
         if fresh:
             self.readings += tuple(map(with_packed_trace, fresh))
@@ -120,12 +121,13 @@ class LiveFeed:
         if self._opener is None or self.running:
             return
         self._end_told = False
-        before = self._device
-        if before is None or before.over or before.leaving:
-            self._device = LiveDevice(self._opener, errand, before)
-            self._device.start()
+        device = self._device
+        if device is None or device.over or device.leaving:
+            device = self._device = LiveDevice(self._opener, errand, device)
+            device.start()
         else:
-            before.ask(errand)
+            device.ask(errand)
+        self._seen = device.status
 
 
 def _told(status: LiveStatus) -> str:
