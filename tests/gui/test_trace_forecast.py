@@ -79,6 +79,13 @@ def test_another_scan_drops_what_was_asked_for_the_one_before(
     assert len(forecast.bscan.measured.headings) == 2
 
 
+def test_a_trace_that_comes_after_its_scan_is_dropped(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+    forecast.follow(Shown(scene, readings=readings(1), chosen=0))
+    forecast.begin_scan()
+    taken(qtbot, forecast, lambda: not forecast._tracer.busy)
+    assert forecast.trace is None
+
+
 def test_no_reading_has_no_trace(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
     forecast.follow(Shown(scene, readings=readings(1), chosen=0))
     taken(qtbot, forecast, lambda: forecast.trace is not None)
