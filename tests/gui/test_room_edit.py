@@ -163,7 +163,7 @@ def test_a_file_may_be_written_in_any_way_that_toml_allows(text: str) -> None:
     assert_same_rooms(parse_room(room.text, "again"), room)
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(data=st.data())
 def test_whatever_is_changed_reads_back_and_keeps_what_was_not_meant(data: st.DataObject) -> None:
     room = data.draw(st.sampled_from([SIMPLE, DOORSTEP]))

@@ -15,11 +15,12 @@ from gui.look import LengthUnit, Look
 from gui.room_panel import RoomPanel
 from gui.scene import Scene
 from gui.shown import Shown
+from sim.air import Air
 from sim.bends import EdgeStrength
 from sim.board import Receiver
 from sim.mount import Unit
 from sim.room import load_room
-from sim.room_writing import materials
+from sim.room_writing import materials, with_air
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM, OpenWith
 from tests.gui.driving import predicted, until
@@ -90,12 +91,14 @@ def test_one_drag_of_a_slider_is_one_step_and_the_walls_take_it(qtbot: QtBot, pa
 
 
 def test_air_is_typed_and_what_was_not_typed_stays_as_it_was(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    keeper.scene = replace(keeper.scene, room=with_air(keeper.scene.room, Air(10.0, 0.333, 99.987)))
+    keeper.show()
     panel.air.temperature.field.setFocus()
     panel.air.temperature.field.selectAll()
     qtbot.keyClicks(panel.air.temperature.field, "-5.5")
     qtbot.keyClick(panel.air.temperature.field, Qt.Key.Key_Return)
     air = keeper.scene.room.air
-    assert (air.temperature_c, air.relative_humidity, air.pressure_kpa) == (-5.5, 0.5, 101.325)
+    assert (air.temperature_c, air.relative_humidity, air.pressure_kpa) == (-5.5, 0.333, 99.987)
     assert panel.air.speed.text() == f"{air.speed_of_sound:.1f} m/s"
     assert "temperature_c = -5.5" in keeper.scene.room.text
 
@@ -181,12 +184,15 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     shown = window.session.shown
     assert shown.outline.room.reflectances[0] == reflectance.value
     qtbot.keyClick(window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
+    window.plan.zoom(0.5)
+    seen = window.plan.plotItem.vb.viewRange()
     file = tmp_path / "mine.toml"
     window.session.save_room(str(file))
     saved = load_room(file)
     assert saved.reflectances[0] == reflectance.value
     assert saved.place("0.764,0.085").position == (0.764, 0.085)
     assert window.session.shown.scene.room_file == "mine.toml"
+    assert window.plan.plotItem.vb.viewRange() == seen
     until(qtbot, window.commands.undo.isEnabled)
     for _ in range(2):
         qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)

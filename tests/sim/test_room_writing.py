@@ -39,7 +39,7 @@ def comments(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", ROOMS, ids=lambda path: path.stem)
-@settings(max_examples=15)
+@settings(max_examples=15, deadline=None)
 @given(t=st.floats(-40, 60), h=SHARES, p=st.floats(30, 120), x=st.floats(50, 99), heading=st.floats(-360, 360))
 def test_every_shipped_room_reads_back_as_it_was_changed(
     path: Path, t: float, h: float, p: float, x: float, heading: float
@@ -56,7 +56,7 @@ def test_every_shipped_room_reads_back_as_it_was_changed(
     assert comments(changed.text) == comments(room.text)
 
 
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 @given(name=NAMES, reflectance=SHARES, scatter=SHARES)
 def test_a_material_of_any_name_reads_back(name: str, reflectance: float, scatter: float) -> None:
     room = with_material(load_room(SIMPLE), name, reflectance, scatter)
