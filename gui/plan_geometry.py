@@ -86,6 +86,8 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
     if bend is not None:
         events.insert(bend, None)
     losses, bent, rest = [], 0, _decibels(float(paths.gains[path]))
+    if len(events) == 1:
+        return [(1, rest)]  # a rough wall scatters straight back with less than it mirrors
     for corner, surface in enumerate(events, start=1):
         if surface is None or flat <= surface < room.levels.start:
             bent = corner

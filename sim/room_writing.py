@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.exceptions import TOMLKitError
 
 from sim.air import Air
 from sim.room import Place, Room, parse_room
@@ -26,9 +27,14 @@ _DIGITS = 9  # of a heading in degrees
 
 def changed_room(room: Room, change: Callable[[Document], None]) -> Room:
     """The room after `change` has been at its text. Raises InputError where that is no room."""
-    document = pickle.loads(_parsed(room.text))
-    change(document)
-    return parse_room(tomlkit.dumps(document), f"room {room.name!r}")
+    where = f"room {room.name!r}"
+    try:
+        document = pickle.loads(_parsed(room.text))
+        change(document)
+        text = tomlkit.dumps(document)
+    except TOMLKitError as error:
+        raise InputError(f"{where}: its file cannot be changed as it is written: {error}") from error
+    return parse_room(text, where)
 
 
 @lru_cache(maxsize=8)

@@ -127,13 +127,17 @@ def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> No
 
 
 def test_the_losses_along_a_path_are_all_that_it_loses(crowded: Scene) -> None:
-    """Together they are the gain of the path, whatever it touched: walls, posts, an edge."""
-    scan = predict_scan(crowded.room, crowded.standing, crowded.board, np.radians([0.0, 90.0]))
-    bent = 0
-    for path in range(min(200, len(scan.paths))):
-        losses = bounce_losses(scan, path)
-        assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
-        bent += any(crowded.room.names[surface] == "post 1" for surface in scan.paths.surfaces[path] if surface >= 0)
-        corners = len(scan.paths.outline(path)) - 2
-        assert all(1 <= corner <= corners for corner, _ in losses)
-    assert bent > 0
+    """Together they are the gain of the path, whatever it touched: walls, posts, edges, floor, a rough wall."""
+    tall = load_room(ROOM.with_name("doorstep.toml"))
+    board, headings = load_board("polaroid-6500"), np.radians([0.0, 90.0])
+    for scan in (
+        predict_scan(crowded.room, crowded.standing, crowded.board, headings),
+        predict_scan(tall, tall.place("robot"), board, headings),
+    ):
+        touched = set()
+        for path in range(min(400, len(scan.paths))):
+            losses = bounce_losses(scan, path)
+            assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
+            assert all(1 <= corner <= len(scan.paths.outline(path)) - 2 for corner, _ in losses)
+            touched.update(scan.paths.via(path, scan.room))
+        assert {"post 1", "bottom"} <= touched or {"floor", "rug", "bin"} <= touched
