@@ -20,6 +20,7 @@ from gui.theme import text_font
 from sim.air import Air
 from sonarhw.readings import FloatArray
 
+_BAR_FIGURES = 48  # pixels of its figures and label at the usual size of text
 _BESIDE = 6  # pixels between image and colour bar
 _RING, _HALO = (11, 1.5), (11, 4.5)  # pixels of the cursor, and of what sets it off on any colour: size, line
 _ROUND = np.linspace(0.0, math.tau, 181)
@@ -167,6 +168,7 @@ class BScanPane:
         font = text_font(self._look, 0.9)
         axis.setStyle(tickFont=font)
         axis.label.setFont(font)
+        axis.setWidth(round(_BAR_FIGURES * self._look.scale))
         axis.setLabel(scale.label, color=colours.ink)
 
 

@@ -32,7 +32,7 @@ class Heights:
     @property
     def label(self) -> str:
         """The name of the axis with its unit."""
-        return "level (dB of full scale)" if self.decibels else "signal (of full scale)"
+        return "dB of full scale" if self.decibels else "signal (of full scale)"
 
 
 EMPTY = Heights(True, -52.0, 0.0)

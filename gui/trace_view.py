@@ -25,6 +25,7 @@ from gui.trace_marks import TraceMarks
 from gui.view_actions import add_buttons, view_action
 from sim.air import Air
 
+_LOWEST = 60  # pixels of the plot at the usual size of text
 _STEPS = 200  # of a cursor across the view
 
 
@@ -114,6 +115,7 @@ class TraceView(QWidget):
         self._look = look
         colours = look.palette
         self.plot.setBackground(colours.paper)
+        self.plot.setMinimumHeight(round(_LOWEST * look.scale))
         dress_plot(self.plot.plotItem, look)
         self._times.write_in("ms", 1e3)
         gain = self.plot.getAxis("right")
