@@ -9,7 +9,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 
-from gui.bscan import RangeCells
+from compare.bscan import RangeCells
 from gui.bscan_picture import ColourScale, Pane, flat_area, polar_area
 from gui.bscan_request import BScans
 from gui.look import Look

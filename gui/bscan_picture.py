@@ -14,8 +14,8 @@ from matplotlib import colormaps
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
-from gui.bscan import SAME_HEADING, BScan, RangeCells
-from gui.levels import in_db
+from compare.bscan import SAME_HEADING, BScan, RangeCells
+from compare.levels import in_db
 from gui.palette import Palette
 from sonarhw.readings import FloatArray
 

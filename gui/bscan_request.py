@@ -6,10 +6,10 @@ Takes what is shown and what a person wants to see of it; hands on `BScans`, whi
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gui.bscan import BScan, difference
+from compare.bscan import BScan, difference
+from compare.levels import floor_of
 from gui.bscan_picture import BScanWish, ColourScale, Pane, Pixels, colour_scale, draw_bscan
 from gui.bscan_rows import BScanRows, more_rows
-from gui.levels import floor_of
 from gui.palette import Palette
 from gui.scene import Scene
 from sim.predicted_scan import PredictedScan

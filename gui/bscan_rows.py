@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from gui.bscan import (
+from compare.bscan import (
     BScan,
     RangeCells,
     bscan_of,

@@ -13,7 +13,7 @@ from PySide6.QtCore import QEvent, QPointF, Signal, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
-from gui.bscan import RangeCells
+from compare.bscan import RangeCells
 from gui.bscan_pane import BScanPane
 from gui.bscan_picture import BScanWish, Pane
 from gui.bscan_request import BScans

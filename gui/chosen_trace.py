@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gui.levels import envelope_of, floor_of, in_db
+from compare.levels import envelope_of, floor_of, in_db
 from gui.scene import Scene
 from sim.air import Air
 from sim.board import Board, Receiver

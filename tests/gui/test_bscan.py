@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gui.bscan import (
+from compare.bscan import (
     CELLS,
     BScan,
     RangeCells,
@@ -20,6 +20,7 @@ from gui.bscan import (
     predicted_row,
     trace_row,
 )
+from compare.levels import envelope_of, in_db
 from gui.bscan_picture import (
     BScanWish,
     ColourScale,
@@ -31,7 +32,6 @@ from gui.bscan_picture import (
     polar_area,
 )
 from gui.bscan_request import BScanRequest, BScans
-from gui.levels import envelope_of, in_db
 from gui.palette import LIGHT
 from gui.scene import Scene
 from sim.air import Air

@@ -9,8 +9,8 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from pytestqt.qtbot import QtBot
 
+from compare.bscan import SAME_HEADING, difference
 from gui.app import open_application
-from gui.bscan import SAME_HEADING, difference
 from gui.bscan_picture import Pane
 from gui.bscan_request import BScanRequest
 from gui.bscan_view import BScanView

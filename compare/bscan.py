@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gui.levels import envelope_of, in_db
+from compare.levels import envelope_of, in_db
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import FloatArray, Reading, Trace
 
