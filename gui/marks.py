@@ -116,11 +116,18 @@ class ReadingMarks:
 
     def ring(self, chosen: int | None) -> None:
         """Draw the ring round one reading; none where that is not drawn."""
+        place = self.place_of(chosen)
+        if place is None:
+            self._ring.clear()
+        else:
+            self._ring.setData(*place[:, None])
+
+    def place_of(self, reading: int | None) -> FloatArray | None:
+        """Where a reading is drawn, (2,) in the plot's coordinates; None where it is not."""
         for points, places in self.placed.values():
-            if chosen in points.readings:
-                self._ring.setData(*places[[points.readings.index(chosen)]].T)
-                return
-        self._ring.clear()
+            if reading in points.readings:
+                return np.asarray(places[points.readings.index(reading)])
+        return None
 
 
 def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:

@@ -27,15 +27,16 @@ def wall_lines(room: Room) -> FloatArray:
     return room.walls.reshape(-1, 2)
 
 
-def seen_bounds(room: Room, sensor: tuple[float, float]) -> FloatArray:
-    """Lower and upper corner (2, 2) of what the plan is about: walls, posts, and the sensor where it is not far off."""
+def seen_bounds(room: Room, besides: FloatArray) -> FloatArray:
+    """Lower and upper corner (2, 2) of what the plan is about: walls, posts, and those of the points `besides` (n, 2)
+    that are not far off."""
     posts, radii = room.posts[:, :2], room.posts[:, 2:]
     points = np.vstack((wall_lines(room), posts - radii, posts + radii))
     low, high = points.min(axis=0), points.max(axis=0)
     reach = _NEAR * (high - low).max()
-    if np.all((sensor > low - reach) & (sensor < high + reach)):
-        low, high = np.minimum(low, sensor), np.maximum(high, sensor)
-    return np.array([low, high])
+    near = ((besides > low - reach) & (besides < high + reach)).all(axis=1)
+    points = np.vstack((points, besides[near]))
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def outline_ranges(outline: PredictedScan) -> FloatArray:

@@ -23,8 +23,9 @@ from gui.reading_tip import reading_tip
 from gui.scene_edit import bearing
 from gui.shown import Shown
 from sim.by_heading import standpoints
+from sonarhw.readings import FloatArray
 
-_BEYOND = 0.17  # of the room's longer side
+_BEYOND = 0.17  # of the room's longer side: echoes by several walls seem to lie outside
 
 
 class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
@@ -71,15 +72,19 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
         if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
-            self.fit()
+            self._fit()
 
     def fit(self) -> None:
-        """Show the room and some way beyond, where echoes by several walls seem to lie; without a room everything."""
+        """Show the room, the sensor and the chosen reading, and some way beyond; without a room everything."""
+        self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
+
+    def _fit(self, reading: FloatArray | None = None) -> None:
         scene = self.hands.scene if self.shown else None
         if scene is None or scene.room is None:
             self.plotItem.vb.autoRange(padding=0.05)
             return
-        (left, bottom), (right, top) = seen_bounds(scene.room, scene.standing.position)
+        points = [scene.standing.position] if reading is None else [scene.standing.position, reading]
+        (left, bottom), (right, top) = seen_bounds(scene.room, np.array(points))
         beyond = _BEYOND * max(right - left, top - bottom)
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
         self.plotItem.vb.setRange(area, padding=0)

@@ -143,6 +143,18 @@ def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindo
     assert left < 0 < stands(window)[0] < right
 
 
+def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    window.session.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
+    x, y = window.plan._marks.place_of(27)
+    assert window.plan.plotItem.vb.viewRange()[1][0] > y
+    key(qtbot, window, Qt.Key.Key_F)
+    (left, right), (low, high) = window.plan.plotItem.vb.viewRange()
+    assert left < x < right
+    assert low < y < high
+
+
 def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBot, window: MainWindow) -> None:
     assert hover(qtbot, window, (0.5, 0.742)) == "top · shelving, reflectance 0.95 (−0.4 dB)"
     hover(qtbot, window, (0.3, 0.3))
