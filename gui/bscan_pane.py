@@ -20,7 +20,8 @@ from gui.theme import text_font
 from sim.air import Air
 from sonarhw.readings import FloatArray
 
-_BAR_FIGURES = 48  # pixels of its figures and label at the usual size of text
+_FIGURES = 48  # pixels of an axis' figures and label at the usual size of text
+_BAR = 16  # pixels of the colours in a colour bar, and its frame
 _BESIDE = 6  # pixels between image and colour bar
 _RING, _HALO = (11, 1.5), (11, 4.5)  # pixels of the cursor, and of what sets it off on any colour: size, line
 _ROUND = np.linspace(0.0, math.tau, 181)
@@ -62,6 +63,7 @@ class BScanPane:
         self._chosen.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
         self._chosen.setShadowPen(pg.mkPen(colours.paper, width=2.5))
         self._scale = None
+        self.plot.layout.setColumnFixedWidth(5, _BAR + round(_FIGURES * look.scale))
         self._label()
 
     def turn(self, polar: bool, among: int = 1, lowest: bool = True) -> None:
@@ -147,6 +149,7 @@ class BScanPane:
 
     def _label(self) -> None:
         bottom, left = self.plot.getAxis("bottom"), self.plot.getAxis("left")
+        left.setWidth(round(_FIGURES * self._look.scale))  # of all panes the same: linked plots lie on one line
         if self._polar:
             label_length(bottom, "x", self._look)
             label_length(left, "y", self._look)
@@ -168,7 +171,7 @@ class BScanPane:
         font = text_font(self._look, 0.9)
         axis.setStyle(tickFont=font)
         axis.label.setFont(font)
-        axis.setWidth(round(_BAR_FIGURES * self._look.scale))
+        axis.setWidth(round(_FIGURES * self._look.scale))
         axis.setLabel(scale.label, color=colours.ink)
 
 
