@@ -31,7 +31,7 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     assert drawn == sum(reading.range is not None for reading in shown.readings)
     assert Unclassed.MEASURED not in shown.classes
     assert set(shown.classes) <= set(MARKS)
-    until(qtbot, lambda: window.session.shown.trace is not None)
+    until(qtbot, lambda: (trace := window.session.shown.trace) is not None and trace.predicted is not None)
     trace = window.session.shown.trace
     assert trace.measured is not None
     assert len(trace.predicted.envelope.times) > 500
