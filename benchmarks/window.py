@@ -1,0 +1,101 @@
+"""What the window costs and how soon it answers: `python -m benchmarks.window [--full] [JOB ...]`.
+
+Opens real windows, on Xvfb where there is no display, and prints a table: dragging the sensor with all views open, a
+live scan with traces, a log of an hour, its replay at 50×, repaints by the thousand, the first window. With `--full`
+the replay runs for an hour. Every job is a process of its own.
+
+A target is held against the wall clock where the machine is idle, else that says more about its neighbours: so the
+processor time stands beside it, and a line of the load.
+"""
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+
+from benchmarks.window_jobs import Figure, dragging, first_window, live, long_log, repaints
+from gui.display import NoDisplay, check_display
+
+_XVFB = ("xvfb-run", "--auto-servernum", "--server-args=-screen 0 1920x1080x24")
+_LIBRARIES = ("PySide6-Essentials", "pyqtgraph", "numpy", "numba")
+_FULL_HOUR = 3600.0  # s
+
+
+def jobs(full: bool) -> dict[str, Callable[[], list[Figure]]]:
+    """Each job by name."""
+    return {
+        "start": lambda: first_window(float(os.environ[_BEGAN])),
+        "drag": lambda: dragging(20.0 if full else 8.0),
+        "live": lambda: live(60.0 if full else 15.0),
+        "log": lambda: long_log(_FULL_HOUR if full else 40.0),
+        "repaints": lambda: repaints(10_000),
+    }
+
+
+_BEGAN = "SONARHW_BENCHMARK_BEGAN"
+
+
+def in_its_own_process(job: str, full: bool) -> list[Figure]:
+    """Run a job. Raises CalledProcessError where it fails."""
+    command = [sys.executable, "-m", "benchmarks.window", "--only", job, *(["--full"] if full else [])]
+    began = {**os.environ, _BEGAN: str(time.time())}
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=began, text=True)
+    return [Figure(**figure) for figure in json.loads(done.stdout.splitlines()[-1])]
+
+
+def machine() -> str:
+    """Where and with what this was measured."""
+    with_what = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
+    load = " ".join(f"{share:.1f}" for share in os.getloadavg())
+    return (
+        f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, "
+        f"{with_what}\nload when it began, over 1, 5 and 15 minutes: {load}"
+    )
+
+
+def row(figure: Figure) -> str:
+    """A line of the table."""
+    target, verdict = "", ""
+    if figure.target is not None:
+        met = figure.measured >= figure.target if figure.at_least else figure.measured <= figure.target
+        target = f"{'≥' if figure.at_least else '≤'} {figure.target:g}"
+        verdict = "yes" if met else "NO"
+    return (
+        f"{figure.what:<84} {figure.measured:>9.3g} {figure.unit:<13} {target:>7} {verdict:<4} {figure.note}".rstrip()
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.window")
+    parser.add_argument("jobs", nargs="*", metavar="JOB", help=f"of {', '.join(jobs(False))}; default: all")
+    parser.add_argument("--full", action="store_true", help="play the long log for an hour")
+    parser.add_argument("--only", choices=jobs(False), help=argparse.SUPPRESS)
+    wish = parser.parse_args()
+    if wish.only:
+        print(json.dumps([asdict(figure) for figure in jobs(wish.full)[wish.only]()]))
+        return
+    try:
+        check_display()
+    except NoDisplay:
+        if shutil.which(_XVFB[0]) is None:
+            raise
+        os.execvp(_XVFB[0], [*_XVFB, sys.executable, "-m", "benchmarks.window", *sys.argv[1:]])
+    print(machine(), flush=True)
+    wanted = wish.jobs or list(jobs(wish.full))
+    if "start" in wanted:
+        in_its_own_process("start", wish.full)  # what compiles is compiled
+    for job in wanted:
+        for figure in in_its_own_process(job, wish.full):
+            print(row(figure), flush=True)
+
+
+if __name__ == "__main__":
+    main()
