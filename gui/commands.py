@@ -24,6 +24,7 @@ class Commands:
         self.stop = self._add("■ Stop", "F6", "Stop the scanner at once; what was measured is kept")
         self.stop.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)  # from a dialog in front, too
         self.home = self._add("Home", "Ctrl+H", "Let the turntable find its zero")
+        self.find = self._add("Find where I stood", "Ctrl+J", "Find the place from which the scan was taken: see Fit")
         self.undo = self._add("Undo", "Ctrl+Z", "Take back what was done to the room last")
         self.redo = self._add("Redo", "Ctrl+Shift+Z", "Do again what was taken back")
         self.previous = self._add("Previous reading", "Left", "Ask about the reading before this one")

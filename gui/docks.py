@@ -45,6 +45,12 @@ class Docks:
         self._docks.append(dock)
         return dock
 
+    def show(self, name: str) -> None:
+        """Open a dock, in front of the others."""
+        dock = next(dock for dock in self._docks if dock.objectName() == name)
+        dock.show()
+        dock.raise_()
+
     @property
     def actions(self) -> list[QAction]:
         """What opens and closes them."""

@@ -3,9 +3,19 @@
 Takes a session; owns nothing but its parts. Gestures go to the session, changes come back from it to the views.
 """
 
-from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from typing import cast
+
+from PySide6.QtCore import QEvent, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QApplication,
+    QMainWindow,
+    QSplitter,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
 
 from gui.banner import Banner
 from gui.bscan_view import BScanView
@@ -121,6 +131,7 @@ class MainWindow(QMainWindow):
         commands.scan.triggered.connect(session.scan)
         commands.stop.triggered.connect(session.stop)
         commands.home.triggered.connect(session.live.home)
+        commands.find.triggered.connect(self._find_place)
         commands.undo.triggered.connect(session.undo)
         commands.redo.triggered.connect(session.redo)
         commands.previous.triggered.connect(session.choose_previous)
@@ -151,6 +162,9 @@ class MainWindow(QMainWindow):
             edited.edited.connect(session.edit)
         self.plan.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(self.plan.hands.choose_surface)
+        self.fit_panel.wanted.connect(session.find_place)
+        self.fit_panel.put_away.connect(session.fitting.forget)
+        session.fitting.changed.connect(self.fit_panel.show_fit)
         self.replay_bar.toggled.connect(session.replay.toggle)
         self.replay_bar.sought.connect(session.replay.seek)
         self.replay_bar.speed_chosen.connect(session.replay.set_speed)
@@ -167,6 +181,20 @@ class MainWindow(QMainWindow):
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:
         self.stage.setCurrentIndex(self.commands.views.actions().index(action))
+
+    @Slot()
+    def _find_place(self) -> None:
+        self.docks.show("Fit")
+        self.fit_panel.show_state(self.session.shown)  # it may not have been visible yet
+        self.fit_panel.ask()
+
+    def event(self, event: QEvent) -> bool:
+        """Leave the space bar to the button or box that has the focus; else it plays."""
+        button = isinstance(QApplication.focusWidget(), QAbstractButton)
+        if button and event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Space:
+            event.accept()
+            return True
+        return super().event(event)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Take files that can be opened."""

@@ -32,6 +32,8 @@ def fill_menus(
     scan.addAction(commands.connect_scanner)
     scan.addSeparator()
     scan.addActions([commands.scan, commands.stop, commands.home])
+    scan.addSeparator()
+    scan.addAction(commands.find)
     edit = bar.addMenu("&Edit")
     edit.addActions([commands.undo, commands.redo])
     edit.addSeparator()

@@ -59,7 +59,7 @@ def sensor_at(scene: Scene, position: Point) -> Edit:
     position = on_grid(position)
     if max(map(abs, position)) > MOST_DISTANT:
         raise InputError(f"the sensor can stand no farther than {MOST_DISTANT:g} m off")
-    return _standing(scene, position, place.heading), "moving the sensor"
+    return standing_at(scene, position, place.heading), "moving the sensor"
 
 
 def sensor_turned(scene: Scene, by: float) -> Edit:
@@ -72,7 +72,7 @@ def sensor_facing(scene: Scene, heading: float) -> Edit:
     """The scene with the turntable's step 0 at a heading, rad, to a tenth of a degree."""
     _, place = furnished(scene)
     heading = math.radians(round(math.degrees(heading) % 360, 1))
-    return _standing(scene, place.position, heading), "turning the sensor"
+    return standing_at(scene, place.position, heading), "turning the sensor"
 
 
 def kept_place(scene: Scene, name: str) -> Edit:
@@ -151,7 +151,8 @@ def _sum(one: Point, other: Point) -> Point:
     return one[0] + other[0], one[1] + other[1]
 
 
-def _standing(scene: Scene, position: Point, heading: float) -> Scene:
+def standing_at(scene: Scene, position: Point, heading: float) -> Scene:
+    """The scene with the sensor at a point (m), its step 0 at a heading (rad). Raises InputError inside a post."""
     room, before = furnished(scene)
     # a place of its own, named as `--place X,Y` would be: those that the file names stay where they are
     place = Place(f"{position[0]:g},{position[1]:g}", position, heading, before.height)

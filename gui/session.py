@@ -14,6 +14,7 @@ from gui.bscan_picture import BScanWish
 from gui.choice import Choice
 from gui.documents import Documents
 from gui.files import Opened, RoomOpened
+from gui.fitting import Fitting, FitWish
 from gui.forecast import Forecast
 from gui.history import History
 from gui.intake import Intake
@@ -63,6 +64,8 @@ class Session(QObject):
         self.scanners = ScannerChoice(find_way, self)
         self.scanners.chosen.connect(self._use)
         self.scanners.failed.connect(self.warned)
+        self.fitting = Fitting(self)
+        self.fitting.failed.connect(self.warned)
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.tick)
@@ -106,6 +109,7 @@ class Session(QObject):
     def set_scene(self, scene: Scene) -> None:
         """Put the readings into another room; what was done to the one before cannot be undone any more."""
         self.history.forget()
+        self.fitting.forget()
         self.shown = replace(self.shown, scene=scene)
         self._forecast.set_scene(scene)
         self._forecast.follow(self._intake.all_readings)
@@ -144,6 +148,11 @@ class Session(QObject):
         else:
             self._refresh()
         self._tell_status(time.monotonic())
+
+    @Slot(object)
+    def find_place(self, wish: FitWish) -> None:
+        """Find where the scanner stood, by the readings there are."""
+        self.fitting.start(wish, self.shown.scene, self.shown.readings)
 
     @Slot(str)
     def set_place(self, name: str) -> None:
@@ -234,6 +243,7 @@ class Session(QObject):
         self.live.close()
         self.documents.close()
         self.scanners.close()
+        self.fitting.close()
         self._forecast.close()
         self._traces.close()
 
@@ -245,6 +255,7 @@ class Session(QObject):
         now = time.monotonic()
         elapsed, self._last_tick = now - self._last_tick, now
         self.scanners.tick()
+        self.fitting.tick()
         for opened in self.documents.take():
             self._take_opened(opened)
         self._ticking = True
@@ -288,6 +299,7 @@ class Session(QObject):
         self.warned.emit("")
         self._intake.begin()
         self._choice.follow_newest()
+        self.fitting.forget()
         self._forecast.begin_scan()
         self._traces.begin_scan()
 

@@ -99,6 +99,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "B-scans",
         "open files",
         "ask ports",
+        "fit",
     }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 

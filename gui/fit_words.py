@@ -1,0 +1,92 @@
+"""What a fit has found, in words: a table of values and what they are known to, the share that matches, warnings.
+
+Takes what was found and a unit of length; hands on lines and rows. No widgets.
+"""
+
+import math
+
+from compare.fit import Estimate, Kind, Parameter
+from gui.fitting import Found
+from gui.look import LengthUnit
+from gui.residual_unit import residual_unit
+
+_NAMES = {
+    Kind.X: "x",
+    Kind.Y: "y",
+    Kind.HEADING: "step 0 at",
+    Kind.OFFSET: "range offset",
+    Kind.TEMPERATURE: "air",
+    Kind.REFLECTANCE: "reflectance",
+}
+
+
+def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
+    """Name, value, and its standard deviation, which is known for the best answer only, with their units."""
+    estimates = found.result.estimates
+    return [
+        (_name(one), _value(one, value, unit), _deviation(one, estimates[one.name], unit) if answer == 0 else "")
+        for one, value in found.answers[answer].values.items()
+    ]
+
+
+def share_line(found: Found, answer: int) -> str:
+    """How many echoes matched before, and how many do with this answer."""
+    before, after = (_percent(share) for share in (found.within_5cm, found.answers[answer].within_5cm))
+    return f"within 5 cm: {before} before, {after} with this"
+
+
+def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
+    """An answer in a few words: its pose."""
+    values = found.answers[answer].values
+    pose = {one.kind: _value(one, value, unit) for one, value in values.items()}
+    place = ", ".join(pose[kind] for kind in (Kind.X, Kind.Y, Kind.HEADING) if kind in pose)
+    return f"{answer + 1}: {place or 'no other place'}"
+
+
+def warnings(found: Found) -> list[str]:
+    """What the fit cannot tell, and what became worse."""
+    told = [*found.result.warnings]
+    before, after = found.within_5cm, found.answers[0].within_5cm
+    if before is not None and after is not None and after < before:
+        told.append("fewer echoes match than before: something else is not as the room file says")
+    return told
+
+
+def _name(one: Parameter) -> str:
+    return f"{_NAMES[one.kind]} {one.of}".strip()
+
+
+def _value(one: Parameter, value: float, unit: LengthUnit) -> str:
+    match one.kind:
+        case Kind.HEADING:
+            return f"{round(math.degrees(value), 2) % 360:.2f}°"
+        case Kind.OFFSET:
+            return f"{residual_unit(unit).text(value)} {residual_unit(unit).label}"
+        case Kind.TEMPERATURE:
+            return f"{value:.1f} °C"
+        case Kind.REFLECTANCE:
+            return f"{value:.3f}"
+    return unit.text(value)
+
+
+def _deviation(one: Parameter, estimate: Estimate, unit: LengthUnit) -> str:
+    match one.kind:
+        case Kind.HEADING:
+            return f"± {_two_figures(math.degrees(estimate.deviation))}°"
+        case Kind.TEMPERATURE:
+            return f"± {_two_figures(estimate.deviation)} °C"
+        case Kind.REFLECTANCE:
+            return f"± {_two_figures(estimate.deviation)}"
+    small = residual_unit(unit)
+    return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
+
+
+def _two_figures(deviation: float) -> str:
+    if not math.isfinite(deviation):
+        return "?"
+    decimals = max(0, 1 - math.floor(math.log10(deviation))) if deviation > 0 else 0
+    return f"{deviation:.{min(decimals, 4)}f}"
+
+
+def _percent(share: float | None) -> str:
+    return "no echo" if share is None else f"{share:.0%}"
