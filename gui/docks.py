@@ -20,8 +20,9 @@ class _Upright(QScrollArea):
 
     def minimumSizeHint(self) -> QSize:
         """Room for the panel and the scroll bar beside it."""
-        width = self.widget().minimumSizeHint().width() + self.verticalScrollBar().sizeHint().width()
-        return QSize(width, super().minimumSizeHint().height())
+        panel = self.widget()
+        width = max(panel.minimumSizeHint().width(), panel.minimumWidth())
+        return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
 class Docks:

@@ -61,7 +61,8 @@ def _value(one: Parameter, value: float, unit: LengthUnit) -> str:
         case Kind.HEADING:
             return f"{round(math.degrees(value), 2) % 360:.2f}°"
         case Kind.OFFSET:
-            return f"{residual_unit(unit).text(value)} {residual_unit(unit).label}"
+            small = residual_unit(unit)
+            return f"{value * small.per_metre:+.{small.decimals + 1}f} {small.label}"
         case Kind.TEMPERATURE:
             return f"{value:.1f} °C"
         case Kind.REFLECTANCE:
