@@ -10,6 +10,7 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
+from sonarhw.whole_file import is_special
 
 if TYPE_CHECKING:
     from sim.board import Board, Receiver
@@ -58,7 +59,6 @@ DEFAULT_BOARD = "polaroid-6500"
 DEFAULT_TEMPERATURE = 20.0  # °C
 STDOUT = "-"
 LOG = ".mcap"
-_OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 MOST_DEGREES = 2147.0  # what the angle of a frame can carry
 MOST_HEADINGS = 65535  # what the order of a scan can carry
 
@@ -134,12 +134,6 @@ def checked_out(
     refuse_existing(path, force, option)
     refuse_overwriting(path, *inputs, option=option)
     return ending
-
-
-def is_special(path: Path) -> bool:
-    """Whether a name stands for a device, a pipe or an open file, which is written into and never replaced."""
-    # /dev/stdout and its kind may lead to a plain file, which whoever opened it goes on writing to
-    return path.exists() and not path.is_dir() and (path.parent in _OPEN_FILES or not path.is_file())
 
 
 def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:

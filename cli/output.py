@@ -4,19 +4,16 @@ Takes a name that `cli.options.checked_out` has let pass; hands on a file to wri
 here: they grow on disk reading by reading and are readable however they end.
 """
 
-import errno
-import os
-import secrets
-import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import StringIO
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import TextIO
 
-from cli.options import STDOUT, is_special
+from cli.options import STDOUT
 from sonarhw.errors import InputError, OutputError
+from sonarhw.whole_file import whole_file as whole_file
 
 
 @contextmanager
@@ -54,22 +51,6 @@ def _flushed(text: TextIO) -> Iterator[TextIO]:
 
 
 @contextmanager
-def whole_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
-    """The file `path`, which is there, or written anew, only when the block has ended well. Raises OutputError.
-
-    Nothing but writing belongs into the block: any OSError in it is told as one of this file.
-    """
-    try:
-        with _written_into(path) if is_special(path) else _replaced(path) as file:
-            yield file
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        free = "free some or " if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
-        raise OutputError(f"{path}: {error.strerror or error}; {free}choose another {option}") from error
-
-
-@contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
     """A folder for several files, made if it is not there; where the block ends badly none is left that is empty.
 
@@ -87,29 +68,3 @@ def made_folder(folder: Path) -> Iterator[None]:
             for path in made:
                 path.rmdir()
         raise
-
-
-@contextmanager
-def _written_into(path: Path) -> Iterator[BinaryIO]:
-    with path.open("wb") as file:
-        yield file
-
-
-@contextmanager
-def _replaced(path: Path) -> Iterator[BinaryIO]:
-    # a link stays one: what it leads to is replaced
-    target = path.resolve()
-    # only within one folder does a file change its name in one step
-    unfinished = target.with_name(f".sonarhw-{secrets.token_hex(6)}.part")
-    file = unfinished.open("xb")
-    try:
-        with file:
-            yield file
-            file.flush()
-            # some file systems find out only now that they are full
-            os.fsync(file.fileno())
-        if target.exists():
-            shutil.copymode(target, unfinished)
-        unfinished.replace(target)
-    finally:
-        unfinished.unlink(missing_ok=True)
