@@ -11,7 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from compare.locate import Located, Pose
-from compare.picture import MEASURED, PREDICTED, draw_room, points_at
+from compare.picture import MEASURED, PREDICTED, draw_room
+from compare.points import points_at
 
 _DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as if it were that
 _MOST_POSES = 5

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from compare.points import points_at
 from sim.by_heading import standpoints
 from sim.predicted_scan import PredictedScan
 from sim.room import Room
-from sonarhw.readings import FloatArray
 
 # Okabe and Ito's palette; one meaning, one colour, here and in the window
 PREDICTED = "#0072B2"
@@ -49,8 +49,3 @@ def draw_room(axes: Axes, room: Room) -> None:
         axes.plot((x0, x1), (y0, y1), "-", color=WALL, lw=2)
     for x, y, radius in room.posts:
         axes.add_patch(Circle((x, y), radius, color=WALL))
-
-
-def points_at(stands: FloatArray | tuple[float, float], headings: FloatArray, ranges: FloatArray) -> FloatArray:
-    """Where readings taken from `stands`, (n, 2) m or one for all, lie in the plan, (n, 2) m; NaN as the range is."""
-    return np.asarray(np.asarray(stands) + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings))))

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.picture import points_at
+from compare.points import points_at
 from sim.board import Board
 from sim.predicted_scan import PredictedScan
 from sim.room import Place, Room

@@ -11,7 +11,7 @@ from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
-from compare.picture import points_at
+from compare.points import points_at
 from gui.look import Look
 from gui.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_power_angle, wall_lines
 from gui.room_edit import Point, corners

@@ -11,7 +11,7 @@ import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
 
-from compare.picture import points_at
+from compare.points import points_at
 from gui.look import Look
 from gui.marks import WHOLE, ReadingMarks, dress_outline, outline_item
 from gui.pick import nearest_reading

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
 from compare.paper.exhibit import Claim, Exhibit
 from compare.paper.scene import Answer, Scene, ranges, span
-from compare.picture import points_at
+from compare.points import points_at
 from sim.models import Model
 from sim.transducer import beam_gain
 

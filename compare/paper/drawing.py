@@ -13,7 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from compare.paper.scene import Scene
-from compare.picture import MEASURED, PREDICTED, WALL, draw_room, points_at
+from compare.picture import MEASURED, PREDICTED, WALL, draw_room
+from compare.points import points_at
 
 GREEN = "#009E73"
 ORANGE = "#E69F00"
