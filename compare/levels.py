@@ -4,7 +4,7 @@ Takes traces and amplitudes; hands on arrays of the same length.
 """
 
 import numpy as np
-from scipy.signal import hilbert
+from numpy.typing import NDArray
 
 from sim.board import Board
 from sonarhw.readings import FloatArray, Trace
@@ -27,5 +27,14 @@ def envelope_of(trace: Trace) -> FloatArray:
     if not trace.carrier:
         return trace.samples
     lost = np.isnan(trace.samples)
-    envelope = np.abs(hilbert(np.where(lost, 0.0, trace.samples)))
+    envelope = np.abs(_analytic(np.where(lost, 0.0, trace.samples)))
     return np.where(lost, np.nan, np.minimum(envelope, 1.0))
+
+
+def _analytic(samples: FloatArray) -> NDArray[np.complex128]:
+    """The analytic signal: twice the positive frequencies, none of the others. SciPy's takes half a second to load."""
+    count = len(samples)
+    spectrum = np.fft.fft(samples)
+    spectrum[1 : (count + 1) // 2] *= 2
+    spectrum[count // 2 + 1 :] = 0
+    return np.fft.ifft(spectrum)

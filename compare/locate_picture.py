@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from compare.colours import MEASURED, PREDICTED
 from compare.locate import Located, Pose
-from compare.picture import MEASURED, PREDICTED, draw_room
+from compare.picture import draw_room
 from compare.points import points_at
 
 _DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as if it were that

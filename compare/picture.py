@@ -11,15 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from compare.colours import MEASURED, PREDICTED, WALL
 from compare.points import points_at
 from sim.by_heading import standpoints
 from sim.predicted_scan import PredictedScan
 from sim.room import Room
-
-# Okabe and Ito's palette; one meaning, one colour, here and in the window
-PREDICTED = "#0072B2"
-MEASURED = "#D55E00"
-WALL = "#555555"
 
 
 def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (), title: str = "") -> Figure:

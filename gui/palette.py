@@ -7,8 +7,8 @@ always says the same again.
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from compare.colours import MEASURED, PREDICTED
 from compare.match import Kind
-from compare.picture import MEASURED, PREDICTED
 
 
 class Unclassed(Enum):
@@ -61,8 +61,8 @@ class Palette:
     warning_ink: str
     measured: str = MEASURED
     predicted: str = PREDICTED
-    long: str = "#009E73"
-    extra: str = "#E69F00"
+    long: str = LONG
+    extra: str = EXTRA
     highlight: str = "#0072B2"
     live: str = "#00694C"  # badges, with white in them
     replay: str = "#7A4B00"
@@ -92,14 +92,14 @@ LIGHT = Palette(
     button="#E9E9E6",
     stripe="#F4F4F2",
     tip_paper="#FFFFE8",
-    wall="#555555",
+    wall=WALL,
     chosen="#000000",
     beam="#F7EFB2",
     blanking="#E4E4E4",
     threshold="#777777",
     tolerance="#EAF3F8",
-    short="#A0578A",
-    missed="#56B4E9",
+    short=SHORT,
+    missed=MISSED,
     warning_paper="#FFF1D6",
     warning_ink="#7A3E00",
 )
@@ -119,7 +119,7 @@ DARK = Palette(
     threshold="#9A9A9A",
     tolerance="#12293A",
     short="#CC79A7",
-    missed="#56B4E9",
+    missed=MISSED,
     warning_paper="#4A3408",
     warning_ink="#FFD98A",
     predicted="#2E97D8",

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from compare.colours import MEASURED, PREDICTED, WALL
 from compare.map.arcs import Arc, direction
 from compare.map.made import Layer, RoomMap
-from compare.picture import MEASURED, PREDICTED, WALL
 from sim.room import Room
 
 _ARC_STEPS = 20

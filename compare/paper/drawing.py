@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from compare.colours import MEASURED, PREDICTED, WALL
 from compare.paper.scene import Scene
-from compare.picture import MEASURED, PREDICTED, WALL, draw_room
+from compare.picture import draw_room
 from compare.points import points_at
 
 GREEN = "#009E73"
