@@ -7,7 +7,7 @@ always says the same again.
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from compare.colours import MEASURED, PREDICTED
+from compare.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT, WALL
 from compare.match import Kind
 
 
