@@ -8,7 +8,6 @@ curvature at the top says too little.
 import math
 from collections.abc import Callable
 
-import emcee
 import numpy as np
 from numpy.random import RandomState
 
@@ -27,6 +26,8 @@ def samples_of(
 
     `tick` is called with the share that is done.
     """
+    import emcee  # here, for it takes half a second to load: the window offers a fit, few starts of it make one
+
     random = RandomState(seed)
     walkers = 2 * max(12, len(top) + 2)
     begin = _ensemble(objective, top, walkers, random)
