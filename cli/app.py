@@ -26,6 +26,7 @@ from cli import (
     paths,
     ports,
     replay,
+    report,
     scan,
     simulate,
     study,
@@ -68,6 +69,7 @@ app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
 app.command("compare")(compare.compare)
+app.command("report")(report.report)
 app.command("locate")(locate.locate)
 app.command("map")(map_command.map_logs)
 app.command("study")(study.study)

@@ -1,0 +1,54 @@
+"""`sonarhw report`: one HTML file about a scan: room, scan, comparison, every reading, settings."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli.log_input import LogFile, open_log, recorded_place, recorded_room
+from cli.options import Force, PlaceName, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
+from cli.output import whole_file
+
+if TYPE_CHECKING:
+    from compare.report import Report
+
+
+def report(
+    log_file: LogFile,
+    out: Annotated[Path, typer.Option("--out", help="File to write.", metavar="FILE.html")],
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    ] = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: ReceiverChoice = None,
+    force: Force = False,
+) -> None:
+    """Write everything about a scan into one HTML file: pictures, figures, every reading, settings."""
+    from compare.report import report_html
+
+    checked_out(out, (".html",), force, log_file, room_file, board)
+    page = report_html(report_on(log_file, room_file, place, board, receiver))
+    with whole_file(out) as file:
+        file.write(page.encode())
+
+
+def report_on(
+    log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: ReceiverName | None
+) -> "Report":
+    """The report on a log; what is not given is taken from the log, InputError where that says nothing."""
+    from compare.recorded_board import board_of_log
+    from compare.report import report_of
+    from sim.board import load_board
+    from sim.prediction import PredictionOptions
+    from sim.room import load_room
+
+    room = None if room_file is None else load_room(room_file)
+    log = open_log(log_file)
+    room = room or recorded_room(log_file, log.metadata)
+    here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
+    chosen = load_board(board) if board else board_of_log(log.metadata)
+    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    return report_of(log_file.name, log.readings, room, here, chosen, options, log=log)
