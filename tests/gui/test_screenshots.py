@@ -1,39 +1,81 @@
-"""Pictures of the window at 1280 × 800: the demo room live and in replay, from a real scan with traces.
+"""Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
 
-They go to the folder in SONARHW_SCREENSHOTS (docs/screenshots holds such a pair), else to a temporary one.
+They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes, else to a temporary one, in one look. With
+QT_SCALE_FACTOR=2 beside it they are taken at 200 %. docs/screenshots holds some of them; docs/window.md explains them.
 """
 
+import io
 import os
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import pytest
+from PIL import Image
+from PySide6.QtCore import QBuffer
+from PySide6.QtWidgets import QSplitter, QWidget
 from pytestqt.qtbot import QtBot
 
+from gui.docks import Docks
+from gui.live_device import LiveDevice
+from gui.live_scan import ScanErrand, ScanWish
 from gui.main_window import MainWindow
+from gui.palette import DARK, LIGHT, Palette
+from gui.port_book import PortBook
+from gui.scanner_choice import ScannerWay
 from gui.scene import Scene
 from sim.board import load_board
 from sim.room import load_room
 from sim.truth import RoomEchoes
 from sonarhw.board import Board
 from sonarhw.endpoint import Pace, serve
+from sonarhw.errors import InputError
 from sonarhw.log import read_log
+from sonarhw.ports import Port, Usb
 from sonarhw.readings import ScanOrder
 from sonarhw.scanner import Scanner
 from tests.gui.conftest import ROOM, OpenWith
 from tests.gui.driving import ended, predicted, until
 
-SIZE = (1280, 800)
-ASKED_FOR = "SONARHW_SCREENSHOTS"
+FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
+SMALL, LARGE = (1280, 800), (1920, 1080)
+LOOKS = [(LIGHT, SMALL)] if FOLDER is None else [(paper, size) for size in (SMALL, LARGE) for paper in (LIGHT, DARK)]
 HEADINGS = 120
 ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second leaves time for the picture of the first
 LIVE_UP_TO = 84  # readings in the picture of the running scan
-ASKED_LIVE, ASKED_IN_REPLAY = 74, 15  # the readings that the pictures explain
+ASKED, ASKED_LIVE, ASKED_IN_REPLAY = 15, 74, 15  # the readings that the pictures explain
+TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the right column
+PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
+
+
+class Album:
+    """Where pictures are put: NAME.png, with what is not usual about it in the name."""
+
+    def __init__(self, folder: Path, paper: Palette, size: tuple[int, int]) -> None:
+        self._folder, self._dark, self._size = folder, paper is DARK, size
+
+    def keep(self, part: QWidget, name: str) -> None:
+        """A picture of a window or a dialog, in 256 colours, which takes a third of the space."""
+        image, scale = part.grab().toImage(), part.devicePixelRatioF()
+        if part.isWindow() and isinstance(part, MainWindow):
+            assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
+        unusual = (("-dark", self._dark), (f"-{self._size[0]}", self._size != SMALL), (f"-{scale:.0%}", scale != 1))
+        whole = QBuffer()
+        whole.open(QBuffer.OpenModeFlag.WriteOnly)
+        assert image.save(whole, "PNG")
+        self._folder.mkdir(parents=True, exist_ok=True)
+        few = Image.open(io.BytesIO(whole.data().data())).convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        few.save(self._folder / f"{name}{''.join(word for word, is_so in unusual if is_so)}.png", optimize=True)
+
+
+@pytest.fixture(params=LOOKS, ids=lambda look: f"{look[0].name}-{look[1][0]}")
+def look(request: pytest.FixtureRequest) -> tuple[Palette, tuple[int, int]]:
+    return request.param
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return Path(os.environ.get(ASKED_FOR, tmp_path))
+def album(look: tuple[Palette, tuple[int, int]], tmp_path: Path) -> Album:
+    return Album(Path(FOLDER or tmp_path), *look)
 
 
 @pytest.fixture
@@ -43,45 +85,167 @@ def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / ".local" / "share" / "sonarhw" / "recordings"
 
 
-def test_pictures_of_the_demo_live_and_in_replay(
-    qtbot: QtBot, open_with: OpenWith, folder: Path, at_home: Path
-) -> None:
+@pytest.fixture(scope="module")
+def bench() -> Scene:
     room = load_room(ROOM.with_name("laboratory.toml"))
-    scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
-    echoes = RoomEchoes(room, room.place("bench"), scene.board, seed=1)
+    return Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
+
+
+@pytest.fixture(scope="module")
+def echoes(bench: Scene) -> RoomEchoes:
+    echoes = RoomEchoes(bench.room, bench.place, bench.board, seed=1)
     echoes.prepare()
+    return echoes
+
+
+def fake(echoes: RoomEchoes, scene: Scene) -> Board:
+    return Board(echoes, 1, scene.board.blanking)
+
+
+@pytest.fixture(scope="module")
+def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of one whole turn with traces."""
+    wish = ScanWish(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
+    with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(bench, wish))
+        live.start()
+        live.hang_up()
+        live.join()
+    return live.status.recording
+
+
+def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
+    paper, size = look
+    window.session.set_look(replace(window.session.shown.look, palette=paper))
+    window.resize(*size)
+    return window
+
+
+def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
+    """Give the views on the right these shares of the height."""
+    side = window.findChild(QSplitter, "side")
+    side.setSizes([round(part * side.height() / sum(sizes)) for part in sizes])
+
+
+def dock(window: MainWindow, name: str) -> None:
+    """Open that panel and no other."""
+    docks: Docks = window.docks
+    for action in docks.actions:
+        if action.isChecked() != (action.text() == name):
+            action.trigger()
+
+
+def test_pictures_of_the_demo_live_and_in_replay(
+    qtbot: QtBot,
+    open_with: OpenWith,
+    album: Album,
+    look: tuple[Palette, tuple[int, int]],
+    bench: Scene,
+    echoes: RoomEchoes,
+    at_home: Path,
+) -> None:
     # a picture to keep is taken at the pace of a real board
-    pace: Pace = "real" if ASKED_FOR in os.environ else 4.0
-    with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace=pace) as endpoint:
-        window = open_with(scene=scene, order=ORDER, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
+    pace: Pace = "real" if FOLDER else 4.0
+    with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace=pace) as endpoint:
+        window = open_with(scene=bench, order=ORDER, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
+        dressed(window, look)
         until(qtbot, lambda: predicted(window))
         window.commands.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
         window.session.choose(ASKED_LIVE)
-        until(qtbot, lambda: window.session.shown.chosen_row is not None)
-        save(window, folder / "live.png")
+        until(qtbot, lambda: window.session.shown.chosen_row is not None and window.session.shown.trace is not None)
+        album.keep(window, "live")
         assert window.status_bar.badge.text() == "● live"
+        dock(window, "Device")
+        until(qtbot, lambda: window.session.shown.readings[-1].angle < radians(3 * (HEADINGS - 1)))
+        album.keep(window, "device")
+        dock(window, "")
         until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
         window.commands.stop.trigger()
         until(qtbot, lambda: ended(window))
         recording = window.session.status.recording
         window.close()
-    show_replay(
-        qtbot, open_with(scene=scene, source=read_log(recording), source_name=recording.name), folder / "replay.png"
-    )
+    replay = open_with(scene=bench, source=read_log(recording), source_name=recording.name)
+    show_replay(qtbot, dressed(replay, look), album)
 
 
-def show_replay(qtbot: QtBot, window: MainWindow, picture: Path) -> None:
+def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.replay.seek(0.75 * window.session.replay.state.duration)
     window.session.choose(ASKED_IN_REPLAY)
     window.session.replay.toggle()
     until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 5)
-    save(window, picture)
+    album.keep(window, "replay")
 
 
-def save(window: MainWindow, picture: Path) -> None:
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    image = window.grab().toImage()
-    assert (image.width(), image.height()) == SIZE
-    assert image.save(str(picture))
+def test_pictures_of_every_view(
+    qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
+) -> None:
+    window = dressed(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_way=nowhere), look)
+    until(qtbot, lambda: predicted(window))
+    window.session.choose(ASKED)
+    until(qtbot, lambda: window.session.shown.trace is not None)
+    album.keep(window, "plan")
+    show_large_views(qtbot, window, album)
+    for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
+        share(window, sizes)
+        qtbot.wait(50)
+        album.keep(window, name)
+    share(window, TRACE)
+    window.trace.rf.trigger()
+    window.trace.cursors_shown.trigger()
+    qtbot.wait(50)
+    album.keep(window, "trace-rf")
+    window.trace.cursors_shown.trigger()
+    window.trace.envelope.trigger()
+    show_panels(qtbot, window, album)
+    show_dialogs(qtbot, window, album)
+
+
+def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    plan, beside, images = window.commands.views.actions()
+    beside.trigger()
+    qtbot.wait(50)
+    album.keep(window, "side-by-side")
+    images.trigger()
+    window.bscan.choices.actions()[3].trigger()
+    until(qtbot, lambda: window.session.shown.bscan is not None and not window.bscan.note.text())
+    qtbot.wait(200)
+    album.keep(window, "bscan")
+    window.bscan.choices.actions()[0].trigger()
+    window.bscan.polar.trigger()
+    qtbot.wait(400)
+    album.keep(window, "bscan-polar")
+    plan.trigger()
+
+
+def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    dock(window, "Room")
+    window.plan.hands.choose_surface(window.session.shown.scene.room.names[0])
+    qtbot.wait(50)
+    album.keep(window, "room")
+    window.plan.hands.choose_surface(None)
+    dock(window, "Fit")
+    if FOLDER:  # finding takes a while
+        window.fit_panel.begin.click()
+        until(qtbot, window.fit_panel.accept.isVisible)
+    qtbot.wait(50)
+    album.keep(window, "fit")
+    dock(window, "")
+
+
+def nowhere(url: str) -> ScannerWay:
+    raise InputError(f"{url}: leads nowhere")
+
+
+def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    window.session.scanners._make_book = lambda: PortBook(lambda: PORTS, lambda device: (True, "scanner POL-7"))
+    window.commands.connect_scanner.trigger()
+    dialog = window.connecting.dialog
+    until(qtbot, lambda: not window.session.scanners._book.busy and dialog.ports.rowCount() == len(PORTS))
+    album.keep(dialog, "connect")
+    dialog.close()
+    window.commands.help.trigger()
+    qtbot.wait(50)
+    album.keep(window.help.page, "help")
+    window.help.page.close()
