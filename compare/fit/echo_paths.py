@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from compare.fit.walls import left_normals
+from sim.compiled import compiled
 from sim.paths import Paths
 from sim.room import Room
 from sonarhw.readings import FloatArray
@@ -108,7 +108,7 @@ def _touched_walls(paths: Paths, path: int, normals: FloatArray) -> Iterator[tup
             way = way - 2 * (way @ normals[surface]) * normals[surface]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def displaced(
     out: FloatArray, back: FloatArray, turn: FloatArray, kind: int, sender: Point, listener: Point
 ) -> tuple[float, float, float, float]:
@@ -120,7 +120,7 @@ def displaced(
     return out[0] + x_image - sender[0], out[1] + y_image - sender[1], 0.0, 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def moved(
     out: FloatArray, back: FloatArray, turn: FloatArray, kind: NDArray[np.int8], by: Point, stretch: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -15,10 +15,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from compare.fit.echo_paths import BENT, ODD, displaced
+from sim.compiled import compiled
 from sim.weighing import beam
 from sonarhw.readings import FloatArray
 
@@ -74,7 +74,7 @@ class Known(NamedTuple):
     level_db: FloatArray  # (k,), before the beam
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def log_likelihoods(
     heard: Heard, known: Known, ear: Ear, noise: Noise, table: FloatArray, lateness: FloatArray
 ) -> FloatArray:
@@ -138,7 +138,7 @@ def log_likelihoods(
     return likelihoods
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _on_axis(
     out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], ear: Ear
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -160,7 +160,7 @@ def _on_axis(
     return told, nearest, leaving, arriving
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _legs(
     one: tuple[float, float, float, float], rise: FloatArray, turn: FloatArray, kind: int
 ) -> tuple[float, float, float, float]:
@@ -175,19 +175,19 @@ def _legs(
     return there, 0.0, -(turn[0] * ox + turn[1] * oy) / there, across if kind == ODD else -across
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _turned(from_axis: tuple[float, float], x: float, y: float) -> tuple[float, float]:
     """A point ahead and aside of the axis, m, in the room, where the head points along x, y."""
     return from_axis[0] * x - from_axis[1] * y, from_axis[0] * y + from_axis[1] * x
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _reach(ear: Ear) -> float:
     """How far sender or listener are from the axis, m."""
     return max(math.hypot(ear.sender[0], ear.sender[1]), math.hypot(ear.listener[0], ear.listener[1]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _normal(x: float) -> float:
     """Share of a normal distribution below x standard deviations."""
     if abs(x) > _FAR:
@@ -196,7 +196,7 @@ def _normal(x: float) -> float:
     return share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _mass(told: float, ranges: FloatArray, count: int, ends: bool, ear: Ear, spread: float) -> float:
     """Share of an echo's normal, about `told`, that falls into the time of listening."""
     mass, begin = 0.0, ear.opens
@@ -209,7 +209,7 @@ def _mass(told: float, ranges: FloatArray, count: int, ends: bool, ear: Ear, spr
     return mass
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _late(over: float, lateness: FloatArray) -> float:
     """By how much an echo `over` dB above the threshold is found late, m."""
     if lateness.shape[0] == 0:

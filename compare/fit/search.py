@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from compare.fit.likelihood import Heard
 from sim.board import Board
+from sim.compiled import compiled
 from sim.levels import is_blanked, strengths
 from sim.prediction import PredictionOptions, search_for
 from sim.room import Place, Room
@@ -90,7 +90,7 @@ def score_positions(
     return Scores(positions, headings, scores, spacing)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _candidates(
     headings: FloatArray, leaving: FloatArray, arriving: FloatArray, level: FloatArray, ka: float, table: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
@@ -119,7 +119,7 @@ def _candidates(
     return chosen, chances, silent
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _score(
     ranges: FloatArray,
     bins: NDArray[np.int64],
