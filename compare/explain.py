@@ -23,34 +23,41 @@ def explain(comparison: Comparison, index: int) -> str:
     room = prediction.room
     at = f"at {math.degrees(row.heading) % 360:.1f}°"
     heard = f"no echo {at}" if row.measured is None else f"{row.measured:.3f} m {at}"
-    parts = [f"{heard}: {_account(row, prediction)}"]
+    change = _slight_change(row, prediction)
+    parts = [f"{heard}: {_account(row, prediction, nearly=change is not None)}"]
     blanked = prediction.blanked_echoes(row.index)
     if blanked and blanked[0].path != row.path:
         nearest = blanked[0]
         single = prediction.paths.bounces[nearest.path] == 1 and prediction.paths.edges[nearest.path] < 0
         what = "the near wall" if single else f"a nearer echo, {', '.join(prediction.paths.via(nearest.path, room))},"
         parts.append(f"{what} ({nearest.range:.3f} m) lies within blanking".replace(", (", " ("))
-    parts += _how_near(row, prediction)
+    if change is not None:
+        direction = "higher" if change > 0 else "lower"
+        parts.append(f"a threshold {max(abs(change), 0.1):.1f} dB {direction} would make the model agree")
+    elif row.kind in (Kind.MATCH, Kind.BOTH_SILENT) and _is_exact(prediction):
+        parts += _barely(contest(prediction, row.index))
     return "; ".join(parts)
 
 
-def _how_near(row: Matched, prediction: PredictedScan) -> list[str]:
-    """What a slightly different threshold would change; of the paper's receiver alone, whose levels are exact."""
-    if prediction.receiver is not Receiver.FIRST_ECHO:
-        return []
-    if row.kind in (Kind.MATCH, Kind.BOTH_SILENT):
-        return _barely(contest(prediction, row.index))
+def _is_exact(prediction: PredictedScan) -> bool:
+    """Whether a threshold can be told by how much: with the paper's receiver alone, whose levels are exact."""
+    return prediction.receiver is Receiver.FIRST_ECHO
+
+
+def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
+    """The change of the threshold, dB, that would make the model agree, where a slight one does."""
+    if row.kind in (Kind.MATCH, Kind.BOTH_SILENT) or not _is_exact(prediction):
+        return None
     change = change_for(prediction, row.index, row.measured)
-    if change is None or not 0 < abs(change) <= _SLIGHT_DB:
-        return []
-    return [f"a threshold {abs(change):.1f} dB {'higher' if change > 0 else 'lower'} would make the model agree"]
+    return change if change is not None and 0 < abs(change) <= _SLIGHT_DB else None
 
 
 def _barely(found: Contest) -> list[str]:
     said = []
     if found.margin_db is not None and found.margin_db <= _BARELY_DB:
         then = "silence" if found.louder is None else f"{found.louder.range:.3f} m"
-        said.append(f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}")
+        if found.winner is None or then != f"{found.winner.range:.3f} m":  # another path of the same range is no news
+            said.append(f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}")
     if found.fainter is not None and found.lacking_db is not None and found.lacking_db <= _BARELY_DB:
         said.append(f"an echo at {found.fainter.range:.3f} m lacks only {found.lacking_db:.1f} dB")
     return said
@@ -59,7 +66,7 @@ def _barely(found: Contest) -> list[str]:
 def describe_path(prediction: PredictedScan, path: int) -> str:
     """A path in words: `three reflections, bottom, top, bottom`."""
     bounces, edge = int(prediction.paths.bounces[path]), int(prediction.paths.edges[path])
-    via = ", ".join(prediction.paths.via(path, prediction.room))
+    via = ", ".join(map(_named, prediction.paths.via(path, prediction.room)))
     ways = []
     if bounces:
         count = _COUNTS[bounces] if bounces < len(_COUNTS) else str(bounces)
@@ -69,10 +76,14 @@ def describe_path(prediction: PredictedScan, path: int) -> str:
     return f"{' and '.join(ways)}, {via}"
 
 
-def _account(row: Matched, prediction: PredictedScan) -> str:
-    first = prediction.winners[row.index]
-    ways = describe_path(prediction, int(first)) if first >= 0 else "no path: noise, or the board's own burst"
-    predicted = None if row.predicted is None else f"{row.predicted:.3f} m by {ways}"
+def _named(touched: str) -> str:
+    """What a path touched: `panel/`, the free end of a wall, is said in words."""
+    return f"the end of {touched[:-1]}" if touched.endswith("/") else touched
+
+
+def _account(row: Matched, prediction: PredictedScan, *, nearly: bool) -> str:
+    """What accounts for a reading; `nearly`: the model would agree with a slightly different threshold."""
+    predicted = None if row.predicted is None else f"{row.predicted:.3f} m by {_winner(row, prediction)}"
     match row.kind:
         case Kind.BOTH_SILENT:
             return "none is predicted either"
@@ -82,8 +93,19 @@ def _account(row: Matched, prediction: PredictedScan) -> str:
             return describe_path(prediction, row.path)
         case _ if row.path is not None:
             return f"a later echo, {describe_path(prediction, row.path)}; the model expects the first at {predicted}"
+        case Kind.EXTRA if nearly:
+            return "no path of the model is quite loud enough here"
         case Kind.EXTRA:
             return "no path of the model is heard here; something may stand in the room that the file does not know"
         case _:
             nearer = "nearer" if row.kind is Kind.SHORT else "farther"
-            return f"{nearer} than the model's {predicted}; no path of the model accounts for it"
+            unaccounted = "" if nearly else "; no path of the model accounts for it"
+            return f"{nearer} than the model's {predicted}{unaccounted}"
+
+
+def _winner(row: Matched, prediction: PredictedScan) -> str:
+    first = int(prediction.winners[row.index])
+    if first < 0:
+        return "no path: noise, or the board's own burst"
+    ways = describe_path(prediction, first)
+    return ways if prediction.paths.bounces[first] else f"sound {ways}"
