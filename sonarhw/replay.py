@@ -80,6 +80,11 @@ class ReplayDevice(Conversation):
         self._temperature = log.info.temperature if log.info else NO_TEMPERATURE
         self._settings = self._recorded_settings()
 
+    @property
+    def boot(self) -> int:
+        """The recorded one, as in `info`: another one in a heartbeat would tell of a reset."""
+        return self._log.info.boot if self._log.info else 0
+
     def temperature(self) -> int:
         """As recorded with the newest reading."""
         return self._temperature

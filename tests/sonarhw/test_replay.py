@@ -36,6 +36,7 @@ from sonarhw.messages import (
 from sonarhw.readings import Reading
 from sonarhw.replay import ReplayDevice
 from tests.sonarhw.example_logs import METADATA, assert_readings_close, example_reading, write_example
+from tests.sonarhw.lost_and_found import World
 
 COUNT = 12
 WISH = Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
@@ -344,3 +345,20 @@ def test_traces_come_in_chunks_of_their_reading(tmp_path: Path) -> None:
     host.wait(5.0)
     chunks = [chunk for chunk in host.all(TraceChunk) if isinstance(chunk, TraceChunk)]
     assert [chunk.number for chunk in chunks] == [n for n in range(COUNT) for _ in range(3)]
+
+
+def replayed(device: ReplayDevice) -> World:
+    """A session with that device."""
+    world = World()
+    world.board = device  # type: ignore[assignment]  # it is served as a board is
+    return world.meet()
+
+
+def test_a_log_of_a_device_that_counts_its_starts_is_no_device_that_starts_anew_at_each_heartbeat(log: Log) -> None:
+    assert log.info is not None
+    # several heartbeats come before the first reading
+    late = replace(log.scans[0], began=log.scans[0].began - 1.0)
+    world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1, boot=3), scans=(late,))))
+    scan = world.run(world.session.scanning(ORDER))
+    assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
+    assert world.session.statistics.losses == 0
