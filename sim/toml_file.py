@@ -36,7 +36,8 @@ def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
     try:
         return model.model_validate(_arrays_as_tuples(values))
     except ValidationError as error:
-        first = error.errors()[0]
+        # a misspelt key is why the one that it should be is missing
+        first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         key = f"{_key(first['loc'])}: " if first["loc"] else ""
         raise InputError(f"{where}: {key}{_reason(first)}{more}") from error

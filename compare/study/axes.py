@@ -70,7 +70,7 @@ def read_axis(written: object) -> Axis:
         ((kind, numbers),) = written.items()
         if kind in ("uniform", "normal") and isinstance(numbers, tuple) and len(numbers) == 2:
             return _drawn(kind, *numbers)
-    raise ValueError(f"{_EXPECTED}, got {written!r}")
+    raise ValueError(f"{_EXPECTED}, got {_as_written(written)!r}")
 
 
 def _of_one_kind(values: tuple[Value, ...]) -> tuple[Value, ...]:
@@ -89,10 +89,17 @@ def _drawn(kind: str, first: object, second: object) -> Drawn:
             raise ValueError(f"{_EXPECTED}, got {number!r} in {kind}")
     drawn = Drawn(kind, float(first), float(second))  # type: ignore[arg-type]
     if kind == "uniform" and drawn.first >= drawn.second:
-        raise ValueError(f"expected uniform = [low, high], got {[first, second]}")
+        raise ValueError(f"expected uniform = [low, high] with low below high, got {[first, second]}")
     if kind == "normal" and drawn.second <= 0:
         raise ValueError(f"expected normal = [mean, deviation] with a deviation over 0, got {[first, second]}")
     return drawn
+
+
+def _as_written(value: object) -> object:
+    """A value with its lists as a file has them."""
+    if isinstance(value, tuple):
+        return list(value)
+    return {key: _as_written(part) for key, part in value.items()} if isinstance(value, Mapping) else value
 
 
 WrittenAxis = Annotated[Any, AfterValidator(read_axis)]

@@ -9,8 +9,10 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from compare.free_space import find_free_space
 from compare.study.axes import Axis, Drawn, Listed, Value, WrittenAxis
 from sim.board import Board, BoardFile, board_from, load_board
 from sim.room import Room, parse_room
@@ -99,7 +101,7 @@ class StudyFile(TomlModel):
 class StudyRoom:
     """A room of a study."""
 
-    name: str  # as the study file has it
+    name: str  # as its own file has it: what follows from it is the same wherever that lies
     text: str
     places: tuple[str, ...]
     clearance: float  # m
@@ -138,6 +140,7 @@ def load_study(path: Path) -> Study:
     text = read_text(path, "study file")
     file = parse_toml(text, str(path), StudyFile)
     rooms = tuple(_read_room(section, path, number) for number, section in enumerate(file.rooms))
+    _check_names([room for room, _ in rooms], path)
     boards = tuple(_read_board(name, path, number) for number, name in enumerate(file.boards))
     _check_axes(file.vary, str(path), [room for _, room in rooms], boards)
     study = Study(
@@ -181,7 +184,28 @@ def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom
                 room.place(name)
             except InputError as error:
                 raise InputError(f"{where}: {error}") from error
-    return StudyRoom(section.file, text, places, section.clearance), room
+    if ANYWHERE in places:
+        _check_clearance(room, section.clearance, f"{spec}: rooms[{number}].clearance")
+    return StudyRoom(room.name, text, places, section.clearance), room
+
+
+def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
+    """Raise InputError where two rooms have one name: results name rooms by it."""
+    texts: dict[str, str] = {}
+    for number, room in enumerate(rooms):
+        if texts.setdefault(room.name, room.text) != room.text:
+            raise InputError(
+                f"{spec}: rooms[{number}].file: another room of the study is called {room.name!r}, too, and results "
+                "could not be told apart; change its name in the room file"
+            )
+
+
+def _check_clearance(room: Room, clearance: float, where: str) -> None:
+    """Raise InputError where no place that is drawn could keep so far from everything."""
+    try:
+        find_free_space(room).draw(np.random.default_rng(0), clearance)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def _read_board(name: str, spec: Path, number: int) -> Board:
