@@ -27,12 +27,18 @@ def study(
 ) -> None:
     """Predict every scan of a study; the results are the same whatever the number of workers."""
     from compare.study import load_study, run_study
-    from compare.study.parts import part_count
+    from compare.study.parts import part_count, unfinished_of
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers: a cluster has its own; leave it out, or --scheduler")
     folder = Path(spec.stem) if out is None else out
     wanted = load_study(spec)
     with sigterm_raises(), progress(part_count(wanted), lambda: "Predicting") as advance:
-        run_study(wanted, folder, workers=workers, scheduler=scheduler, resume=resume, progress=advance)
+        try:
+            run_study(wanted, folder, workers=workers, scheduler=scheduler, resume=resume, progress=advance)
+        except KeyboardInterrupt:
+            unfinished = unfinished_of(folder)
+            if unfinished.exists():
+                typer.echo(f"sonarhw: interrupted; what is done is in {unfinished}: go on with --resume", err=True)
+            raise
     typer.echo(f"{counted(wanted.scans, 'scan')} in {folder}")

@@ -67,12 +67,17 @@ def versions() -> tuple[tuple[str, str], ...]:
     return ("python", platform.python_version()), *((name, version(name)) for name in _VERSIONS)
 
 
+def unfinished_of(folder: Path) -> Path:
+    """What a study's folder is called until all its parts are there."""
+    return folder.with_name(folder.name + ".unfinished")
+
+
 class StudyFolder:
     """Where the results of one study go."""
 
     def __init__(self, folder: Path, study: Study) -> None:
         self.folder = folder
-        self.unfinished = folder.with_name(folder.name + ".unfinished")
+        self.unfinished = unfinished_of(folder)
         self._study = study
         self._manifest = _manifest(study)
 

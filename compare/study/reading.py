@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from compare.arrays import load_xarray
-from compare.study.parts import read_manifest
+from compare.study.parts import read_manifest, unfinished_of
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 
@@ -25,7 +25,7 @@ def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
     Raises InputError where the folder is no finished study.
     """
     folder = Path(folder)
-    unfinished = folder.with_name(folder.name + ".unfinished")
+    unfinished = unfinished_of(folder)
     if not folder.exists() and unfinished.exists():
         raise InputError(f"{folder}: not finished yet; go on with sonarhw study --resume")
     read_manifest(folder)

@@ -44,7 +44,9 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(listener,))
         try:
-            for done in as_completed([pool.submit(make_part, study, number) for number in others]):
+            with _interrupts_held():
+                waiting = [pool.submit(make_part, study, number) for number in others]
+            for done in as_completed(waiting):
                 yield done.result()
         except BrokenProcessPool as error:
             raise WorkersLost("a process of the study was killed; what is done is kept: add --resume") from error
@@ -65,6 +67,21 @@ def _end_with(listener: Connection) -> None:
     # nothing is ever sent: it is ready when the other end is closed
     wait([listener])
     os._exit(1)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back: processes begun meanwhile hold it from their first moment, while they import, too."""
+    # Windows has no masks
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    # not SIG_IGN, which they would take over as well: Ctrl-C pressed meanwhile would be lost here
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from cli.app import run
 from compare.free_space import find_free_space
 from compare.study import load_study, read_study, read_tables, run_study
 from compare.study.cases import Cases
-from compare.study.parts import part_count
+from compare.study.parts import make_part, part_count
 from compare.study.scans import PathsAtHand, columns_of, predict_case, predict_scans
 from compare.study.spec import OptionValues, Study
 from sim.models import predict_with
@@ -72,6 +72,11 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0, got 3.0"),
         ("[0.016, 0.0192]", "[0.016, 1.92]", "vary.board: aperture_radius: expected less than or equal to 1"),
         ("[0.016, 0.0192]", "[0.02, 0.01]", "vary.board.aperture_radius: expected uniform = [low, high]"),
+        ("[0.016, 0.0192]", "[0.02, 0.01]", "with low below high, got [0.02, 0.01]"),
+        ('name = "test"', 'nam = "test"', "nam: unknown key; check its spelling (and 1 more)"),
+        ('"anywhere"]', '"anywhere"]\nclearance = 3', "rooms[0].clearance: room 'Simple room': no place is 3 m from"),
+        ("[-40, -36.5]", "[]", "vary.board.threshold_db: expected a value, a list of values"),
+        ("[-40, -36.5]", "[]", ", got []"),
         ("uniform", "unifrom", "vary.board.aperture_radius: expected a value, a list of values"),
         ("threshold_db = [", "treshold_db = [", "vary.board: treshold_db: unknown key"),
         ("max_bounces = 4", "max_bounces = [4, 4]", "vary.options.max_bounces: expected every value once"),
@@ -140,6 +145,39 @@ def test_shared_paths_are_the_paths_of_every_scan(tmp_path: Path) -> None:
         case = cases.case(number)
         alone = predict_with(case.model, case.room, case.place, case.board, case.headings, case.options)
         np.testing.assert_array_equal(predict_case(case, at_hand).ranges, alone.ranges)
+
+
+def test_draws_do_not_depend_on_where_the_room_file_lies(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    copied = tmp_path / "elsewhere" / "copied.toml"
+    copied.write_bytes((ROOMS / "simple.toml").read_bytes())
+    here = study_of(tmp_path)
+    there = study_of(tmp_path, SPEC.replace(f"{ROOMS}/simple.toml", "elsewhere/copied.toml"))
+    assert here.text != there.text
+    parts = range(part_count(here))
+    assert [make_part(here, number) for number in parts] == [make_part(there, number) for number in parts]
+
+
+def test_two_rooms_of_one_name_are_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text((ROOMS / "simple.toml").read_text() + "\n# as it was before\n")
+    both = f'file = "{ROOMS}/simple.toml"\n[[rooms]]\nfile = "other.toml"'
+    with pytest.raises(InputError, match=r"rooms\[1\]\.file: another room of the study is called 'Simple room', too"):
+        study_of(tmp_path, SPEC.replace(f'file = "{ROOMS}/simple.toml"', both))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there Ctrl-C comes from a console")
+def test_ctrl_c_while_workers_start_is_one_line_and_the_study_goes_on(tmp_path: Path) -> None:
+    spec, out = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 400")), tmp_path / "out"
+    command = [str(Path(sys.executable).with_name("sonarhw")), "study", str(spec), "--out", str(out), "--workers", "2"]
+    study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # the first part is made before workers are begun: now they import
+    wait_for(lambda: list(tmp_path.glob("out.unfinished/scans/part-*")))
+    # as a terminal does: to all of them
+    os.killpg(study.pid, signal.SIGINT)
+    told = study.communicate(timeout=60)
+    assert study.returncode == 130
+    assert told == ("", f"sonarhw: interrupted; what is done is in {out}.unfinished: go on with --resume\n")
 
 
 def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_added(tmp_path: Path) -> None:
