@@ -109,13 +109,17 @@ def _figures_of(pose: "Pose") -> dict[str, float]:
     }
 
 
+def _signed(millimetres: int) -> str:
+    return f"{millimetres:+d}" if millimetres else "0"
+
+
 def _tell(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
         typer.echo(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
             f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
             f"{round(pose['heading_deg'], 1) % 360:.1f}° (± {pose['heading_deviation_deg']:.1f}°), "
-            f"range offset {pose['offset_m'] * 1000:+.0f} mm"
+            f"range offset {_signed(round(pose['offset_m'] * 1000))} mm"
         )
     if len(figures["poses"]) > 1 and figures["poses"][0]["probability"] < 0.95:
         typer.echo("the scan does not tell these apart: the room looks much the same from there")
