@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.fit_table import figures, lines_of
-from cli.log_input import open_log, recorded_place, recorded_room
+from cli.log_input import open_log, recorded_room
 from cli.numbers import counted
-from cli.options import ReceiverChoice, ReceiverName, chosen_receiver
+from cli.options import ReceiverChoice, ReceiverName, chosen_place, chosen_receiver
 from cli.progress import progress_of_share
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from compare.fit import FitResult, Parameter, PlacedScan
-    from sim.room import Room
+    from sim.board import Board
+    from sim.room import Place, Room
     from sonarhw.log import Log
 
 NEAR = 0.25  # m: how far from a place that is named the sensor may have stood
@@ -80,24 +81,27 @@ def fit_logs(
     seed: int,
 ) -> "FitResult":
     """The fit of logs; what is not given is taken from the first of them. Raises InputError where that says nothing."""
-    from compare.fit import FitOptions, fit_scans, free_parameters
-    from compare.recorded_board import board_of_log
+    from compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
     from sim.board import load_board
     from sim.prediction import PredictionOptions
     from sim.room import load_room
 
     if places and len(places) != len(log_files):
         raise InputError(f"--place: expected one for each of {counted(len(log_files), 'log')}, got {len(places)}")
-    room = None if room_file is None else load_room(room_file)
-    logs = [open_log(file) for file in log_files]
-    room = room or recorded_room(log_files[0], logs[0].metadata)
-    chosen = load_board(board) if board else board_of_log(logs[0].metadata)
-    names = _names(log_files)
     words = [word for word in free.split(",") if word.strip()]
+    _check_typed(words, priors)
+    room = None if room_file is None else load_room(room_file)
+    wanted = [] if room is None else [chosen_place(room, place) for place in places]
+    given = load_board(board) if board else None
+    logs = [_open(file) for file in log_files]
+    room = room or _common_room(log_files, logs)
+    chosen = given or _common_board(log_files, logs)
+    wanted = wanted or [chosen_place(room, place) for place in places]
+    names = _names(log_files)
     parameters = free_parameters(words, names, room, chosen)
-    moving = {parameter.scan for parameter in parameters if parameter.kind in ("x", "y")}
+    kinds = {parameter.kind.value for parameter in parameters}
     scans = [
-        _placed(file, log, room, places[k] if places else None, names[k], k in moving)
+        PlacedScan(log.readings, wanted[k] if wanted else _recorded(file, log, room, kinds), names[k])
         for k, (file, log) in enumerate(zip(log_files, logs, strict=True))
     ]
     if places:
@@ -108,21 +112,70 @@ def fit_logs(
         return fit_scans(scans, room, chosen, parameters, options=options, progress=show)
 
 
+def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
+    """Raises InputError where `--free` or `--prior` is wrong whatever the logs say: they may take seconds to read."""
+    from compare.fit.parameters import kinds_of
+
+    free = [kind for word in words for kind in kinds_of(word)]
+    for prior in priors:
+        name, _, text = prior.partition("=")
+        if free and re.split("[:@]", name)[0] not in free:
+            raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {', '.join(free)}")
+        if _range_of(text) is None and _normal_of(text) is None:
+            raise _unlike_a_prior(prior)
+
+
+def _open(file: Path) -> "Log":
+    log = open_log(file)
+    if not log.readings:
+        raise InputError(f"{file}: holds no readings; nothing can be fitted")
+    return log
+
+
+def _common_room(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Room":
+    """The room inside the logs. Raises InputError where there is none, or they have different ones."""
+    room = recorded_room(log_files[0], logs[0].metadata)
+    for file, log in zip(log_files, logs, strict=True):
+        if log.metadata.room_text not in ("", logs[0].metadata.room_text):
+            raise InputError(f"{log_files[0]} and {file} hold different rooms; give the one of both with --room")
+    return room
+
+
+def _common_board(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Board":
+    """The board of the logs. Raises InputError where they have different ones."""
+    from compare.recorded_board import board_of_log
+
+    boards = [board_of_log(log.metadata) for log in logs]
+    for file, board in zip(log_files, boards, strict=True):
+        if board != boards[0]:
+            raise InputError(
+                f"{log_files[0]} and {file} were recorded with different boards; give the one of both with --board"
+            )
+    return boards[0]
+
+
 def _names(log_files: Sequence[Path]) -> list[str]:
     stems = [file.stem for file in log_files]
     return stems if len(set(stems)) == len(stems) else [f"{stem}{k + 1}" for k, stem in enumerate(stems)]
 
 
-def _placed(file: Path, log: "Log", room: "Room", wanted: str | None, name: str, moving: bool) -> "PlacedScan":
-    from compare.fit import PlacedScan
+def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "Place":
+    """Where a log was recorded. Raises InputError where that is not known, though some of it is held fixed."""
     from sim.room import Place
 
-    if not log.readings:
-        raise InputError(f"{file}: holds no readings; nothing can be fitted")
-    here = wanted if wanted is not None else recorded_place(log.metadata, room)
-    # where the whole room is searched nobody need say where the sensor stood
-    place = Place("", _middle(room)) if here is None and moving else room.place(here)
-    return PlacedScan(log.readings, place, name)
+    recorded = log.metadata.place
+    if recorded in room.places or "," in recorded:
+        return chosen_place(room, recorded)
+    held = [name for name in ("x", "y") if name not in free]
+    if not held:
+        # where the whole room is searched nobody need say where the sensor stood
+        return Place("", _middle(room))
+    if len(room.places) == 1:
+        return room.place(None)
+    raise InputError(
+        f"{file}: nobody knows where it was recorded, and {' and '.join(held)} held fixed; "
+        "give --place X,Y, or --free position"
+    )
 
 
 def _middle(room: "Room") -> tuple[float, float]:
@@ -154,16 +207,30 @@ def with_priors(parameters: "Sequence[Parameter]", priors: Sequence[str]) -> "tu
 
 def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
     unit = math.radians(1) if parameter.kind == "heading" else 1.0
-    if match := re.fullmatch(rf"{_NUMBER}\s*\.\.\s*{_NUMBER}", text):
-        low, high = (float(number) * unit for number in match.groups())
-        if low < high:
-            return replace(parameter, lower=low, upper=high)
-    if match := re.fullmatch(rf"{_NUMBER}\s*(?:\+-|±)\s*{_NUMBER}", text):
-        value, deviation = (float(number) * unit for number in match.groups())
+    if bounds := _range_of(text):
+        return replace(parameter, lower=bounds[0] * unit, upper=bounds[1] * unit)
+    if normal := _normal_of(text):
+        value, deviation = normal[0] * unit, normal[1] * unit
         if deviation > 0 and parameter.lower <= value <= parameter.upper:
             return replace(parameter, expected=value, deviation=deviation)
         raise InputError(
             f"--prior {prior}: expected a deviation over 0 and a value from {parameter.lower / unit:g} to "
             f"{parameter.upper / unit:g}"
         )
-    raise InputError(f"--prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH")
+    raise _unlike_a_prior(prior)
+
+
+def _range_of(text: str) -> tuple[float, float] | None:
+    match = re.fullmatch(rf"{_NUMBER}\s*\.\.\s*{_NUMBER}", text)
+    if match is None or float(match[1]) >= float(match[2]):
+        return None
+    return float(match[1]), float(match[2])
+
+
+def _normal_of(text: str) -> tuple[float, float] | None:
+    match = re.fullmatch(rf"{_NUMBER}\s*(?:\+-|±)\s*{_NUMBER}", text)
+    return (float(match[1]), float(match[2])) if match else None
+
+
+def _unlike_a_prior(prior: str) -> InputError:
+    return InputError(f"--prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH")

@@ -84,7 +84,7 @@ def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: i
 def chosen_place(room: "Room", wanted: str | None) -> "Place":
     """The place of a room that --place names, with a warning where it lies outside. Raises InputError."""
     place = room.place(wanted)
-    if room.is_outside(place.position):
+    if room.is_outside(place.position) or room.is_far_from(place.position):
         x, y = place.position
         typer.echo(
             f"sonarhw: warning: place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}", err=True

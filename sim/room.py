@@ -96,6 +96,13 @@ class Room:
         """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
         return self.enclosures.shut_out(np.array(position), self.walls)
 
+    def is_far_from(self, position: tuple[float, float]) -> bool:
+        """Whether a point (m) lies further beyond the walls' extent than that is long: outside even an open room."""
+        ends = self.walls.reshape(-1, 2)
+        lowest, highest = ends.min(axis=0), ends.max(axis=0)
+        beyond = np.maximum(lowest - position, position - highest)
+        return bool(beyond.max() > (highest - lowest).max())
+
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
 

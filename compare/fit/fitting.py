@@ -180,9 +180,12 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
 
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
-    # a heading in 0 up to 360°, and its region about it
-    by = value % math.tau - value if parameter.kind is Kind.HEADING else 0.0
-    return Estimate(float(value + by), float(deviation), float(lower + by), float(upper + by))
+    # a heading in 0 up to 360°, and its region about it, all round at most
+    if parameter.kind is Kind.HEADING:
+        by = value % math.tau - value
+        lower, upper = max(lower, value - math.pi) + by, min(upper, value + math.pi) + by
+        value, deviation = value + by, min(deviation, math.pi)
+    return Estimate(float(value), float(deviation), float(lower), float(upper))
 
 
 def _mode(problem: Problem, answer: Beginning, best: float) -> Mode:

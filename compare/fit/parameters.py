@@ -73,15 +73,21 @@ def free_parameters(
     """
     found: dict[str, Parameter] = {}
     for word in free:
-        head, _, of = word.strip().partition(":")
-        if head not in WORDS:
-            raise InputError(f"--free {word}: expected some of {', '.join(WORDS)}")
-        for kind in WORDS[head]:
+        of = word.strip().partition(":")[2]
+        for kind in kinds_of(word):
             for parameter in _of_kind(kind, of, scans, room, board):
                 found[parameter.name] = parameter
     if {Kind.TEMPERATURE, Kind.SPEED} <= {parameter.kind for parameter in found.values()}:
         raise InputError("--free temperature,speed: one tells the other; free only one of them")
     return tuple(found.values())
+
+
+def kinds_of(word: str) -> tuple[Kind, ...]:
+    """The kinds that a word such as `position` or `wall:east` stands for. Raises InputError for any other word."""
+    head = word.strip().partition(":")[0]
+    if head not in WORDS:
+        raise InputError(f"--free {word}: expected some of {', '.join(WORDS)}")
+    return WORDS[head]
 
 
 def _of_kind(kind: Kind, of: str, scans: Sequence[str], room: Room, board: Board) -> list[Parameter]:

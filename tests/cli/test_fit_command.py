@@ -61,6 +61,48 @@ def test_two_logs_share_an_offset_and_have_places_of_their_own(
     assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
 
 
+def test_what_is_not_free_stays_where_the_log_says_it_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "somewhere.mcap"
+    command = ["simulate", "rooms/arena.toml", "--place", "0.5,0.3", "--step", "6", "--out", str(out)]
+    assert run(command) == 0
+    assert run(["fit", str(out), "--free", "x", "--json", *QUICKLY]) == 0
+    estimate = json.loads(capsys.readouterr().out)["estimates"]["x"]
+    assert estimate["value"] == pytest.approx(0.5, abs=0.003)
+
+
+def test_logs_of_different_rooms_or_boards_are_not_fitted_as_one(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, room, board in (("room", "simple", "polaroid-6500"), ("board", "arena", "lego-nxt")):
+        other = tmp_path / f"{name}.mcap"
+        command = ["simulate", f"rooms/{room}.toml", "--place", "0.5,0.3", "--board", board, "--step", "20"]
+        assert run([*command, "--out", str(other)]) == 0
+        assert run(["fit", log, str(other)]) == 2
+        told = capsys.readouterr().err
+        assert "different" in told
+        assert f"--{name}" in told
+        assert told.count("\n") == 1
+
+
+def test_a_place_beyond_the_room_is_warned_of_and_no_heading_errs_by_more_than_half_a_circle(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, "--place", "9,9", "--json", "--samples", "100"]) == 0
+    told = capsys.readouterr()
+    assert "9, 9 m lies outside room 'Arena'" in told.err
+    heading = json.loads(told.out)["estimates"]["heading"]
+    assert heading["deviation"] <= 180
+    assert heading["value"] - 180 <= heading["lower"] <= heading["upper"] <= heading["value"] + 180
+
+
+def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+    for wrong in (["--free", "wind"], ["--prior", "offset=1..2"], ["--prior", "x=1"], ["--place", "q9"]):
+        assert run(["fit", "there-is-none.mcap", "--room", "rooms/arena.toml", *wrong]) == 2
+        assert wrong[1] in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
