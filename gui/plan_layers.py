@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt
+from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QPainterPath
 from PySide6.QtWidgets import QGraphicsPathItem
 
@@ -129,12 +129,13 @@ class PathLayer:
         self._rays.setPen(pg.mkPen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
         labels = bounce_labels(points, losses)
+        taken: list[QRectF] = []
         for k, label in enumerate(self._labels):
             label.setVisible(k < len(labels))
             if k < len(labels):
                 text, at = labels[k]
                 label.setText(text)
-                _set_beside(label, at)
+                _set_beside(label, at, taken)
 
 
 class CursorLayer:
@@ -184,7 +185,7 @@ class RulerLayer:
         self._line.setData(*ends.T)
         self._ends.setData(*ends.T)
         self.label.setText(text)
-        _set_beside(self.label, ends[1])
+        _set_beside(self.label, ends[1], [])
         for item in (self._line, self._ends, self.label):
             item.setVisible(True)
 
@@ -212,15 +213,21 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
     return path
 
 
-def _set_beside(label: pg.TextItem, at: FloatArray) -> None:
-    """Put a label beside a point, on the side where there is more room to be seen."""
+def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
+    """Put a label beside a point, where there is more room to be seen and no other label of these places stands."""
     label.setPos(*at)
     box = label.getViewBox()
-    if box is not None:
-        (left, right), (low, high) = box.viewRange()
-        label.setAnchor(
-            (_AFTER if at[0] < (left + right) / 2 else _BEFORE, _ABOVE if at[1] < (low + high) / 2 else _BELOW)
-        )
+    if box is None:
+        return
+    (left, right), (low, high) = box.viewRange()
+    across = (_AFTER, _BEFORE) if at[0] < (left + right) / 2 else (_BEFORE, _AFTER)
+    along = (_ABOVE, _BELOW) if at[1] < (low + high) / 2 else (_BELOW, _ABOVE)
+    point, size = box.mapViewToScene(QPointF(*at)), label.textItem.boundingRect().size()
+    sides = [(x, y) for x in across for y in along]
+    places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
+    free = next((k for k, place in enumerate(places) if not any(map(place.intersects, taken))), 0)
+    label.setAnchor(sides[free])
+    taken.append(places[free])
 
 
 def _label() -> pg.TextItem:

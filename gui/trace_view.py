@@ -25,7 +25,8 @@ from gui.trace_marks import TraceMarks
 from gui.view_actions import add_buttons, view_action
 from sim.air import Air
 
-_LOWEST = 60  # pixels of the plot at the usual size of text
+_LOWEST = 120  # pixels of the plot at the usual size of text: its axes keep room for their names
+_NO_TRACE = 0.06  # s: what is shown of time before there is a trace
 _STEPS = 200  # of a cursor across the view
 
 
@@ -55,6 +56,7 @@ class TraceView(QWidget):
         self.plot.setViewportUpdateMode(WHOLE)
         self.plot.hideButtons()
         self.plot.setMouseEnabled(x=True, y=False)
+        self.plot.setXRange(0.0, _NO_TRACE, padding=0)
         for side in axes:
             self.plot.showAxis(side)
         self._predicted, self._measured = _curve_item(), _curve_item()

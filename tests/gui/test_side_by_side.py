@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from gui.main_window import MainWindow
+from gui.plan_layers import _set_beside
 from gui.plan_view import PlanView
 from sonarhw.log import read_log
 from tests.gui.conftest import OpenWith
@@ -79,3 +80,15 @@ def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindo
     until(qtbot, lambda: predicted(window))
     for view in views:
         assert view.sensor._sensor.getData()[0][0] == pytest.approx(0.5, abs=0.005)
+
+
+def test_labels_of_places_that_lie_close_stand_clear_of_each_other(window: MainWindow) -> None:
+    plan = window.side_by_side.simulation
+    x, y = plan.shown.scene.standing.position
+    labels, taken = plan.path._labels[:3], []
+    for k, label in enumerate(labels):
+        label.setText("1  −14.1 dB")
+        label.setVisible(True)
+        _set_beside(label, np.array((x + 0.01 * k, y)), taken)
+    stand = [label.mapRectToDevice(label.boundingRect()) for label in labels]
+    assert not any(one.intersects(other) for k, one in enumerate(stand) for other in stand[:k])
