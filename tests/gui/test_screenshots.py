@@ -43,7 +43,7 @@ LOOKS = [(LIGHT, SMALL)] if FOLDER is None else [(paper, size) for size in (SMAL
 HEADINGS = 120
 ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second leaves time for the picture of the first
 LIVE_UP_TO = 84  # readings in the picture of the running scan
-ASKED, ASKED_LIVE, ASKED_IN_REPLAY = 15, 74, 15  # the readings that the pictures explain
+ASKED, ASKED_LIVE, ASKED_OF_TRACE = 38, 74, 74  # the readings that the pictures explain
 TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the right column
 PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
 
@@ -59,13 +59,23 @@ class Album:
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
-        unusual = (("-dark", self._dark), (f"-{self._size[0]}", self._size != SMALL), (f"-{scale:.0%}", scale != 1))
-        whole = QBuffer()
-        whole.open(QBuffer.OpenModeFlag.WriteOnly)
-        assert image.save(whole, "PNG")
+        unusual = {"-dark": self._dark, f"-{self._size[0]}": self._size != SMALL, f"-at-{100 * scale:.0f}": scale != 1}
+        kept = QBuffer()
+        kept.open(QBuffer.OpenModeFlag.WriteOnly)
+        assert image.save(kept, "PNG")
         self._folder.mkdir(parents=True, exist_ok=True)
-        few = Image.open(io.BytesIO(whole.data().data())).convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        few.save(self._folder / f"{name}{''.join(word for word, is_so in unusual if is_so)}.png", optimize=True)
+        few = in_few_colours(Image.open(io.BytesIO(kept.data().data())).convert("RGB"))
+        few.save(self._folder / f"{name}{''.join(word for word in unusual if unusual[word])}.png", optimize=True)
+
+
+def in_few_colours(picture: Image.Image) -> Image.Image:
+    """In 256 colours: the most frequent as they are, so that grounds and marks keep theirs, and some for the rest."""
+    counts = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
+    exact = [colour for _, colour in counts[:128]]
+    rest = picture.quantize(128, Image.Quantize.MAXCOVERAGE).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*(value for colour in exact for value in colour), *rest])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 @pytest.fixture(params=LOOKS, ids=lambda look: f"{look[0].name}-{look[1][0]}")
@@ -121,18 +131,27 @@ def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWi
     return window
 
 
+def traced(window: MainWindow) -> bool:
+    """Whether everything about the chosen reading is shown."""
+    shown = window.session.shown
+    return (
+        shown.chosen_row is not None and shown.trace is not None and shown.trace.heading == shown.heading(shown.chosen)
+    )
+
+
 def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
     """Give the views on the right these shares of the height."""
     side = window.findChild(QSplitter, "side")
     side.setSizes([round(part * side.height() / sum(sizes)) for part in sizes])
 
 
-def dock(window: MainWindow, name: str) -> None:
-    """Open that panel and no other."""
+def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:
+    """Open that panel and no other, and wait until everything has found its place."""
     docks: Docks = window.docks
     for action in docks.actions:
         if action.isChecked() != (action.text() == name):
             action.trigger()
+    qtbot.wait(200)
 
 
 def test_pictures_of_the_demo_live_and_in_replay(
@@ -153,13 +172,13 @@ def test_pictures_of_the_demo_live_and_in_replay(
         window.commands.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
         window.session.choose(ASKED_LIVE)
-        until(qtbot, lambda: window.session.shown.chosen_row is not None and window.session.shown.trace is not None)
+        until(qtbot, lambda: traced(window))
         album.keep(window, "live")
         assert window.status_bar.badge.text() == "● live"
-        dock(window, "Device")
+        dock(qtbot, window, "Device")
         until(qtbot, lambda: window.session.shown.readings[-1].angle < radians(3 * (HEADINGS - 1)))
         album.keep(window, "device")
-        dock(window, "")
+        dock(qtbot, window, "")
         until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
         window.commands.stop.trigger()
         until(qtbot, lambda: ended(window))
@@ -172,9 +191,10 @@ def test_pictures_of_the_demo_live_and_in_replay(
 def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.replay.seek(0.75 * window.session.replay.state.duration)
-    window.session.choose(ASKED_IN_REPLAY)
+    window.session.choose(ASKED)
     window.session.replay.toggle()
     until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 5)
+    until(qtbot, lambda: traced(window))
     album.keep(window, "replay")
 
 
@@ -184,9 +204,11 @@ def test_pictures_of_every_view(
     window = dressed(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_way=nowhere), look)
     until(qtbot, lambda: predicted(window))
     window.session.choose(ASKED)
-    until(qtbot, lambda: window.session.shown.trace is not None)
+    until(qtbot, lambda: traced(window))
     album.keep(window, "plan")
     show_large_views(qtbot, window, album)
+    window.session.choose(ASKED_OF_TRACE)
+    until(qtbot, lambda: traced(window))
     for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
         share(window, sizes)
         qtbot.wait(50)
@@ -220,18 +242,18 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 
 
 def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
-    dock(window, "Room")
+    dock(qtbot, window, "Room")
     window.plan.hands.choose_surface(window.session.shown.scene.room.names[0])
     qtbot.wait(50)
     album.keep(window, "room")
     window.plan.hands.choose_surface(None)
-    dock(window, "Fit")
+    dock(qtbot, window, "Fit")
     if FOLDER:  # finding takes a while
         window.fit_panel.begin.click()
         until(qtbot, window.fit_panel.accept.isVisible)
     qtbot.wait(50)
     album.keep(window, "fit")
-    dock(window, "")
+    dock(qtbot, window, "")
 
 
 def nowhere(url: str) -> ScannerWay:
