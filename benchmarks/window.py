@@ -4,8 +4,8 @@ Opens real windows, on Xvfb where there is no display, and prints a table: dragg
 live scan with traces, a log of an hour, its replay at 50×, repaints by the thousand, the first window. With `--full`
 the replay runs for an hour. Every job is a process of its own.
 
-A target is held against the wall clock where the machine is idle, else that says more about its neighbours: so the
-processor time stands beside it, and a line of the load.
+Times by the wall clock mean something on an idle machine only: elsewhere they tell of its neighbours. So processor time
+stands beside them, and the load before all; `nice -n -10` in front, where one may, comes near to an idle machine.
 """
 
 import argparse
