@@ -76,12 +76,10 @@ def _lost(log: "Log") -> str:
 
 
 def _write_csv(log: "Log", out: str) -> None:
-    from sonarhw.reading_csv import HEADER, row
+    from sonarhw.reading_csv import lines
 
     with text_output(out) as file:
-        file.write(HEADER + "\n")
-        for scan in log.scans:
-            file.writelines(row(reading, scan.began) + "\n" for reading in scan.readings)
+        file.writelines(lines(log.scans))
 
 
 def _described(log: "Log") -> list[tuple[str, str]]:

@@ -26,6 +26,7 @@ class Intake:
         self.replay = Replay(parent)
         self._rate = RateMeter()
         self._log_name, self._lost_in_log = "", 0
+        self._log: Log | None = None
         self._log_path: Path | None = None
         self._played: tuple[Reading, ...] = ()
 
@@ -45,6 +46,13 @@ class Intake:
         path = self._log_path if self.replay.loaded else self.live.status.recording if self.live.readings else None
         return "" if path is None else str(path.absolute())
 
+    @property
+    def recorded(self) -> Log | Path | None:
+        """The log whose readings are shown, or the file that holds it; None where there is none."""
+        if self.replay.loaded:
+            return self._log
+        return self.live.status.recording if self.live.readings else None
+
     def begin(self) -> None:
         """Count anew: other readings are shown from now on."""
         self._rate = RateMeter()
@@ -58,7 +66,7 @@ class Intake:
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
         """Show a log, at its end; `path` is where to find it again."""
         self.begin()
-        self._log_name, self._log_path = name, path
+        self._log, self._log_name, self._log_path = log, name, path
         self._lost_in_log = sum(map(lost_in, log.scans))
         self.replay.load(log)
 

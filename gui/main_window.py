@@ -26,6 +26,7 @@ from gui.docks import Docks
 from gui.file_commands import FileCommands
 from gui.fit_panel import FitPanel
 from gui.help_commands import HelpCommands
+from gui.keep_commands import KeepCommands
 from gui.legend import Legend
 from gui.look import Look
 from gui.look_commands import LookCommands
@@ -73,6 +74,8 @@ class MainWindow(QMainWindow):
         )
         self.look_commands = LookCommands(self.commands, session, self)
         self.files = FileCommands(self.commands, session, self)
+        large = self.plan, self.side_by_side, self.bscan
+        self.keep = KeepCommands(self.commands, session, self, self.stage, large, self.trace, self.ranges)
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
         self.help = HelpCommands(self.commands, session, self)
         self.setAcceptDrops(True)
@@ -177,6 +180,7 @@ class MainWindow(QMainWindow):
         session.shown_changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
+        session.keeping.kept.connect(self.status_bar.tell)
 
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:

@@ -18,6 +18,7 @@ from gui.fitting import Fitting, FitWish
 from gui.forecast import Forecast
 from gui.history import History
 from gui.intake import Intake
+from gui.keeping import Keeping
 from gui.live_scan import ScannerOpener, ScanWish
 from gui.look import Look
 from gui.scanner_choice import ScannerChoice, ScannerWay, WayFinder
@@ -65,7 +66,9 @@ class Session(QObject):
         self.scanners.chosen.connect(self._use)
         self.scanners.failed.connect(self.warned)
         self.fitting = Fitting(self)
-        self.fitting.failed.connect(self.warned)
+        self.keeping = Keeping(self)
+        for errand in (self.fitting, self.keeping):
+            errand.failed.connect(self.warned)
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.tick)
@@ -228,6 +231,11 @@ class Session(QObject):
             self._tell_shown(replace(self.shown, look=look))
 
     @property
+    def recorded(self) -> Log | Path | None:
+        """The log whose readings are shown, or the file that holds it; None where there is none."""
+        return self._intake.recorded
+
+    @property
     def log_to_keep(self) -> str:
         """The log to open next time: the one that is shown, or the recording of the last scan."""
         return self._intake.log_file
@@ -244,6 +252,7 @@ class Session(QObject):
         self.documents.close()
         self.scanners.close()
         self.fitting.close()
+        self.keeping.close()
         self._forecast.close()
         self._traces.close()
 
@@ -256,6 +265,7 @@ class Session(QObject):
         elapsed, self._last_tick = now - self._last_tick, now
         self.scanners.tick()
         self.fitting.tick()
+        self.keeping.tick()
         for opened in self.documents.take():
             self._take_opened(opened)
         self._ticking = True

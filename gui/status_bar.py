@@ -5,7 +5,7 @@ Takes the status; hands on nothing.
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QLabel, QStatusBar
 
 from gui.look import Look
@@ -14,6 +14,8 @@ from gui.status import Source, Status
 
 # badges carry their own ground, the same on every paper
 _COLOURS = {Source.NONE: LIGHT.idle, Source.LIVE: LIGHT.live, Source.REPLAY: LIGHT.replay}
+
+_A_WHILE = 10_000  # ms
 
 
 class StatusBar(QStatusBar):
@@ -35,6 +37,11 @@ class StatusBar(QStatusBar):
         self.addPermanentWidget(self.figures)
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
+
+    @Slot(str)
+    def tell(self, message: str) -> None:
+        """Say it for a while."""
+        self.showMessage(message, _A_WHILE)
 
     def show_look(self, look: Look) -> None:
         """Write in the colours of this look: under a style sheet Qt keeps those of the look before."""

@@ -4,7 +4,9 @@ Takes readings; hands on text without line ends, degrees and metres for a person
 """
 
 import math
+from collections.abc import Iterable, Iterator
 
+from sonarhw.log_contents import RecordedScan
 from sonarhw.readings import Reading
 
 HEADER = "time_s,heading_deg,range_m,echoes_s"
@@ -19,6 +21,13 @@ def row(reading: Reading, began: float) -> str:
     distance = "" if reading.range is None else number(reading.range)
     echoes = ";".join(map(number, reading.echo_times))
     return f"{number(reading.time - began)},{number(math.degrees(reading.angle))},{distance},{echoes}"
+
+
+def lines(scans: Iterable[RecordedScan]) -> Iterator[str]:
+    """The file that `log export` writes of those scans, line by line, with line ends."""
+    yield HEADER + "\n"
+    for scan in scans:
+        yield from (row(reading, scan.began) + "\n" for reading in scan.readings)
 
 
 def number(value: float) -> str:

@@ -100,6 +100,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "open files",
         "ask ports",
         "fit",
+        "keep files",
     }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 
