@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,8 @@ from sim.board import parse_board
 README = Path("README.md").read_text()
 
 
-EXAMPLES = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)
+BLOCKS = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)
+EXAMPLES = [(command, printed) for command, printed in BLOCKS if "--out" not in command]
 
 
 def test_examples_are_figure_9_and_the_step() -> None:
@@ -26,9 +28,22 @@ def test_example_prints_what_the_readme_shows(command: str, printed: str, capsys
     assert capsys.readouterr().out == printed
 
 
+def test_the_question_it_asks_is_answered_as_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulate, compare, answer = re.findall(
+        r"\$ sonarhw (simulate .*)\n\$ sonarhw (compare .*) \| grep 270\.0°\n(.*)\n", README
+    )[0]
+    shutil.copytree("rooms", tmp_path / "rooms")
+    monkeypatch.chdir(tmp_path)
+    assert run(shlex.split(simulate)) == 0
+    assert run(shlex.split(compare)) == 0
+    assert [line for line in capsys.readouterr().out.splitlines() if "270.0°" in line] == [answer]
+
+
 def test_pictures_are_there() -> None:
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
-    assert len(pictures) == 2
+    assert len(pictures) == 3
     assert all(Path(picture).is_file() for picture in pictures)
 
 

@@ -16,6 +16,7 @@ from PySide6.QtCore import QBuffer
 from PySide6.QtWidgets import QSplitter, QWidget
 from pytestqt.qtbot import QtBot
 
+from cli.app import run
 from gui.docks import Docks
 from gui.live_device import LiveDevice
 from gui.live_scan import ScanErrand, ScanWish
@@ -23,7 +24,7 @@ from gui.main_window import MainWindow
 from gui.palette import DARK, LIGHT, Palette
 from gui.port_book import PortBook
 from gui.scanner_choice import ScannerWay
-from gui.scene import Scene
+from gui.scene import Scene, scene_of_log
 from sim.board import load_board
 from sim.room import load_room
 from sim.truth import RoomEchoes
@@ -35,7 +36,7 @@ from sonarhw.ports import Port, Usb
 from sonarhw.readings import ScanOrder
 from sonarhw.scanner import Scanner
 from tests.gui.conftest import ROOM, OpenWith
-from tests.gui.driving import ended, predicted, until
+from tests.gui.driving import click, ended, place_of, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
@@ -222,6 +223,26 @@ def test_pictures_of_every_view(
     window.trace.envelope.trigger()
     show_panels(qtbot, window, album)
     show_dialogs(qtbot, window, album)
+
+
+def test_picture_of_the_question_in_the_readme(
+    qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
+) -> None:
+    """Why does heading 270° in the simple room read 0.827 m? The README's way: a log, a click, a sentence."""
+    log, to = tmp_path / "figure9.mcap", "--place figure9 --board paper --out"
+    assert run(["simulate", str(ROOM), *to.split(), str(log)]) == 0
+    opened = read_log(log)
+    window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
+    dressed(window, look)
+    until(qtbot, lambda: predicted(window))
+    ranges = window.ranges
+    click(qtbot, ranges, ranges.ranges.vb, place_of(ranges._marks[0], 54))
+    until(qtbot, lambda: traced(window))
+    assert window.sentence.text() == (
+        "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
+    )
+    qtbot.wait(100)
+    album.keep(window, "why")
 
 
 def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
