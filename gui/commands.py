@@ -17,6 +17,7 @@ class Commands:
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in the room of a file")
         self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Write the room as it is now to a file")
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
+        self.recordings = self._add("Recordings…", "Ctrl+Shift+O", "Find a scan that was recorded before")
         self.keep_view = self._add("Picture of the large view…", "Ctrl+P", "Keep it as PNG or SVG")
         self.keep_trace = self._add("Picture of the trace…", "Ctrl+Alt+T", "Keep the trace as PNG or SVG")
         self.keep_ranges = self._add("Picture of the ranges…", "Ctrl+Alt+R", "Keep ranges and residuals as PNG or SVG")

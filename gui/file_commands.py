@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from gui.commands import Commands
 from gui.files import can_open
+from gui.recordings_dialog import RecordingsDialog
 from gui.session import Session
 
 
@@ -24,6 +25,8 @@ class FileCommands(QMenu):
         self._session = session
         commands.open_log.triggered.connect(self._ask_log)
         commands.open_room.triggered.connect(self._ask_room)
+        self.recordings: RecordingsDialog | None = None
+        commands.recordings.triggered.connect(self._show_recordings)
         commands.save_room.triggered.connect(self._ask_where_to_save_room)
         self.triggered.connect(self._open_recent)
         session.recent_changed.connect(self.show_recent)
@@ -60,6 +63,26 @@ class FileCommands(QMenu):
     @Slot()
     def _ask_room(self) -> None:
         self._ask_file("Open room", "Rooms (*.toml)")
+
+    @Slot()
+    def _show_recordings(self) -> None:
+        if self.recordings is None:
+            self.recordings = dialog = RecordingsDialog(self._session.live.wish.folder, self._window)
+            dialog.chosen.connect(self._session.open_file)
+            dialog.failed.connect(self._session.warned)
+            dialog.destroyed.connect(self._forget_recordings)
+        self.recordings.show()
+        self.recordings.raise_()
+
+    @Slot()
+    def close_recordings(self) -> None:
+        """Close the list, and end its thread."""
+        if self.recordings is not None:
+            self.recordings.close()
+
+    @Slot()
+    def _forget_recordings(self) -> None:
+        self.recordings = None
 
     def _ask_file(self, title: str, pattern: str) -> None:
         dialog = self._dialog(title, pattern, self._session.open_file)

@@ -151,6 +151,7 @@ class MainWindow(QMainWindow):
         for view in (self.plan, self.side_by_side, self.bscan, self.trace):
             commands.fit.triggered.connect(view.fit)
         commands.close.triggered.connect(self.close)
+        self.closing.connect(self.files.close_recordings)
         commands.views.triggered.connect(self._show_view)
 
     def _connect_views(self) -> None:
@@ -244,9 +245,10 @@ class MainWindow(QMainWindow):
         self.status_bar.show_state(status)
         self.banner.show_state(status)
         self.device.show_status(status)
-        self.commands.scan.setEnabled(status.can_scan and not status.scanning)
+        commands = self.commands
+        commands.scan.setEnabled(status.can_scan and not status.scanning)
         self.commands.stop.setEnabled(status.scanning)
         self.commands.home.setEnabled(status.can_turn)
-        for action in (self.commands.open_log, self.commands.open_room, self.files.menuAction()):
+        for action in (commands.open_log, commands.open_room, commands.recordings, self.files.menuAction()):
             action.setEnabled(not status.scanning)
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)

@@ -23,7 +23,7 @@ def fill_menus(
 ) -> None:
     """Every action by name, in the menu where one looks for it."""
     file = bar.addMenu("&File")
-    file.addActions([commands.open_room, commands.open_log])
+    file.addActions([commands.open_room, commands.open_log, commands.recordings])
     file.addMenu(recent)
     file.addAction(commands.save_room)
     file.addSeparator()

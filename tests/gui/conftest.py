@@ -101,6 +101,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "ask ports",
         "fit",
         "keep files",
+        "list recordings",
     }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
 
