@@ -22,7 +22,7 @@ class Commands:
         self.keep_trace = self._add("Picture of the trace…", "Ctrl+Alt+T", "Keep the trace as PNG or SVG")
         self.keep_ranges = self._add("Picture of the ranges…", "Ctrl+Alt+R", "Keep ranges and residuals as PNG or SVG")
         self.keep_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Keep all that is seen as PNG")
-        self.keep_data = self._add("Data…", "Ctrl+E", "Keep the readings as CSV or NPZ, or the figures as JSON")
+        self.keep_data = self._add("Export data…", "Ctrl+E", "Keep the readings as CSV or NPZ, or the figures as JSON")
         self.report = self._add("Report…", "Ctrl+Shift+E", "One HTML file: pictures, figures, every reading, settings")
         self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: the ports of this machine, or a URL")
         self.help = self._add("Help", "F1", "Every key on one page")

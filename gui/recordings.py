@@ -77,7 +77,8 @@ def _recording(path: Path, changed: float) -> Recording:
     try:
         log = read_log(path)
     except InputError as error:
-        return Recording(path, changed, changed, "", "", 0, False, str(error))
+        told = str(error).removeprefix(f"{path}: ")
+        return Recording(path, changed, changed, "", "", 0, False, told)
     traces = any(reading.trace is not None for reading in log.readings[:1])
     made = log.metadata
     return Recording(
