@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 from gui.commands import Commands
 from gui.device_words import line_figures
 from gui.keeping import CSV, HTML, JSON, NPZ, PNG, SVG, Content, Data, Picture, ReportPage
-from gui.picture import png_pixels, svg_bytes
+from gui.picture import png_pixels, svg_text
 from gui.session import Session
 
 _FILTERS = {
@@ -153,7 +153,7 @@ class KeepCommands(QObject):
         look = self._session.shown.look
         title = "" if view is self._window else f"{self._session.shown.scene.title} · {self._subject.name.lower()}"
         if ending == SVG:
-            return Picture(None, svg_bytes(view, title, look))
+            return Picture(None, svg_text(view, title, look))
         return Picture(png_pixels(view, title, look), endings=self._subject.endings)
 
     def _log_name(self) -> str:

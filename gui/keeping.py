@@ -17,6 +17,7 @@ from PySide6.QtCore import QObject, Signal
 from gui.pixels import Pixels
 from gui.scene import Scene
 from gui.scene_edit import furnished
+from gui.svg_strokes import with_own_coordinates
 from gui.worker import Failure, Worker
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log, read_log
@@ -41,13 +42,13 @@ class Picture:
     """A view, as pixels or as SVG."""
 
     pixels: Pixels | None
-    svg: bytes = b""
+    svg: str = ""
     endings: Sequence[str] = (PNG, SVG)
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Write it."""
         if self.pixels is None:
-            file.write(self.svg)
+            file.write(with_own_coordinates(self.svg).encode())
             return
         from matplotlib.image import imsave  # half a second, which only the first picture takes
 

@@ -1,6 +1,6 @@
 """Pictures of views: what is on the screen, with its legend, as pixels or as lines that can be scaled.
 
-Takes a view and what stands over it; hands on plain arrays and bytes, which a thread writes. Draws, and so runs in the
+Takes a view and what stands over it; hands on plain arrays and text, which a thread writes. Draws, and so runs in the
 window's own thread.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QBuffer, QIODevice, QPoint, QRect, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QImage, QPainter
+from PySide6.QtGui import QBrush, QColor, QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QGraphicsItem, QLabel, QWidget
 
@@ -21,6 +21,7 @@ from gui.legend import Legend
 from gui.look import Look
 from gui.pixels import Pixels
 
+_SVG_RESOLUTION = 96  # pixels an inch, of every program that draws SVG
 _RATIO = 2  # pixels for one of the screen: pictures are for paper, too
 
 
@@ -37,8 +38,11 @@ def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
     return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
 
 
-def svg_bytes(widget: QWidget, title: str, look: Look) -> bytes:
-    """The same as SVG. What lies in a plot's box is a drawing within the drawing: Qt's generator clips nothing."""
+def svg_text(widget: QWidget, title: str, look: Look) -> str:
+    """The same as SVG, scaled as Qt does it: see `gui.svg_strokes`.
+
+    What lies in a plot's box is a drawing within the drawing: Qt's generator clips nothing.
+    """
     parts = _with_legend(widget, title, look)
     size = _size(parts)
     boxes = [box for view in _graphics_views(widget) for box in _items(view, pg.ViewBox)]
@@ -50,7 +54,7 @@ def svg_bytes(widget: QWidget, title: str, look: Look) -> bytes:
         offset = (QPoint(0, 0) if view is widget else view.mapTo(widget, QPoint(0, 0))) + QPoint(0, below)
         with _faded(_items(view, pg.AxisItem)):
             insets += [_inset(view, box, offset) for box in _items(view, pg.ViewBox)]
-    return whole.replace("</svg>", "".join((*insets, "</svg>"))).encode()
+    return whole.replace("</svg>", "".join((*insets, "</svg>")))
 
 
 def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
@@ -63,7 +67,12 @@ def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
 
 
 def _draw_seen(painter: QPainter, view: pg.GraphicsView, seen: QRect) -> None:
-    view.render(painter, QRectF(QPoint(0, 0), seen.size()), seen)
+    paper = view.backgroundBrush()
+    view.setBackgroundBrush(QBrush())  # the grid lies below
+    try:
+        view.render(painter, QRectF(QPoint(0, 0), seen.size()), seen)
+    finally:
+        view.setBackgroundBrush(paper)
 
 
 def _svg(area: QRect, look: Look | None, draw: Callable[[QPainter], None]) -> str:
@@ -72,6 +81,7 @@ def _svg(area: QRect, look: Look | None, draw: Callable[[QPainter], None]) -> st
     generator.setOutputDevice(buffer)
     generator.setSize(area.size())
     generator.setViewBox(area)
+    generator.setResolution(_SVG_RESOLUTION)
     with QPainter(generator) as painter:
         if look is not None:
             painter.fillRect(area, QColor(look.palette.paper))

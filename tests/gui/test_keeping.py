@@ -16,6 +16,7 @@ from cli.app import run
 from gui.keeping import Data, KeepRequest
 from gui.main_window import MainWindow
 from gui.scene import Scene
+from gui.svg_strokes import with_own_coordinates
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from tests.gui.conftest import ORDER, OpenWith
@@ -82,6 +83,20 @@ def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: 
     paths = [element for element in drawing.iter() if element.tag.endswith(("path", "polyline"))]
     assert 0 < len([element for element in inside[0].iter() if element in paths]) < len(paths)
     assert window.plan.plotItem.vb.childGroup.opacity() == 1.0
+
+
+def test_lines_of_a_drawing_need_no_effect_that_only_browsers_know(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path
+) -> None:
+    keep(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
+    assert "vector-effect" not in (tmp_path / "plan.svg").read_text()
+    scaled = """<svg xmlns="http://www.w3.org/2000/svg"><g transform="matrix(2,0,0,-10,5,1)">
+        <path vector-effect="non-scaling-stroke" d="M0,0 L1.5,-2e-1"/><polyline vector-effect="x" points="1,1 3,4 "/>
+        <rect vector-effect="non-scaling-stroke" x="1" y="2" width="3" height="1"/></g></svg>"""
+    path, line, box = ElementTree.fromstring(with_own_coordinates(scaled))[0]
+    assert path.get("d") == "M5,1 L8,3"
+    assert line.get("points") == "7,-9 11,-39 "
+    assert box.get("d") == "M7,-19 L13,-19 L13,-29 L7,-29 Z"
 
 
 def test_the_whole_window_and_any_large_view_can_be_kept(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
