@@ -4,19 +4,22 @@ Takes what was found and a unit of length; hands on lines and rows. No widgets.
 """
 
 import math
+from typing import TYPE_CHECKING
 
-from compare.fit import Estimate, Kind, Parameter
 from gui.fitting import Found
 from gui.look import LengthUnit
 from gui.residual_unit import residual_unit
 
+if TYPE_CHECKING:
+    from compare.fit import Estimate, Parameter  # what they load takes half a second
+
 _NAMES = {
-    Kind.X: "x",
-    Kind.Y: "y",
-    Kind.HEADING: "step 0 at",
-    Kind.OFFSET: "range offset",
-    Kind.TEMPERATURE: "air",
-    Kind.REFLECTANCE: "reflectance",
+    "x": "x",
+    "y": "y",
+    "heading": "step 0 at",
+    "offset": "range offset",
+    "temperature": "air",
+    "reflectance": "reflectance",
 }
 
 
@@ -38,8 +41,8 @@ def share_line(found: Found, answer: int) -> str:
 def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
     """An answer in a few words: its pose."""
     values = found.answers[answer].values
-    pose = {one.kind: _value(one, value, unit) for one, value in values.items()}
-    place = ", ".join(pose[kind] for kind in (Kind.X, Kind.Y, Kind.HEADING) if kind in pose)
+    pose = {one.kind.value: _value(one, value, unit) for one, value in values.items()}
+    place = ", ".join(pose[kind] for kind in ("x", "y", "heading") if kind in pose)
     return f"{answer + 1}: {place or 'no other place'}"
 
 
@@ -52,31 +55,31 @@ def warnings(found: Found) -> list[str]:
     return told
 
 
-def _name(one: Parameter) -> str:
+def _name(one: "Parameter") -> str:
     return f"{_NAMES[one.kind]} {one.of}".strip()
 
 
-def _value(one: Parameter, value: float, unit: LengthUnit) -> str:
-    match one.kind:
-        case Kind.HEADING:
+def _value(one: "Parameter", value: float, unit: LengthUnit) -> str:
+    match one.kind.value:
+        case "heading":
             return f"{round(math.degrees(value), 2) % 360:.2f}°"
-        case Kind.OFFSET:
+        case "offset":
             small = residual_unit(unit)
             return f"{value * small.per_metre:+.{small.decimals + 1}f} {small.label}"
-        case Kind.TEMPERATURE:
+        case "temperature":
             return f"{value:.1f} °C"
-        case Kind.REFLECTANCE:
+        case "reflectance":
             return f"{value:.3f}"
     return unit.text(value)
 
 
-def _deviation(one: Parameter, estimate: Estimate, unit: LengthUnit) -> str:
-    match one.kind:
-        case Kind.HEADING:
+def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
+    match one.kind.value:
+        case "heading":
             return f"± {_two_figures(math.degrees(estimate.deviation))}°"
-        case Kind.TEMPERATURE:
+        case "temperature":
             return f"± {_two_figures(estimate.deviation)} °C"
-        case Kind.REFLECTANCE:
+        case "reflectance":
             return f"± {_two_figures(estimate.deviation)}"
     small = residual_unit(unit)
     return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"

@@ -7,10 +7,10 @@ window's session asks it every tick for what is new.
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from compare.match import compare_readings
 from gui.fit_scene import fitted
 from gui.scene import Scene
@@ -18,6 +18,9 @@ from gui.scene_edit import furnished
 from gui.worker import Failure, Worker
 from sim.room import Room
 from sonarhw.readings import Reading
+
+if TYPE_CHECKING:
+    from compare.fit import FitResult, Parameter
 
 NEAR = 0.25  # m: how far off a place may be that somebody put there by hand
 _SAMPLES = 1000  # of the posterior: twice as many take twice as long, and say the same to the second figure
@@ -36,7 +39,7 @@ class FitWish:
 class Answer:
     """One answer of a fit."""
 
-    values: Mapping[Parameter, float]
+    values: "Mapping[Parameter, float]"
     within_5cm: float | None  # share of the echoes, in the scene that it leads to
 
 
@@ -45,7 +48,7 @@ class Found:
     """What a fit has come to."""
 
     request: "FitRequest"
-    result: FitResult
+    result: "FitResult"
     within_5cm: float | None  # share of the echoes, in the scene it was made in
     answers: tuple[Answer, ...]  # the best first
 
@@ -92,6 +95,8 @@ class FitRequest:
 
     def answer(self) -> Found:
         """Find it, in some ten seconds. Raises InputError, Cancelled."""
+        from compare.fit import FitOptions, PlacedScan, fit_scans  # half a second, which only the first fit takes
+
         scene, watch = self.scene, self.watch
         room, place = furnished(scene)
         result = fit_scans(
@@ -106,7 +111,9 @@ class FitRequest:
         answers = tuple(self._answer(values) for values in _values(result))
         return Found(self, result, self._within_5cm(scene), answers)
 
-    def _free(self, room: Room) -> tuple[Parameter, ...]:
+    def _free(self, room: Room) -> "tuple[Parameter, ...]":
+        from compare.fit import free_parameters
+
         parameters = free_parameters(self.wish.free, ["this scan"], room, self.scene.board)
         if self.wish.everywhere:
             return parameters
@@ -116,7 +123,7 @@ class FitRequest:
             for one in parameters
         )
 
-    def _answer(self, values: Mapping[Parameter, float]) -> Answer:
+    def _answer(self, values: "Mapping[Parameter, float]") -> Answer:
         scene, _ = fitted(self.scene, values, self.scene.board)
         return Answer(values, self._within_5cm(scene))
 
@@ -126,7 +133,7 @@ class FitRequest:
         return compared.summary().within_5cm
 
 
-def _values(result: FitResult) -> list[Mapping[Parameter, float]]:
+def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
     """The values of every answer; of the best the estimates, which are surer than its peak."""
     best = {one: result.estimates[one.name].value for one in result.parameters}
     return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]
