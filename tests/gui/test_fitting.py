@@ -58,6 +58,28 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     assert window.session.shown.scene is before
 
 
+def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = opened(qtbot, open_with, recorded, scene)
+    panel = window.fit_panel
+    qtbot.keyClick(panel.where, Qt.Key.Key_Down)
+    find(qtbot, window)
+    assert panel.answers.isVisible()
+    assert panel.answers.count() == 2
+    assert "the room may be symmetric" in panel.told.text()
+    wide, deep = scene.room.walls.reshape(-1, 2).max(axis=0)
+    (x, y), turned = scene.standing.position, scene.standing.heading + math.pi
+    poses = [((x, y), scene.standing.heading), ((wide - x, deep - y), turned)]
+    qtbot.keyClick(panel.answers, Qt.Key.Key_Down)
+    assert "± " not in panel.table.text()
+    qtbot.mouseClick(panel.accept, LEFT)
+    place = window.session.shown.scene.standing
+    at, heading = min(poses, key=lambda pose: math.dist(pose[0], place.position))
+    assert place.position == pytest.approx(at, abs=0.01)
+    assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)
+
+
 def test_a_fit_that_is_cancelled_or_put_away_changes_nothing(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
