@@ -248,8 +248,8 @@ def live(lasts: float) -> list[Figure]:
         url = fake.stdout.readline().strip()
         with opened(scene=scene, source=lambda: Scanner.open(url), order=order) as window:
             work_until(lambda: settled(window))
-            frames: list[tuple[float, int]] = []
-            Paints(window, lambda: frames.append((time.perf_counter(), len(window.session.shown.readings))))
+            frames: list[tuple[Moment, int]] = []
+            Paints(window, lambda: frames.append((moment(), len(window.session.shown.readings))))
             window.commands.scan.trigger()
             work_until(lambda: len(window.session.shown.readings) > RATE * WARM_UP)
             frames.clear()
@@ -257,13 +257,15 @@ def live(lasts: float) -> list[Figure]:
             work(lasts)
             wall, process, _ = moment().since(began)
             for (_, before), (at, count) in pairwise(frames):
-                drawn += [at - heard[number] for number in range(before, count)]
+                drawn += [at.wall - heard[number] for number in range(before, count)]
         fake.terminate()
+    busy = [later.since(earlier).thread for (earlier, _), (later, _) in pairwise(frames)]
     what = f"live, {len(drawn) / wall:.0f} readings a second with traces: "
     return [
         Figure(f"{what}paints a second", len(frames) / wall, "/s", 30, True),
         Figure(f"{what}last byte to paint, median", ms(drawn, 0.5), "ms"),
         Figure(f"{what}last byte to paint, 99 of 100", ms(drawn, 0.99), "ms", 100),
+        Figure(f"{what}GUI thread from paint to paint, 99 of 100", ms(busy, 0.99), "ms of it", 33),
         Figure(f"{what}processor, window with driver and log", process / wall, "cores", 1),
     ]
 

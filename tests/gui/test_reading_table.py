@@ -210,6 +210,16 @@ def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
     assert table.view.viewport().rect().intersects(table.view.visualRect(table.model.index(4, 0)))
 
 
+def test_the_chosen_reading_stays_in_sight_when_the_table_is_made_smaller(
+    qtbot: QtBot, table: ReadingTable, shown: Shown
+) -> None:
+    table.show_state(replace(shown, chosen=20))
+    table.resize(900, 110)
+    chosen = table.view.currentIndex()
+    qtbot.waitUntil(lambda: table.view.viewport().rect().contains(table.view.visualRect(chosen).center()))
+    assert chosen.row() == 20
+
+
 def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) -> None:
     table = ReadingTable()
     qtbot.addWidget(table)
