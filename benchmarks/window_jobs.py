@@ -179,11 +179,10 @@ def dragging(lasts: float) -> list[Figure]:
         drag.end()
     count = len(drag.updates)
     what = f"drag the sensor, {WALLS} walls, 360 headings: "
-    note = f"{count / wall:.1f} a second by the wall clock"
     return [
-        Figure(f"{what}new outlines painted, a second of its processor time", count / process, "/s", 30, True, note),
+        Figure(f"{what}new outlines painted", count / wall, "/s", 30, True),
+        Figure(f"{what}new outlines painted, a second of GUI thread", count / thread, "/s", 30, True),
         Figure(f"{what}hand to paint, median", ms(drag.updates, 0.5), "ms"),
-        Figure(f"{what}GUI thread", 1000 * thread / count, "ms an update"),
         Figure(f"{what}all threads", process / wall, "cores"),
     ]
 
