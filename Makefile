@@ -43,6 +43,7 @@ soak: setup firmware
 	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py tests/firmware/test_long.py --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
+	$(BIN)/python -m benchmarks.window --full
 
 clean:
 	rm -rf .venv build dist *.egg-info demo-result firmware/build

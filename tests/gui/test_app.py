@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cli.app import run
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
 
@@ -67,11 +68,14 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
         (["/dev/ttyNONE", "--board", "none"], "no board 'none'"),
     ],
 )
-def test_what_is_wrong_is_one_line_before_a_window_opens(tmp_path: Path, arguments: list[str], said: str) -> None:
-    result = told(tmp_path, *arguments, DISPLAY="")
-    assert result.returncode == 2
-    assert said in result.stderr
-    assert result.stderr.count("\n") == 1
+def test_what_is_wrong_is_one_line_before_a_window_opens(
+    arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DISPLAY", "")
+    assert run(["gui", *arguments]) == 2
+    complaints = capsys.readouterr().err
+    assert said in complaints
+    assert complaints.count("\n") == 1
 
 
 @pytest.mark.parametrize("display", ["", ":4711"])

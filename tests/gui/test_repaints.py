@@ -7,14 +7,15 @@ from pathlib import Path
 from pytestqt.qtbot import QtBot
 
 from sonarhw.log import read_log
+from tests.conftest import Count
 from tests.gui.conftest import ORDER, OpenWith
 from tests.gui.driving import predicted, until
 
-REPAINTS = 300
-NOISE = 150  # references that come and go by themselves; a leak is one or more for each of many items a repaint
+REPAINTS = 120, 10_000  # every day, in a soak
+NOISE = 60  # references that come and go by themselves; a leak is one or more for each of many items a repaint
 
 
-def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path, count: Count) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     views = (window.plan, window.trace.plot, window.ranges)
@@ -28,6 +29,6 @@ def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith,
     repaint(ORDER.readings)
     gc.collect()
     before = sys.getrefcount(None)
-    repaint(REPAINTS)
+    repaint(count(*REPAINTS))
     gc.collect()
     assert abs(sys.getrefcount(None) - before) < NOISE
