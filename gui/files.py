@@ -17,6 +17,7 @@ from sonarhw.errors import InputError, LogError
 from sonarhw.log import Log, LogMetadata, read_log
 
 LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+_UNITS = {1.0: "metres", 0.01: "centimetres", 0.001: "millimetres", 0.3048: "feet", 0.0254: "inches"}
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,9 @@ class OpenCsvRequest:
         write_scan(path, LogMetadata("import", time.time()), readings)
         log = read_log(path)
         notice = (
-            f"{self.path.name}: {columns.heading!r} was read as degrees counter-clockwise, {columns.distance!r} as "
-            f"ranges in {meaning.scale:g} m; `sonarhw import` reads it otherwise"
+            f"{self.path.name} is now kept as {path.name}, in {self.folder}; {columns.heading!r} was read as degrees "
+            f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}; `sonarhw import` reads "
+            "it otherwise"
         )
         return LogOpened(path, log, scene_of_log(log.metadata), notice)
 
@@ -90,6 +92,10 @@ class OpenRoomRequest:
 
 Opened = LogOpened | RoomOpened
 OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest
+
+
+def _unit_name(metres: float) -> str:
+    return _UNITS.get(metres, f"{metres:g} m")
 
 
 def can_open(path: Path) -> bool:

@@ -66,7 +66,8 @@ def badge(status: Status) -> str:
 
 def figures(status: Status) -> str:
     """The numbers."""
-    parts = [f"{status.readings} readings", f"{status.rate:.1f} Hz", f"{status.lost} lost"]
+    rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # nothing comes: no rate to tell
+    parts = [f"{status.readings} readings", *rate, f"{status.lost} lost"]
     if status.temperature_c is not None:
         parts.append(f"{status.temperature_c:.1f} °C")
     return " · ".join(parts)

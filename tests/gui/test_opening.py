@@ -60,7 +60,8 @@ def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
     ranges = [reading.range for reading in window.session.shown.readings]
     assert ranges[0] == pytest.approx(0.154, abs=1e-6)
     assert ranges[1] is None
-    assert "'range_cm' as ranges in 0.01 m" in window.banner.message
+    assert "'range_cm' as ranges in centimetres" in window.banner.message
+    assert "kept as turret.mcap" in window.banner.message
     assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
     assert window.session.shown.scene.room is scene.room
 
