@@ -5,6 +5,7 @@ Takes a comparison and the index of a reading; hands on one line for a person.
 """
 
 import math
+from collections.abc import Callable
 
 from compare.contest import Contest, change_for, contest
 from compare.match import Comparison, Kind, Matched
@@ -17,25 +18,36 @@ _SLIGHT_DB = 6.0  # a change of the threshold worth telling: twice or half the a
 _BARELY_DB = 1.0  # a margin worth telling
 
 
-def explain(comparison: Comparison, index: int) -> str:
-    """One sentence on reading `index`: range, heading, the path that accounts for it, and the near wall if blanked."""
+LengthText = Callable[[float], str]  # a length, m, as people read it
+
+
+def in_metres(length: float) -> str:
+    """A length in metres, to the millimetre."""
+    return f"{length:.3f} m"
+
+
+def explain(comparison: Comparison, index: int, text: LengthText = in_metres) -> str:
+    """One sentence on reading `index`: range, heading, the path that accounts for it, and the near wall if blanked.
+
+    `text` writes its lengths.
+    """
     row, prediction = comparison.rows[index], comparison.prediction
     room = prediction.room
     at = f"at {math.degrees(row.heading) % 360:.1f}°"
-    heard = f"no echo {at}" if row.measured is None else f"{row.measured:.3f} m {at}"
+    heard = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
     change = _slight_change(row, prediction)
-    parts = [f"{heard}: {_account(row, prediction, nearly=change is not None)}"]
+    parts = [f"{heard}: {_account(row, prediction, text, nearly=change is not None)}"]
     blanked = prediction.blanked_echoes(row.index)
     if blanked and blanked[0].path != row.path:
         nearest = blanked[0]
         single = prediction.paths.bounces[nearest.path] == 1 and prediction.paths.edges[nearest.path] < 0
         what = "the near wall" if single else f"a nearer echo, {', '.join(prediction.paths.via(nearest.path, room))},"
-        parts.append(f"{what} ({nearest.range:.3f} m) lies within blanking".replace(", (", " ("))
+        parts.append(f"{what} ({text(nearest.range)}) lies within blanking".replace(", (", " ("))
     if change is not None:
         direction = "higher" if change > 0 else "lower"
         parts.append(f"a threshold {max(abs(change), 0.1):.1f} dB {direction} would make the model agree")
     elif row.kind in (Kind.MATCH, Kind.BOTH_SILENT) and _is_exact(prediction):
-        parts += _barely(contest(prediction, row.index))
+        parts += _barely(contest(prediction, row.index), text)
     return "; ".join(parts)
 
 
@@ -52,14 +64,14 @@ def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
     return change if change is not None and 0 < abs(change) <= _SLIGHT_DB else None
 
 
-def _barely(found: Contest) -> list[str]:
+def _barely(found: Contest, text: LengthText) -> list[str]:
     said = []
     if found.margin_db is not None and found.margin_db <= _BARELY_DB:
-        then = "silence" if found.louder is None else f"{found.louder.range:.3f} m"
-        if found.winner is None or then != f"{found.winner.range:.3f} m":  # another path of the same range is no news
+        then = "silence" if found.louder is None else text(found.louder.range)
+        if found.winner is None or then != text(found.winner.range):  # another path of the same range is no news
             said.append(f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}")
     if found.fainter is not None and found.lacking_db is not None and found.lacking_db <= _BARELY_DB:
-        said.append(f"an echo at {found.fainter.range:.3f} m lacks only {found.lacking_db:.1f} dB")
+        said.append(f"an echo at {text(found.fainter.range)} lacks only {found.lacking_db:.1f} dB")
     return said
 
 
@@ -81,9 +93,9 @@ def _named(touched: str) -> str:
     return f"the end of {touched[:-1]}" if touched.endswith("/") else touched
 
 
-def _account(row: Matched, prediction: PredictedScan, *, nearly: bool) -> str:
+def _account(row: Matched, prediction: PredictedScan, text: LengthText, *, nearly: bool) -> str:
     """What accounts for a reading; `nearly`: the model would agree with a slightly different threshold."""
-    predicted = None if row.predicted is None else f"{row.predicted:.3f} m by {_winner(row, prediction)}"
+    predicted = None if row.predicted is None else f"{text(row.predicted)} by {_winner(row, prediction)}"
     match row.kind:
         case Kind.BOTH_SILENT:
             return "none is predicted either"

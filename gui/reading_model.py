@@ -48,6 +48,7 @@ class ReadingModel(QAbstractTableModel):
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
+            self._sentences.clear()
             self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
             self._tell_all()
         if before is None or not shown.same_readings(before):

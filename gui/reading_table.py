@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 
 from gui.legend import mark_picture
 from gui.look import Look
-from gui.palette import MARKS, UNCLASSED
+from gui.palette import MARKS, UNCLASSED, Unclassed
 from gui.reading_model import ReadingModel
 from gui.reading_rows import CLASSES, Class, Column, class_name, column_name, rows_as_csv
 from gui.shown import Shown
@@ -86,7 +86,7 @@ class ReadingTable(QWidget):
         self.model.show_state(shown)
         self._following = False
         if before is None or not shown.same_readings(before):
-            self._count()
+            self._count(shown)
         self._follow(shown.chosen)
 
     @Slot()
@@ -95,7 +95,8 @@ class ReadingTable(QWidget):
         if self._shown is not None:
             selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
             order = self.model.order[selected] if len(selected) > 1 else self.model.order
-            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), self._shown.sentence_of))
+            in_metres = replace(self._shown, look=Look())
+            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of))
 
     def _made_view(self) -> _Rows:
         view = _Rows(showGrid=False, wordWrap=False)
@@ -147,11 +148,12 @@ class ReadingTable(QWidget):
             if kind in MARKS and MARKS[kind] is not UNCLASSED:
                 button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
 
-    def _count(self) -> None:
+    def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
             button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
-            button.setVisible(count > 0 or not button.isChecked())
+            waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # classed a moment later
+            button.setVisible((count > 0 and not waiting) or not button.isChecked())
 
     @Slot()
     def _filter(self) -> None:

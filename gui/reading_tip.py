@@ -5,6 +5,7 @@ Takes what is shown and the index of a reading; hands on a few short lines.
 
 import math
 
+from gui.look import LengthUnit
 from gui.palette import MARKS
 from gui.shown import Shown
 
@@ -13,13 +14,13 @@ def reading_tip(shown: Shown, index: int) -> str:
     """The reading in a few lines."""
     reading, row = shown.readings[index], shown.row(index)
     lines = [f"reading {index} at {math.degrees(shown.heading(index)) % 360:.1f}°"]
-    lines.append(f"measured {_metres(reading.range)}")
+    lines.append(f"measured {_length(reading.range, shown.look.unit)}")
     if row is not None:
-        lines.append(f"predicted {_metres(row.predicted)}")
+        lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")
         if row.kind in MARKS:
             lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
     return "\n".join(lines)
 
 
-def _metres(distance: float | None) -> str:
-    return "no echo" if distance is None else f"{distance:.3f} m"
+def _length(distance: float | None, unit: LengthUnit) -> str:
+    return "no echo" if distance is None else unit.text(distance)

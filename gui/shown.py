@@ -92,10 +92,10 @@ class Shown:
     def sentence_of(self, reading: int) -> str:
         """What a reading says, or what it waits for."""
         if self.compared is not None and self.row(reading) is not None:
-            return explain(self.compared.comparison, reading - self.compared.first)
+            return explain(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
         heard = self.readings[reading].range
         at = f"{math.degrees(self.heading(reading)) % 360:.1f}°"
-        told = f"no echo at {at}" if heard is None else f"{heard:.3f} m at {at}"
+        told = f"no echo at {at}" if heard is None else f"{self.look.unit.text(heard)} at {at}"
         return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
 
     @cached_property

@@ -1,5 +1,6 @@
 """Dark and light, units, the size of text, the three large views: by keys, and every view takes part."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from pytestqt.qtbot import QtBot
 from gui.look import LengthUnit, Look
 from gui.main_window import MainWindow
 from gui.palette import DARK, LIGHT, MARKS
+from gui.reading_rows import Column
+from gui.reading_tip import reading_tip
 from sonarhw.log import read_log
 from tests.gui.conftest import OpenWith
 from tests.gui.driving import predicted, until
@@ -49,6 +52,20 @@ def test_ctrl_2_writes_the_axes_in_centimetres_and_ctrl_3_in_feet(qtbot: QtBot, 
         qtbot.keyClick(window, key, CONTROL)
         assert axis.labelText == f"x ({unit.label})"
         assert axis.scale == unit.per_metre
+
+
+def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) -> None:
+    window.session.choose(27)
+    heard = window.session.shown.chosen_reading.range
+    for key, unit in ((Qt.Key.Key_2, LengthUnit.CM), (Qt.Key.Key_3, LengthUnit.FT), (Qt.Key.Key_1, LengthUnit.M)):
+        qtbot.keyClick(window, key, CONTROL)
+        shown = window.session.shown
+        assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
+        assert f"measured {unit.text(heard)}\n" in reading_tip(shown, 27)
+        assert window.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
+        others = [other for other in LengthUnit if other is not unit]
+        said = [shown.sentence_of(k) for k in range(len(shown.readings))]
+        assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]
 
 
 def test_ctrl_plus_makes_text_larger_and_ctrl_0_as_usual(qtbot: QtBot, window: MainWindow) -> None:

@@ -146,12 +146,13 @@ def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
     assert order_of(rows, Wanted(text="nothing like it")).tolist() == []
 
 
-def test_csv_is_in_metres_and_degrees_whatever_the_look(shown: Shown) -> None:
-    rows = shown.rows
-    feet = replace(shown, look=Look(unit=LengthUnit.FT))
-    text = rows_as_csv(rows, [27, 3], feet.sentence_of)
-    assert text == rows_as_csv(rows, [27, 3], shown.sentence_of)
-    first, silent = csv.DictReader(io.StringIO(text))
+def test_csv_is_in_metres_and_degrees_whatever_the_look(table: ReadingTable, shown: Shown) -> None:
+    table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
+    table.copy_rows()
+    text = QGuiApplication.clipboard().text()
+    assert text == rows_as_csv(shown.rows, range(COUNT), shown.sentence_of)
+    told = list(csv.DictReader(io.StringIO(text)))
+    first, silent = told[27], told[3]
     assert (first["heading_deg"], first["class"], first["path"]) == ("270.0000", "match", "bottom>top>bottom")
     assert float(first["measured_m"]) == pytest.approx(shown.readings[27].range, abs=1e-4)
     assert first["sentence"] == shown.sentence_of(27)
