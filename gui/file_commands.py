@@ -4,6 +4,7 @@ Takes commands and session; tells the session which file is meant. Nothing modal
 """
 
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 
 from PySide6.QtCore import QMimeData, Qt, Slot
@@ -23,6 +24,7 @@ class FileCommands(QMenu):
         super().__init__("Open recent", window)
         self._window = window
         self._session = session
+        self._room_folder = str(Path.home())  # rooms that came with something else stay as they are
         commands.open_log.triggered.connect(self._ask_log)
         commands.open_room.triggered.connect(self._ask_room)
         self.recordings: RecordingsDialog | None = None
@@ -92,12 +94,18 @@ class FileCommands(QMenu):
     @Slot()
     def _ask_where_to_save_room(self) -> None:
         room = self._session.shown.scene.room
-        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
+        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._save_room)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setDefaultSuffix("toml")
+        dialog.setDirectory(self._room_folder)
         if room is not None:
-            dialog.selectFile(self._session.shown.scene.room_file or "room.toml")
+            dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), self._room_folder))
         dialog.show()
+
+    @Slot(str)
+    def _save_room(self, path: str) -> None:
+        self._room_folder = str(Path(path).parent)
+        self._session.save_room(path)
 
     def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
         recent = self._session.documents.recent
@@ -105,6 +113,13 @@ class FileCommands(QMenu):
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.fileSelected.connect(chosen)
         return dialog
+
+
+def _new_name(file: Path, folder: str) -> str:
+    """A name for an edited room that no file of that folder has."""
+    stem = file.stem.partition("-edited")[0]
+    names = (f"{stem}-edited{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
+    return next(name for name in names if not (Path(folder) / name).exists())
 
 
 def _paths(dropped: QMimeData) -> list[Path]:

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
 from pytestqt.qtbot import QtBot
 
 from gui.main_window import MainWindow
@@ -64,6 +64,31 @@ def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
     assert "kept as turret.mcap" in window.banner.message
     assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
     assert window.session.shown.scene.room is scene.room
+
+
+def test_a_room_is_saved_under_a_new_name_and_over_an_old_one_only_when_the_person_says_so(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    (tmp_path / "simple-edited.toml").write_text("an older room")
+    window = open_with()
+    window.commands.save_room.trigger()
+    dialog = window.findChild(QFileDialog)
+    assert dialog.selectedFiles() == [str(tmp_path / "simple-edited-2.toml")]
+    asked: list[str] = []
+
+    def refuse() -> None:
+        question = QApplication.activeModalWidget()
+        assert isinstance(question, QMessageBox)
+        asked.append(question.text())
+        question.button(QMessageBox.StandardButton.No).click()
+
+    dialog.selectFile("simple-edited.toml")
+    QTimer.singleShot(0, refuse)
+    dialog.accept()
+    assert "already exists" in asked[0]
+    assert (tmp_path / "simple-edited.toml").read_text() == "an older room"
+    dialog.reject()
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "picture.png"])
