@@ -1,7 +1,7 @@
 """Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
 
-They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes, else to a temporary one, in one look. With
-QT_SCALE_FACTOR=2 beside it they are taken at 200 %. docs/screenshots holds some of them; docs/window.md explains them.
+They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes; without one they are taken in one look and
+not kept. With QT_SCALE_FACTOR=2 they are taken at 200 %. docs/screenshots holds some; docs/window.md explains them.
 """
 
 import io
@@ -60,6 +60,8 @@ class Album:
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
+        if FOLDER is None:
+            return  # nobody looks at them; compressing would take a third of the time
         unusual = {"-dark": self._dark, f"-{self._size[0]}": self._size != SMALL, f"-at-{100 * scale:.0f}": scale != 1}
         kept = QBuffer()
         kept.open(QBuffer.OpenModeFlag.WriteOnly)
