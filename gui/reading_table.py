@@ -5,7 +5,7 @@ Takes what is shown; hands on which reading was picked.
 
 from dataclasses import replace
 
-from PySide6.QtCore import QModelIndex, QSize, Qt, Signal, Slot
+from PySide6.QtCore import QItemSelectionModel, QModelIndex, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QGuiApplication, QIcon, QKeyEvent, QKeySequence, QResizeEvent, QShortcut
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -27,6 +27,7 @@ from gui.shown import Shown
 from gui.theme import text_font
 
 _WIDEST = {Column.NUMBER: "00000", Column.CLASS: "measured__", Column.PATH: "bottom>top>bottom"}  # beside the names
+_SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
 _BESIDE = 22  # pixels: the sign of the order and the margins
 
 
@@ -168,17 +169,20 @@ class ReadingTable(QWidget):
     def _follow(self, chosen: int | None) -> None:
         """Select the chosen reading, where it is another one and listed."""
         place = None if chosen is None else self.model.place_of(chosen)
-        current = self.view.currentIndex()
-        if place is None or place == current.row():
+        current, selection = self.view.currentIndex(), self.view.selectionModel()
+        # where the chosen row went away, Qt makes its neighbour the current one without selecting it
+        if place is None or (place == current.row() and selection.hasSelection()):
             return
         self._following = True
-        self.view.setCurrentIndex(self.model.index(place, max(current.column(), 0)))
+        # not by the view, which selects otherwise while Ctrl or Shift is down
+        selection.setCurrentIndex(self.model.index(place, max(current.column(), 0)), _SELECT)
         self._following = False
 
     @Slot()
     def _follow_again(self) -> None:
         if self._shown is not None:
             self._follow(self._shown.chosen)
+            self.view.scrollTo(self.view.currentIndex())
 
     @Slot(QModelIndex, QModelIndex)
     def _row_changed(self, current: QModelIndex, before: QModelIndex) -> None:

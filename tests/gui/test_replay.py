@@ -54,6 +54,31 @@ def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: 
     assert window.replay_bar.play.text() == "Play"
 
 
+def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
+    qtbot: QtBot, window: MainWindow, recorded: Path
+) -> None:
+    until(qtbot, lambda: predicted(window))
+    replay, rows = window.session.replay, window.table.view.selectionModel()
+
+    def marked() -> bool:
+        chosen = window.table.model.place_of(window.session.shown.chosen)
+        return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
+
+    assert marked()
+    for command in (window.commands.back, window.commands.back, window.commands.forth, window.commands.previous):
+        command.trigger()
+        assert marked(), command.text()
+    window.commands.newest.trigger()
+    for part in (0.0, 0.5, 0.2, 1.0):
+        replay.seek(part * replay.state.duration)
+        assert marked(), part
+    window.session.choose(0)
+    with qtbot.waitSignal(window.session.recent_changed):
+        window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.shown.chosen == ORDER.readings - 1)
+    assert marked()
+
+
 def test_pause_stands_still_and_play_goes_on_from_there(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
