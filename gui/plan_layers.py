@@ -23,6 +23,8 @@ from sonarhw.readings import FloatArray
 _BEAM_LENGTH, _HANDLE = 0.3, 0.12  # of the room's diagonal
 _MOST_LABELLED = 9  # points; labels at more would hide the rays
 _AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in their own size
+_ROWS = 4  # in which a label looks for a place above and below its point
+_SENSOR = 14  # pixels
 _NOTHING = np.empty((0, 2))
 
 
@@ -65,15 +67,21 @@ class RoomLayer:
 
 
 class SensorLayer:
-    """The sensor, where its turntable looks, and the beam."""
+    """The sensor, the beam that the chosen reading was made with, and where the turntable stands meanwhile."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
         self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
-        self._axis = pg.PlotCurveItem()
+        self._axis, self._turntable = pg.PlotCurveItem(), pg.PlotCurveItem()
         self._handle = pg.ScatterPlotItem(size=11, symbol="o")
-        self._sensor = pg.ScatterPlotItem(size=14, symbol="d")
-        for z, item in ((-10, self._beam), (-9, self._axis), (21, self._handle), (22, self._sensor)):
+        self._sensor = pg.ScatterPlotItem(size=_SENSOR, symbol="d")
+        for z, item in (
+            (-10, self._beam),
+            (-9, self._axis),
+            (-9, self._turntable),
+            (21, self._handle),
+            (22, self._sensor),
+        ):
             item.setZValue(z)
             plot.addItem(item, ignoreBounds=item is not self._sensor)
 
@@ -82,25 +90,30 @@ class SensorLayer:
         colours = look.palette
         self._beam.setBrush(colours.beam)
         self._axis.setPen(pg.mkPen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
+        self._turntable.setPen(pg.mkPen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
         self._handle.setPen(pg.mkPen(colours.ink, width=1.5))
         self._handle.setBrush(pg.mkBrush(colours.beam))
         self._sensor.setPen(pg.mkPen(colours.paper))
         self._sensor.setBrush(pg.mkBrush(colours.ink))
 
     def draw(self, shown: Shown) -> None:
-        """Draw the sensor as it looked at the newest reading; before the first as it stands."""
+        """Draw it as it looked at the chosen reading, dotted where it looks now; before the first as it stands."""
         scene, room = shown.scene, shown.scene.room
         self._sensor.setData(*np.array([scene.standing.position]).T)
-        wedge, axis, self.handle_at = _NOTHING, _NOTHING, None
+        wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
-            heading = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
+            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
+            heading = newest if shown.chosen is None else shown.heading(shown.chosen)
             size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
             length, handle = _BEAM_LENGTH * size, _HANDLE * size
             wedge = beam_wedge(scene.standing, heading, half_power_angle(scene.board, room), length)
             axis = points_at(scene.standing.position, np.full(3, heading), np.array([0.0, handle, length]))
             self.handle_at = float(axis[1, 0]), float(axis[1, 1])
+            if newest != heading:
+                turntable = points_at(scene.standing.position, np.full(2, newest), np.array([0.0, handle]))
         self._beam.setData(*wedge.T)
         self._axis.setData(*axis.T)
+        self._turntable.setData(*turntable.T)
         self._handle.setData(*axis[1:2].T)
 
 
@@ -110,9 +123,12 @@ class PathLayer:
     def __init__(self, plot: pg.PlotItem) -> None:
         self._rays = pg.PlotCurveItem()
         self._labels = [_label() for _ in range(_MOST_LABELLED)]
+        self._told: list[tuple[str, FloatArray]] = []
+        self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
         for item in (self._rays, *self._labels):
             plot.addItem(item)
+        plot.vb.sigRangeChanged.connect(self._lay_out)
 
     def dress(self, look: Look) -> None:
         """Draw in this look from now on."""
@@ -128,14 +144,18 @@ class PathLayer:
         style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
         self._rays.setPen(pg.mkPen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
-        labels = bounce_labels(points, losses)
-        taken: list[QRectF] = []
+        self._told, self._sensor = bounce_labels(points, losses), shown.scene.standing.position
         for k, label in enumerate(self._labels):
-            label.setVisible(k < len(labels))
-            if k < len(labels):
-                text, at = labels[k]
-                label.setText(text)
-                _set_beside(label, at, taken)
+            label.setVisible(k < len(self._told))
+            if k < len(self._told):
+                label.setText(self._told[k][0])
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Put the labels where each can be read: how near they are depends on how much of the room is seen."""
+        taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
+        for label, (_, at) in zip(self._labels, self._told, strict=False):
+            _set_beside(label, at, taken)
 
 
 class CursorLayer:
@@ -223,11 +243,17 @@ def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None
     across = (_AFTER, _BEFORE) if at[0] < (left + right) / 2 else (_BEFORE, _AFTER)
     along = (_ABOVE, _BELOW) if at[1] < (low + high) / 2 else (_BELOW, _ABOVE)
     point, size = box.mapViewToScene(QPointF(*at)), label.textItem.boundingRect().size()
-    sides = [(x, y) for x in across for y in along]
+    beside = [(x, y) for x in across for y in along]
+    sides = [(x, y + math.copysign(row, y)) for row in range(_ROWS) for x, y in beside]
     places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
     free = next((k for k, place in enumerate(places) if not any(map(place.intersects, taken))), 0)
     label.setAnchor(sides[free])
     taken.append(places[free])
+
+
+def _sensor_box(box: pg.ViewBox, at: Point) -> QRectF:
+    middle = box.mapViewToScene(QPointF(*at))
+    return QRectF(middle.x() - _SENSOR / 2, middle.y() - _SENSOR / 2, _SENSOR, _SENSOR)
 
 
 def _label() -> pg.TextItem:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
-from PySide6.QtCore import QEvent, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
 
 from compare.points import points_at
 from gui.look import Look
@@ -43,6 +43,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self.setViewportUpdateMode(WHOLE)
         self.shown: Shown | None = None
         self._measured, self._predicted = measured, predicted
+        self._by_hand = False  # whether a person has moved the paper or zoomed
         self.setAspectLocked(True)
         self.hideButtons()
         self.room, self.sensor = RoomLayer(self.plotItem), SensorLayer(self.plotItem)
@@ -53,6 +54,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self.ruler = RulerLayer(self.plotItem)
         self.hands = PlanHands(self)
         box.hands = self.hands
+        box.sigRangeChangedManually.connect(self._keep_range)
         self.scene().sigMouseClicked.connect(self.hands.click)
         self.scene().sigMouseMoved.connect(self.hands.hover)
 
@@ -67,18 +69,27 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
             self._draw_predicted(before, shown)
         if self._measured:
             self._draw_measured(before, shown)
-        if _differ(before, shown, "scene", "readings", "look"):
+        if _differ(before, shown, "scene", "readings", "chosen", "look"):
             self.sensor.draw(shown)
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
         if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
             self._fit()
+        if before is None or before.chosen != shown.chosen:
+            self._reach(self._marks.place_of(shown.chosen))
 
     def fit(self) -> None:
         """Show the room, the sensor and the chosen reading, and some way beyond; without a room everything."""
         self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
 
-    def _fit(self, reading: FloatArray | None = None) -> None:
+    def _reach(self, reading: FloatArray | None) -> None:
+        """See the chosen reading too, unless a person has said by hand what they want to see."""
+        seen = self.plotItem.vb.viewRect()
+        if reading is not None and not self._by_hand and not seen.contains(QPointF(*reading)):
+            self._fit(reading, besides=seen)
+
+    def _fit(self, reading: FloatArray | None = None, besides: QRectF | None = None) -> None:
+        self._by_hand = False
         scene = self.hands.scene if self.shown else None
         if scene is None or scene.room is None:
             self.plotItem.vb.autoRange(padding=0.05)
@@ -87,14 +98,16 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         (left, bottom), (right, top) = seen_bounds(scene.room, np.array(points))
         beyond = _BEYOND * max(right - left, top - bottom)
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
-        self.plotItem.vb.setRange(area, padding=0)
+        self.plotItem.vb.setRange(area.united(besides or area), padding=0)
 
     def zoom(self, scale: float) -> None:
         """See `scale` times as much, about the middle."""
+        self._by_hand = True
         self.plotItem.vb.scaleBy((scale, scale))
 
     def pan(self, right: int, up: int) -> None:
         """See what lies so many tenths of the view further on."""
+        self._by_hand = True
         (left, far_right), (low, high) = self.plotItem.vb.viewRange()
         self.plotItem.vb.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
@@ -120,6 +133,10 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         heading = bearing(self.shown.scene.standing.position, (at.x(), at.y()))
         apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
         return int(np.argmin(apart))
+
+    @Slot()
+    def _keep_range(self) -> None:
+        self._by_hand = True
 
     def leaveEvent(self, event: QEvent) -> None:
         """Nothing is pointed at any more."""

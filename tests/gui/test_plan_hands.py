@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPointF, QRectF, Qt
 from pytestqt.qtbot import QtBot
 
 from gui.main_window import MainWindow
 from sonarhw.log import read_log
 from tests.gui.conftest import OpenWith
-from tests.gui.driving import click, drag, pixel_at, predicted, until
+from tests.gui.driving import click, drag, pixel_at, place_of, predicted, until
 
 Point = tuple[float, float]
 
@@ -146,6 +146,7 @@ def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindo
 def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
+    window.plan.zoom(0.5)
     window.session.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
     x, y = window.plan._marks.place_of(27)
     assert window.plan.plotItem.vb.viewRange()[1][0] > y
@@ -263,3 +264,48 @@ def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open
     assert "open a room file" in window.plan_panel.said.text()
     key(qtbot, window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
     assert window.session.shown.scene.room is None
+
+
+def test_the_beam_points_where_the_chosen_reading_looked(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    for chosen in (27, 5):
+        window.session.choose(chosen)
+        (x, y), end = stands(window), window.plan.sensor.handle_at
+        apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
+        assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_reading_chosen_elsewhere_comes_into_sight_unless_a_hand_has_zoomed(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    plan = window.plan
+    drawn = {k: place_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
+    nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(stands(window), drawn[k]))
+    box = plan.plotItem.vb
+    for by_hand in (True, False):
+        window.session.choose(nearest)
+        box.setRange(QRectF(drawn[nearest][0] - 0.05, drawn[nearest][1] - 0.05, 0.1, 0.1), padding=0)
+        plan._by_hand = by_hand
+        window.session.choose(farthest)
+        assert box.viewRect().contains(QPointF(*drawn[farthest])) is not by_hand
+
+
+def test_what_is_written_at_bounces_covers_neither_another_nor_the_sensor(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    box = window.plan.plotItem.vb
+    sensor = box.mapViewToScene(QPointF(*stands(window)))
+    most = 0
+    for chosen in range(len(window.session.shown.readings)):
+        window.session.choose(chosen)
+        labels = [label for label in window.plan.path._labels if label.isVisible()]
+        stand = [label.mapRectToScene(label.boundingRect()).adjusted(1, 1, -1, -1) for label in labels]
+        most = max(most, len(stand))
+        assert not any(one.contains(sensor) for one in stand)
+        assert not any(one.intersects(other) for k, one in enumerate(stand) for other in stand[:k])
+    assert most > 1
