@@ -11,13 +11,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from compare.colours import MEASURED, PREDICTED
-from compare.locate import Located, Pose
+from compare.locate import NEAR, Located, Pose
 from compare.picture import draw_room
 from compare.points import points_at
 
 _DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as if it were that
 _MOST_POSES = 5
+_MARGIN = 0.05  # of the axes, round what is drawn
 _ARROW = 0.09  # of the room's longer side
+_BESIDE = 14  # points, from a mark to the middle of its text
 
 
 def draw_located(located: Located) -> Figure:
@@ -27,17 +29,20 @@ def draw_located(located: Located) -> Figure:
     axes = figure.add_subplot()
     _shade(axes, figure, located)
     draw_room(axes, located.room)
-    for name, place in located.room.places.items():
-        axes.annotate(name, place.position, color="black", alpha=0.6, ha="center", va="center")
     best = located.poses[0]
     heard = [reading for reading in located.readings if reading.range is not None]
     headings = np.array([located.board.heading_at(reading.angle, best.heading) for reading in heard])
     ranges = np.array([float(reading.range or 0) + best.offset for reading in heard])
     axes.plot(*points_at(best.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
+    _draw_places(axes, located)
     for pose in located.poses[:_MOST_POSES]:
         _draw_pose(axes, pose, _ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
+    axes.plot([], [], "^", color=PREDICTED, ms=8, label="probable pose, turntable step 0 along the arrow")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{located.room.name}: where the scan was taken")
     axes.set_aspect("equal")
+    # the shading would end the axes at the walls
+    axes.use_sticky_edges = False
+    axes.margins(_MARGIN)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08))
     return figure
 
@@ -60,10 +65,23 @@ def _shade(axes: Axes, figure: Figure, located: Located) -> None:
     figure.colorbar(shown, ax=axes, shrink=0.7, label="natural logarithm of the probability, best position 0")
 
 
+def _draw_places(axes: Axes, located: Located) -> None:
+    """The room's places, each named behind the arrow of the pose that is found there."""
+    for name, place in located.room.places.items():
+        at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
+        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6)
+        _write_beside(axes, name, place.position, at[0].heading + math.pi if at else math.pi, "black")
+
+
+def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:
+    shift = (_BESIDE * math.cos(towards), _BESIDE * math.sin(towards))
+    axes.annotate(text, position, shift, textcoords="offset points", color=color, ha="center", va="center")
+
+
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
     x, y = pose.position
     tip = x + length * math.cos(pose.heading), y + length * math.sin(pose.heading)
     arrow = {"arrowstyle": "-|>", "color": PREDICTED, "lw": 2, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tip, (x, y), arrowprops=arrow)
     axes.plot(x, y, "^", color=PREDICTED, ms=8)
-    axes.annotate(f"{pose.probability:.0%}", (x, y), (6, -12), textcoords="offset points", color=PREDICTED)
+    _write_beside(axes, f"{pose.probability:.0%}", (x, y), pose.heading - math.pi / 2, PREDICTED)

@@ -9,6 +9,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from compare.colours import MEASURED, PREDICTED, WALL
 from compare.map.arcs import Arc, direction
@@ -23,12 +24,9 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     """A figure of two plans: certainty grid, arcs, walls and points; `room` is drawn dotted over both."""
     figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
-    titles = (
-        f"all {echoes} echoes taken for direct ones",
-        f"without {found.rejected} that came by several reflections",
-    )
-    for axes, layer, title in zip(figure.subplots(1, 2, sharex=True, sharey=True), _layers(found), titles, strict=True):
+    for axes, layer, title in zip(
+        figure.subplots(1, 2, sharex=True, sharey=True), (found.plain, found.direct), _titles(found), strict=True
+    ):
         _draw_layer(axes, layer)
         if room is not None:
             for x0, y0, x1, y1 in room.walls:
@@ -37,13 +35,24 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
         axes.plot(*stands.T, "^", color="black", ms=7, ls="none", label="sensor")
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    handles, _ = figure.axes[0].get_legend_handles_labels()
+    shades = [
+        Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
+        for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
+    ]
+    figure.legend(handles=[*handles, *shades], loc="outside lower center", ncols=9)
     return figure
 
 
-def _layers(found: RoomMap) -> tuple[Layer, Layer]:
-    return found.plain, found.direct
+def _titles(found: RoomMap) -> tuple[str, str]:
+    echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
+    if found.believed is None:
+        left = "the same: no walls were found to follow sound round"
+    elif found.rejected:
+        left = f"direct ones: {echoes - found.rejected}; by several reflections, left out: {found.rejected}"
+    else:
+        left = "the same: no echo came by several reflections"
+    return f"all echoes taken for direct ones: {echoes}", left
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
