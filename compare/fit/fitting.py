@@ -16,6 +16,7 @@ from compare.fit.parameters import OF_PLACE, Kind, Parameter
 from compare.fit.posterior import REGION, samples_of
 from compare.fit.refine import covariance_of, refined
 from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
+from compare.fit.ridges import unending
 from compare.fit.warnings import warnings_of
 from sim.board import Board
 from sim.mount import Unit
@@ -176,7 +177,7 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         score=best.score,
         samples=samples[:, :count],
     )
-    return replace(result, warnings=warnings_of(result))
+    return replace(result, warnings=warnings_of(result, unending(problem, best.values, covariance)))
 
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:

@@ -4,6 +4,7 @@ Takes a `FitResult`; hands on lines for a person.
 """
 
 import math
+from collections.abc import Sequence
 
 from compare.fit.parameters import Kind, Parameter
 from compare.fit.result import Estimate, FitResult
@@ -14,9 +15,12 @@ _AT_BOUND = 0.01  # of the range
 _MANY_STRAYS = 0.3  # for every metre
 
 
-def warnings_of(result: FitResult) -> tuple[str, ...]:
-    """One line for everything that the data do not tell."""
+def warnings_of(result: FitResult, unending: Sequence[Parameter] = ()) -> tuple[str, ...]:
+    """One line for everything that the data do not tell; `unending` are parameters whose deviations are too small."""
     lines = [*_several_answers(result)]
+    if unending:
+        names = ", ".join(parameter.name for parameter in unending)
+        lines.append(f"± cannot be trusted: {names} can change together by far more; hold one, or say what is known")
     for parameter in result.parameters:
         lines += _undetermined(parameter, result.estimates[parameter.name])
     names = list(result.estimates)

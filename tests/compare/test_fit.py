@@ -15,6 +15,7 @@ from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room, load_room
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import Reading
+from tests.sim.rooms_for_tests import polygon_room
 
 ARENA = load_room("rooms/arena.toml")
 BOARD = board_of(ARENA)
@@ -129,6 +130,24 @@ def test_what_is_only_known_together_is_told_so(readings: list[Reading]) -> None
     assert result.estimates["offset"].deviation > 0.001
     for name in ("ahead", "offset"):
         assert abs(result.estimates[name].value) < 4 * result.estimates[name].deviation
+
+
+def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None:
+    # a square room all of whose walls may move: moved with the sensor, they sound the same
+    room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
+    at = Place("", (0.7, 0.9))
+    scan = PlacedScan(synthetic_scan(room, at, BOARD, 7, 60), at)
+    options = replace(QUICKLY, global_search=False)
+    free = {
+        word: fit_scans([scan], room, BOARD, free_parameters((word,), [""], room, BOARD), options=options).warnings
+        for word in ("position", "walls")
+    }
+    assert not free["position"]
+    freed = free_parameters(("position", "walls"), [""], room, BOARD)
+    warnings = fit_scans([scan], room, BOARD, freed, options=options).warnings
+    (told,) = (warning for warning in warnings if "cannot be trusted" in warning)
+    assert {"x", "y"} <= set(told.replace(",", "").split())
+    assert not any("cannot be trusted" in warning for warning in free["walls"])
 
 
 @pytest.mark.parametrize("free", ["temperature", "speed"])
