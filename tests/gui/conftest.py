@@ -24,6 +24,7 @@ from sonarhw.board import Board
 from sonarhw.endpoint import Pace, serve
 from sonarhw.readings import ScanOrder
 from sonarhw.scanner import Scanner
+from tests.gui.driving import PATIENCE
 
 ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
 OpenFake = Callable[[Pace], ScannerOpener]
@@ -79,7 +80,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         wish = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
         window = open_window(WindowStart(**wish))
         windows.append(window)
-        with qtbot.waitActive(window):  # keys go to the active window only
+        with qtbot.waitActive(window, timeout=PATIENCE):  # keys go to the active window only
             window.show()
             window.activateWindow()
         return window

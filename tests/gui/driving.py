@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 from gui.main_window import MainWindow
 from gui.marks import ReadingMarks
 
-PATIENCE = 30_000  # ms
+PATIENCE = 60_000  # ms
 
 
 def until(qtbot: QtBot, condition: Callable[[], bool]) -> None:

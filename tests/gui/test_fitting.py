@@ -54,8 +54,9 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     assert abs(math.remainder(place.heading - scene.standing.heading, math.tau)) < math.radians(1)
     assert not panel.accept.isVisible()
     assert window.commands.undo.text() == "Undo finding where I stood"
+    until(qtbot, window.commands.undo.isEnabled)
     qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
-    assert window.session.shown.scene is before
+    until(qtbot, lambda: window.session.shown.scene is before)
 
 
 def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
