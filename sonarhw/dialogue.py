@@ -80,6 +80,8 @@ class Job:
         self.script = script
         self.since = 0.0
         self.moving = False  # the device homes, turns or scans for it
+        self.command: Command | None = None  # the newest home, turn or scan
+        self.fruitless = 0  # losses of the device in a row, without a reading in between
         self.stop_wanted = False
         self.done = False
         self.result: Any = None
@@ -305,13 +307,13 @@ class Dialogue:
     def _act(self, message: Message, job: Job | None) -> Script[Outcome]:
         """Home, turn or scan to its end, or until it is stopped or enough."""
         command = self._send(message)
+        if job:
+            job.command = command
         yield Wait(_settled(command))
         raise_if_refused(command, self.where)
         scan = job if isinstance(command.answer, Started) else None
         if job:
             job.moving = True
-        if scan and isinstance(command.answer, Started):
-            self._begin(scan, command.answer, command.answered_at)
         yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
         outcome = self._outcome(command)
         if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
@@ -340,11 +342,19 @@ class Dialogue:
         older = self.info is not None and self.info.minor < 1  # it makes all readings, those that have come too
         return job.stop_wanted or (older and job.progress.total > 0 and job.progress.complete)
 
-    def _begin(self, job: Job, started: Started, at: float) -> None:
+    def heed_start(self, job: Job) -> None:
+        """Book what the device makes of a scan command; to be called before its readings are taken.
+
+        The script may be too late for that: readings come in one piece with the answer, and so may a loss.
+        """
+        command = job.command
+        if command is None or not isinstance(command.answer, Started):
+            return
         if job.began is None:
-            job.began = self.clock.continued(round(at * 1e6))
+            job.began = self.clock.continued(round(command.answered_at * 1e6))
+        if not job.progress.received:
             # a replayed log plays what it holds, whatever was ordered
-            job.progress.total = started.first + started.readings
+            job.progress.total = command.answer.first + command.answer.readings
 
     def _outcome(self, command: Command) -> Outcome:
         finished = command.finished

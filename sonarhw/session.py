@@ -39,6 +39,7 @@ from sonarhw.recorder import Recorder
 PATIENCE = 5.0  # s for a first greeting
 GREET_AGAIN = 3.0  # s on a port that is still open
 RECONNECT = 30.0  # s in which a lost device may come back before who waits for it is told
+FRUITLESS = 10  # losses in a row without a reading in between; then who waits is told, though it always comes back
 PAUSES = (0.25, 0.5, 1.0, 2.0, 4.0)  # s before the port is opened again
 
 
@@ -251,8 +252,11 @@ class Session:
             self._recorder, self._recorder_failed = None, error
 
     def _collect(self) -> None:
+        if self._jobs:
+            self.dialogue.heed_start(self._jobs[0])
         for reading in self.dialogue.driver.readings() if self.dialogue.driver else ():
             if self._jobs and self._jobs[0].progress.take(reading.number):
+                self._jobs[0].fruitless = 0
                 self._pass_on(reading)
                 # nothing is handed on that could not be recorded
                 if self._recorder_failed is None and self._jobs[0].error is None:
@@ -356,6 +360,7 @@ class Session:
         if self._lost_at is None:
             self._lost_at, self._why = now, error
             self._earlier = self._earlier.more(losses=1)
+            self._complain_of_losses(error)
         if self._script:
             self._script.close()
         self._script = self._wait = self.dialogue.driver = None
@@ -377,6 +382,15 @@ class Session:
 
     def _deadline(self) -> float:
         return max(self._jobs[0].since, self._lost_at or 0.0) + self._reconnect
+
+    def _complain_of_losses(self, error: SonarError) -> None:
+        if not self._jobs:
+            return
+        job = self._jobs[0]
+        job.fruitless += 1
+        if job.fruitless >= FRUITLESS:
+            text = f"{error}; it was lost {FRUITLESS} times in a row and came back each time, but nothing came of it"
+            self._end(job, error=LinkLost(text))
 
     def _complain_of_loss(self, now: float) -> None:
         while self._jobs and self._lost_at is not None and now >= self._deadline():

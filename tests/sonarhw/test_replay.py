@@ -36,6 +36,7 @@ from sonarhw.messages import (
 from sonarhw.readings import Reading
 from sonarhw.replay import ReplayDevice
 from tests.sonarhw.example_logs import METADATA, assert_readings_close, example_reading, write_example
+from tests.sonarhw.joined import sound
 from tests.sonarhw.lost_and_found import World
 
 COUNT = 12
@@ -362,3 +363,29 @@ def test_a_log_of_a_device_that_counts_its_starts_is_no_device_that_starts_anew_
     scan = world.run(world.session.scanning(ORDER))
     assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
     assert world.session.statistics.losses == 0
+
+
+def test_a_loss_in_one_piece_with_the_start_of_a_shorter_scan_than_ordered_is_no_matter(log: Log) -> None:
+    assert log.info is not None
+    world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
+    held = b""
+    reset = encode_frame(Frame(Heartbeat.TYPE, 0, 2**40, Heartbeat(State.SCANNING, 0, 2, 0, boot=99).pack()))
+
+    def cable(data: bytes) -> bytes:
+        nonlocal held
+        held += data
+        types = [frame.type for frame in FrameDecoder().feed(held) if isinstance(frame, Frame)]
+        if Started.TYPE in types and types.count(ReadingMessage.TYPE) < 2:
+            return b""
+        data, held = held, b""
+        if Started.TYPE not in types:
+            return data
+        world.up = sound
+        return data + reset
+
+    world.up = cable
+    scan = world.scan(replace(ORDER, headings=2 * COUNT))
+    world.until(lambda: scan.done)
+    assert scan.error is None
+    assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
+    assert world.session.statistics.losses == 1

@@ -202,6 +202,18 @@ def test_a_device_that_does_not_come_back_is_told_of_after_the_agreed_time() -> 
     assert world.now - pulled == pytest.approx(10.0, abs=0.5)
 
 
+def test_a_device_that_comes_back_each_time_and_gets_nothing_done_is_told_of() -> None:
+    world = World(reconnect=math.inf).meet()
+    scan = world.scan(ORDER)
+    while not scan.done:
+        world.until(lambda: scan.done or world.session.state is Connection.STREAMING)
+        world.reset()
+        world.until(lambda: scan.done or world.session.state is not Connection.STREAMING)
+    assert not scan.readings
+    assert isinstance(scan.error, LinkLost)
+    assert "has started anew; it was lost 10 times in a row" in str(scan.error)
+
+
 def test_pauses_between_tries_grow() -> None:
     world = World(reconnect=60.0).meet()
     tries: list[float] = []
