@@ -13,11 +13,12 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing.connection import Connection, wait
+from multiprocessing import resource_tracker
 from typing import Any
 
 from compare.study.parts import Part, make_part
 from compare.study.spec import Study
+from compare.worker_process import begin_worker
 from sonarhw.errors import InputError, WorkersLost
 
 _ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -42,7 +43,8 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
     context = multiprocessing.get_context("spawn")
     listener, teller = context.Pipe(duplex=False)
     with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(listener,))
+        with _interrupts_held():
+            pool = ProcessPoolExecutor(workers, context, initializer=begin_worker, initargs=(listener,))
         try:
             with _interrupts_held():
                 waiting = [pool.submit(make_part, study, number) for number in others]
@@ -57,31 +59,28 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
             listener.close()
 
 
-def _begin(listener: Connection) -> None:
-    """A worker leaves Ctrl-C to the process that began it, and ends when that says so or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(listener,), daemon=True).start()
-
-
-def _end_with(listener: Connection) -> None:
-    # nothing is ever sent: it is ready when the other end is closed
-    wait([listener])
-    os._exit(1)
-
-
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back: processes begun meanwhile hold it from their first moment, while they import, too."""
-    # Windows has no masks
-    if not hasattr(signal, "pthread_sigmask"):
+    """Hold Ctrl-C back until the end; processes begun meanwhile hold it from their first moment, while they import."""
+    handler = signal.getsignal(signal.SIGINT)
+    # Windows has no masks; only the main thread may set a handler, and none that C code has set can be put back
+    main = threading.current_thread() is threading.main_thread()
+    if not hasattr(signal, "pthread_sigmask") or not main or handler is None:
         yield
         return
-    # not SIG_IGN, which they would take over as well: Ctrl-C pressed meanwhile would be lost here
+    # begun with the first process otherwise, which lets Ctrl-C through again
+    resource_tracker.ensure_running()
+    came: list[int] = []
+    # processes inherit the mask, but other threads here have none: what they take is noted
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
