@@ -16,6 +16,10 @@ from sonarhw.errors import InputError
 if TYPE_CHECKING:
     from compare.locate import Located, Pose
 
+_FITS = 0.5  # of the echoes explained: under that the scan is of another room
+_ANY_HEADING = math.radians(90)  # standard deviation beyond which nothing is known of a heading
+_RIVAL = 0.25  # of the first answer's probability: what has less is told apart
+
 
 def locate(
     log_file: LogFile,
@@ -92,10 +96,12 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
         "place": best if best is not None and places[best] > 0 else None,
         "places": {name: round(share, 6) for name, share in places.items()},
         "readings_alike": round(located.readings_alike, 3),
+        "explained": round(located.explained, 6),
+        "fits_room": located.explained >= _FITS,
     }
 
 
-def _figures_of(pose: "Pose") -> dict[str, float]:
+def _figures_of(pose: "Pose") -> dict[str, float | None]:
     dx, dy, turn = pose.deviations
     return {
         "x_m": round(pose.position[0], 6),
@@ -105,7 +111,7 @@ def _figures_of(pose: "Pose") -> dict[str, float]:
         "probability": round(pose.probability, 6),
         "x_deviation_m": round(dx, 6),
         "y_deviation_m": round(dy, 6),
-        "heading_deviation_deg": round(math.degrees(turn), 6),
+        "heading_deviation_deg": round(math.degrees(turn), 6) if turn <= _ANY_HEADING else None,
     }
 
 
@@ -113,15 +119,25 @@ def _signed(millimetres: int) -> str:
     return f"{millimetres:+d}" if millimetres else "0"
 
 
+def _heading(heading: float, deviation: float | None) -> str:
+    if deviation is None:
+        return "a heading that the scan does not tell"
+    return f"{round(heading, 1) % 360:.1f}° (± {deviation:.1f}°)"
+
+
 def _tell(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
         typer.echo(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
             f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
-            f"{round(pose['heading_deg'], 1) % 360:.1f}° (± {pose['heading_deviation_deg']:.1f}°), "
+            f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm"
         )
-    if len(figures["poses"]) > 1 and figures["poses"][0]["probability"] < 0.95:
+    typer.echo(f"{figures['explained']:.0%} of the echoes lie within 5 cm of the room's, at the first of these")
+    if not figures["fits_room"]:
+        typer.echo("warning: this scan does not fit this room; the room, the board or the scan is another")
+    probabilities = [pose["probability"] for pose in figures["poses"]]
+    if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
         typer.echo("the scan does not tell these apart: the room looks much the same from there")
     if figures["place"] is not None:
         shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)

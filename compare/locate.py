@@ -10,7 +10,7 @@ are those of readings that err independently, so their logarithm is divided by h
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -23,9 +23,10 @@ from compare.fit.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, re
 from compare.fit.result import FitOptions, PlacedScan
 from compare.fit.search import QUICK, Scores, maxima, score_positions
 from compare.free_space import find_free_space
+from compare.match import TOLERANCE
 from compare.regions import mean_run
 from sim.board import Board
-from sim.prediction import PredictionOptions
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room
 from sonarhw.readings import FloatArray, Reading
 
@@ -61,6 +62,7 @@ class Located:
     poses: tuple[Pose, ...]  # the most probable first; together 1 but for what is not worth telling
     scores: Scores  # rough log-likelihoods of the lattice
     readings_alike: float  # how many readings there are to one that says something new
+    explained: float  # share of the echoes that the room's lie within 5 cm of, at the most probable pose
 
     @property
     def lattice(self) -> FloatArray:
@@ -116,7 +118,18 @@ def locate(
     tops = _tops(problem, starts, alike, lambda share: tick(0.5 + 0.5 * share))
     poses = _weighed(_different(tops), alike)
     tick(1.0)
-    return Located(room, board, tuple(readings), poses, scores, alike)
+    explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
+    return Located(room, board, tuple(readings), poses, scores, alike, explained)
+
+
+def _explained(
+    readings: Sequence[Reading], room: Room, board: Board, pose: Pose, place: Place, options: FitOptions
+) -> float:
+    heard = [reading for reading in readings if reading.range is not None]
+    headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in heard])
+    measured = np.array([reading.range for reading in heard], dtype=np.float64) + pose.offset
+    predicted = predict_scan(room, place, board, headings, options.prediction).ranges
+    return float((np.abs(measured - predicted) <= TOLERANCE).mean())
 
 
 def _headings_and_ranges(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:

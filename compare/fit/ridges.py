@@ -1,9 +1,9 @@
 """Whether numbers that change together may change by more than their deviations say: the ensemble, begun round the top,
 follows a long and narrow ridge too slowly to come to its end.
 
-Takes a `Problem`, its top and the covariance that was found; hands on the parameters whose deviations are too small. One
-number is held several deviations from the top and the others are climbed with: a normal distribution loses
-half the square of that, and along a ridge that goes on nothing is lost.
+Takes a `Problem`, its top and the covariance that was found; hands on the parameters whose deviations are too small.
+One number is held several deviations from the top and the others are climbed with: a normal distribution loses half
+the square of that, and along a ridge that goes on nothing is lost.
 """
 
 import numpy as np

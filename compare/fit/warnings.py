@@ -19,8 +19,8 @@ def warnings_of(result: FitResult, unending: Sequence[Parameter] = ()) -> tuple[
     """One line for everything that the data do not tell; `unending` are parameters whose deviations are too small."""
     lines = [*_several_answers(result)]
     if unending:
-        names = ", ".join(parameter.name for parameter in unending)
-        lines.append(f"± cannot be trusted: {names} can change together by far more; hold one, or say what is known")
+        several = ", ".join(parameter.name for parameter in unending)
+        lines.append(f"± cannot be trusted: {several} can change together by far more; hold one, or say what is known")
     for parameter in result.parameters:
         lines += _undetermined(parameter, result.estimates[parameter.name])
     names = list(result.estimates)

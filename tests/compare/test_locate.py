@@ -10,7 +10,8 @@ import pytest
 from benchmarks.real_places import locate_scan, true_place
 from benchmarks.real_scans import DEFAULT_FOLDER, load_scans
 from cli.app import run
-from compare.locate import locate
+from cli.locate import _figures_of
+from compare.locate import Pose, locate
 from sim.board import load_board
 from sim.prediction import predict_scan
 from sim.room import Place, Room, load_room
@@ -85,9 +86,29 @@ def test_locate_tells_poses_as_json_and_draws_them(tmp_path: Path, capsys: pytes
     assert run(["locate", str(log), "--out", str(picture), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["place"] == "p3"
+    assert told["fits_room"]
+    assert told["explained"] > 0.95
     best = told["poses"][0]
     assert math.dist((best["x_m"], best["y_m"]), (1.38, 0.54)) < 0.02
     assert sum(pose["probability"] for pose in told["poses"]) == pytest.approx(1, abs=0.02)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert run(["locate", str(log), "--out", str(picture)]) == 2
     assert "--force" in capsys.readouterr().err
+
+
+def test_a_scan_of_another_room_is_not_told_as_if_it_were_of_this_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "scan.mcap"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--out", str(log)]) == 0
+    assert run(["locate", str(log), "--room", "rooms/simple.toml"]) == 0
+    told = capsys.readouterr().out
+    assert "this scan does not fit this room" in told
+    assert run(["locate", str(log)]) == 0
+    assert "does not fit" not in capsys.readouterr().out
+
+
+def test_a_heading_that_a_scan_does_not_tell_has_no_deviation() -> None:
+    figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))))
+    assert figures["heading_deviation_deg"] is None
+    assert json.loads(json.dumps(figures))["heading_deg"] == pytest.approx(math.degrees(0.5), abs=1e-5)
