@@ -40,7 +40,7 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
     """
     from sonarhw.scanner import Scanner
 
-    with resolve(url) as find, Scanner.open(find(), reconnect=reconnect, find=find) as scanner:
+    with resolve(url) as find, Scanner.open(url, reconnect=reconnect, find=find) as scanner:
         yield scanner
 
 

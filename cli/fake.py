@@ -36,11 +36,14 @@ def fake(
     """
     from sim.board import load_board
     from sim.room import load_room
+    from sonarhw.doors import host_and_port
     from sonarhw.endpoint import Endpoint, open_door
     from sonarhw.faults import read_faults
 
     if pty is not None and tcp is not None:
         raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+    if tcp is not None:
+        host_and_port(tcp)
     load_board(board)
     load_room(room_file).place(place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)

@@ -49,7 +49,7 @@ class TcpDoor:
 
     def __init__(self, address: str) -> None:
         """Listen on HOST:PORT; port 0 picks one. Raises InputError for a bad address, LinkError where taken."""
-        host, port = _host_and_port(address)
+        host, port = host_and_port(address)
         try:
             # looked up by itself: create_server tells a name that is none as if the system had refused
             socket.getaddrinfo(host, port, socket.AF_INET)
@@ -214,7 +214,8 @@ def open_door(pty: Path | None = None, tcp: str | None = None) -> Iterator[Door]
         door.close()
 
 
-def _host_and_port(address: str) -> tuple[str, int]:
+def host_and_port(address: str) -> tuple[str, int]:
+    """What HOST:PORT names; without a host this machine. Raises InputError."""
     host, colon, port = address.rpartition(":")
     if not colon or not port.isdecimal() or int(port) > 0xFFFF:
         raise InputError(f"{address}: expected HOST:PORT, such as 127.0.0.1:0 (port 0 picks one)")

@@ -186,6 +186,20 @@ def test_a_url_that_leads_nowhere_is_bad_input_in_one_line(
     assert told in said.err
 
 
+@pytest.mark.parametrize("address", ["foo", "127.0.0.1:99999"])
+def test_a_fake_looks_at_its_address_before_it_asks_for_a_place(
+    address: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fake", str(SIMPLE_ROOM.parent / "laboratory.toml"), "--tcp", address]) == 2
+    assert capsys.readouterr().err.startswith(f"sonarhw: {address}: expected HOST:PORT")
+
+
+def test_errors_of_a_scan_name_the_url_as_it_was_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=max&faults=protocol=2.0"
+    assert run(["scan", url, "--out", str(tmp_path / "scan.mcap")]) == 1
+    assert capsys.readouterr().err.startswith(f"sonarhw: {url}: ")
+
+
 def test_a_fake_that_is_to_listen_at_no_address_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fake", str(SIMPLE_ROOM), "--place", "figure9", "--tcp", "256.1.1.1:0"]) == 2
     told = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
