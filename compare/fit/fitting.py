@@ -18,6 +18,7 @@ from compare.fit.refine import covariance_of, refined
 from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from compare.fit.ridges import unending
 from compare.fit.warnings import warnings_of
+from compare.regions import mean_run
 from sim.board import Board
 from sim.mount import Unit
 from sim.room import Room
@@ -70,7 +71,7 @@ def fit_scans(
 
     found = _begin(problem, options, lambda share: tick(_SEARCH, share))
     answers = _answers(problem, found, lambda share: tick(_CLIMB, share))
-    best, objective = answers[0].values, problem.near(answers[0].values)
+    best, objective = answers[0].values, _tempered(problem.near(answers[0].values))
     samples = np.empty((0, problem.size))
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
@@ -178,6 +179,15 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         samples=samples[:, :count],
     )
     return replace(result, warnings=warnings_of(result, unending(problem, best.values, covariance)))
+
+
+def _tempered(objective: Objective) -> Objective:
+    """The objective by which to say how sure a fit is: neighbours that a board rounds alike err alike."""
+    problem = objective.problem
+    if not problem.rounding:
+        return objective
+    alike = tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
+    return replace(objective, problem=replace(problem, alike=alike))
 
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:

@@ -82,6 +82,7 @@ class Problem:
     prediction: PredictionOptions
     told_speed: float | None  # m/s, that echo times were made ranges with; None where the air is not free
     rounding: float  # m, of the board
+    alike: tuple[float, ...] = ()  # of each scan, how many readings there are to one that says something new; empty: 1
 
     @property
     def size(self) -> int:
@@ -146,7 +147,8 @@ class Objective:
         prior = self._log_prior(values)
         if prior == -math.inf:
             return prior
-        total = sum(float(self.by_reading(values, k).sum()) for k in range(len(self.paths)))
+        alike = self.problem.alike or (1.0,) * len(self.paths)
+        total = sum(float(self.by_reading(values, k).sum()) / alike[k] for k in range(len(self.paths)))
         return prior + total if math.isfinite(total) else -math.inf
 
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:

@@ -150,6 +150,25 @@ def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None
     assert not any("cannot be trusted" in warning for warning in free["walls"])
 
 
+def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are() -> None:
+    lego = load_board("lego-nxt")
+    speed = ARENA.air.speed_of_sound
+
+    def deviation(count: int) -> float:
+        angles = np.arange(count) * math.tau / count
+        ranges = predict_scan(ARENA, TRUTH, lego, angles + TRUTH.heading).ranges
+        scan = [
+            Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(told) else (2 * told / speed,), speed)
+            for k, (angle, told) in enumerate(zip(angles, ranges, strict=True))
+        ]
+        free = free_parameters(("position",), [""], ARENA, lego)
+        options = FitOptions(samples=0, global_search=False)
+        return fit_scans([PlacedScan(scan, TRUTH)], ARENA, lego, free, options=options).estimates["x"].deviation
+
+    # independent errors would be halved
+    assert deviation(288) > 0.7 * deviation(72)
+
+
 @pytest.mark.parametrize("free", ["temperature", "speed"])
 def test_warm_air_is_told_from_echo_times(free: str) -> None:
     warm = replace(ARENA, air=replace(ARENA.air, temperature_c=27.0))
