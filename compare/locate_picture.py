@@ -19,7 +19,7 @@ _DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as i
 _MOST_POSES = 5
 _MARGIN = 0.05  # of the axes, round what is drawn
 _ARROW = 0.09  # of the room's longer side
-_BESIDE = 14  # points, from a mark to the middle of its text
+_BESIDE, _ABOVE = 8, 14  # points, from a mark to the end of its text, and to the middle of a line over or under it
 
 
 def draw_located(located: Located) -> Figure:
@@ -74,8 +74,10 @@ def _draw_places(axes: Axes, located: Located) -> None:
 
 
 def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:
-    shift = (_BESIDE * math.cos(towards), _BESIDE * math.sin(towards))
-    axes.annotate(text, position, shift, textcoords="offset points", color=color, ha="center", va="center")
+    right, up = math.cos(towards), math.sin(towards)
+    side = "center" if abs(right) < 0.5 else "left" if right > 0 else "right"
+    shift = (_BESIDE * right, _ABOVE * up)
+    axes.annotate(text, position, shift, textcoords="offset points", color=color, ha=side, va="center")
 
 
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
