@@ -97,11 +97,13 @@ class Room:
         return self.enclosures.shut_out(np.array(position), self.walls)
 
     def is_far_from(self, position: tuple[float, float]) -> bool:
-        """Whether a point (m) lies further beyond the walls' extent than that is long: outside even an open room."""
-        ends = self.walls.reshape(-1, 2)
+        """Whether a point (m) lies further beyond walls and posts than these reach: outside even an open room."""
+        ends = np.vstack((self.walls.reshape(-1, 2), self.posts[:, :2]))
         lowest, highest = ends.min(axis=0), ends.max(axis=0)
         beyond = np.maximum(lowest - position, position - highest)
-        return bool(beyond.max() > (highest - lowest).max())
+        reach = float((highest - lowest).max())
+        # one post alone reaches nowhere
+        return reach > 0 and bool(beyond.max() > reach)
 
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
