@@ -93,7 +93,7 @@ def test_wrong_room_is_refused_with_key_and_reason(old: str, new: str, said: str
             'height = 2.5\nmaterial = "tin"',
             "material 'tin' of 'ceiling' is not defined",
         ),
-        ("[floor]\nheight = 0.0", "[floor]\nlevel = 0.0", "floor.height: missing"),
+        ("[floor]\nheight = 0.0", "[floor]\nlevel = 0.0", "floor.level: unknown key"),
         ('name = "p"', 'name = "floor"', "two surfaces are named 'floor'"),
         ("position = [0.2, 0.3]", "position = [5.1, 5.1]", "place 'here' lies inside post 'p'"),
     ],
