@@ -97,13 +97,12 @@ class Room:
         return self.enclosures.shut_out(np.array(position), self.walls)
 
     def is_far_from(self, position: tuple[float, float]) -> bool:
-        """Whether a point (m) lies further beyond walls and posts than these reach: outside even an open room."""
+        """Whether a point (m) lies beyond walls and posts by more than 5 m and than they reach: outside any room."""
         ends = np.vstack((self.walls.reshape(-1, 2), self.posts[:, :2]))
         lowest, highest = ends.min(axis=0), ends.max(axis=0)
         beyond = np.maximum(lowest - position, position - highest)
-        reach = float((highest - lowest).max())
-        # one post alone reaches nowhere
-        return reach > 0 and bool(beyond.max() > reach)
+        # a plate or a post alone is small, and heard from further than it is long
+        return bool(beyond.max() > max(5.0, float((highest - lowest).max())))
 
     def place(self, wanted: str | None) -> Place:
         """The place of that name, or at `X,Y`; where None is wanted, the only one.
