@@ -3,7 +3,7 @@
 Takes the window and its panels; hands on the docks.
 """
 
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QSize, Qt, Slot
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QWidget
 
@@ -25,20 +25,37 @@ class _Upright(QScrollArea):
         return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
+class _Dock(QDockWidget):
+    """A dock that its command opens, brings to the front where another one hides it, and closes."""
+
+    def __init__(self, name: str, key: str, window: QMainWindow) -> None:
+        super().__init__(name, window)
+        self.setObjectName(name)  # by which the layout is remembered
+        self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
+        self.opener.setToolTip(f"Open or close this panel ({key})")
+        self.opener.triggered.connect(self._open_or_close)
+        self.visibilityChanged.connect(self.opener.setChecked)
+
+    @Slot(bool)
+    def _open_or_close(self, wanted: bool) -> None:
+        if wanted:
+            self.show()
+            self.raise_()
+        else:
+            self.close()
+
+
 class Docks:
     """The docks of one window, closed at first, behind one another."""
 
     def __init__(self, window: QMainWindow) -> None:
         self._window = window
-        self._docks: list[QDockWidget] = []
+        self._docks: list[_Dock] = []
 
     def add(self, name: str, key: str, panel: QWidget) -> QDockWidget:
         """A dock for `panel`; `key` opens and closes it."""
-        dock = QDockWidget(name, self._window)
-        dock.setObjectName(name)  # by which the layout is remembered
+        dock = _Dock(name, key, self._window)
         dock.setWidget(_Upright(panel))
-        dock.toggleViewAction().setShortcut(QKeySequence(key))
-        dock.toggleViewAction().setToolTip(f"Open or close this panel ({key})")
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
         if self._docks:
             self._window.tabifyDockWidget(self._docks[-1], dock)
@@ -55,4 +72,4 @@ class Docks:
     @property
     def actions(self) -> list[QAction]:
         """What opens and closes them."""
-        return [dock.toggleViewAction() for dock in self._docks]
+        return [dock.opener for dock in self._docks]

@@ -3,13 +3,15 @@
 Takes the menu bar; opens at most one page.
 """
 
-from PySide6.QtCore import QObject, Slot
+from PySide6.QtCore import QObject, QSize, Slot
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QMainWindow, QMenu
 
 from gui.commands import Commands
 from gui.help_page import HelpPage
 from gui.session import Session
+
+_FRAME = QSize(16, 48)  # pixels that the frame of a dialog may take
 
 
 class HelpCommands(QObject):
@@ -29,7 +31,8 @@ class HelpCommands(QObject):
             return
         menus = (entry.menu() for entry in self._window.menuBar().actions())
         groups = {menu.title().replace("&", ""): _with_keys(menu) for menu in menus if isinstance(menu, QMenu)}
-        self.page = HelpPage(groups, self._session.shown.look, self._window)
+        room = self._window.screen().availableSize() - _FRAME
+        self.page = HelpPage(groups, self._session.shown.look, self._window, room)
         self.page.destroyed.connect(self._forget)
         self.page.show()
 

@@ -6,9 +6,9 @@ Takes groups of commands; shows their names and keys. Not modal: it can stay ope
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from gui.look import Look
 
@@ -24,32 +24,56 @@ _ABOUT = (
 class HelpPage(QDialog):
     """One page."""
 
-    def __init__(self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget) -> None:
+    def __init__(
+        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, most: QSize
+    ) -> None:
+        """No larger than `most`: what does not fit is scrolled to."""
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("sonarhw — help")
-        about = QLabel(_ABOUT)
-        about.setWordWrap(True)
-        self.keys = QGridLayout()
-        self.keys.setHorizontalSpacing(28)
-        for column, part in enumerate(_shared_out(groups)):
-            label = QLabel("".join(_table(name, actions, look) for name, actions in part))
-            label.setAlignment(Qt.AlignmentFlag.AlignTop)
-            self.keys.addWidget(label, 0, column)
+        self.area = QScrollArea(widgetResizable=True)
+        self.area.setFrameShape(QScrollArea.Shape.NoFrame)
+        bar = self.area.verticalScrollBar().sizeHint().width()
+        for columns in range(_COLUMNS, 0, -1):
+            page = _page(_shared_out(groups, columns), look)
+            if page.minimumSizeHint().width() + bar <= most.width():
+                break
+        self.area.setWidget(page)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(18, 14, 18, 14)
-        layout.addWidget(about)
-        layout.addLayout(self.keys)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.area)
+        width = page.minimumSizeHint().width()
+        whole = QSize(width, page.heightForWidth(width))
+        self.resize((whole + QSize(bar, 0)).boundedTo(most))
 
 
-def _shared_out(groups: Mapping[str, Sequence[QAction]]) -> list[list[tuple[str, Sequence[QAction]]]]:
+def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QWidget:
+    page = QWidget()
+    about = QLabel(_ABOUT)
+    about.setWordWrap(True)
+    keys = QGridLayout()
+    keys.setHorizontalSpacing(28)
+    for column, part in enumerate(columns):
+        label = QLabel("".join(_table(name, actions, look) for name, actions in part))
+        label.setAlignment(Qt.AlignmentFlag.AlignTop)
+        keys.addWidget(label, 0, column)
+    layout = QVBoxLayout(page)
+    layout.setContentsMargins(18, 14, 18, 14)
+    layout.addWidget(about)
+    layout.addLayout(keys)
+    return page
+
+
+def _shared_out(
+    groups: Mapping[str, Sequence[QAction]], most_columns: int
+) -> list[list[tuple[str, Sequence[QAction]]]]:
     """The groups in columns of about one height, in their order."""
     heights = {name: len(actions) + 2 for name, actions in groups.items()}
-    most = sum(heights.values()) / _COLUMNS
+    most = sum(heights.values()) / most_columns
     columns: list[list[tuple[str, Sequence[QAction]]]] = [[]]
     height = 0.0
     for name, actions in groups.items():
-        if columns[-1] and height + heights[name] / 2 > most and len(columns) < _COLUMNS:
+        if columns[-1] and height + heights[name] / 2 > most and len(columns) < most_columns:
             columns.append([])
             height = 0.0
         columns[-1].append((name, actions))

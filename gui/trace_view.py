@@ -18,6 +18,7 @@ from gui.look import Look
 from gui.marks import WHOLE
 from gui.plot_look import dress_plot, label_axis
 from gui.reach import first_look
+from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from gui.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from gui.trace_cursors import TraceCursors
@@ -26,7 +27,6 @@ from gui.view_actions import add_buttons, view_action
 from sim.air import Air
 
 _LOWEST = 120  # pixels of the plot at the usual size of text: its axes keep room for their names
-_NO_TRACE = 0.06  # s: what is shown of time before there is a trace
 _STEPS = 200  # of a cursor across the view
 
 
@@ -56,7 +56,6 @@ class TraceView(QWidget):
         self.plot.setViewportUpdateMode(WHOLE)
         self.plot.hideButtons()
         self.plot.setMouseEnabled(x=True, y=False)
-        self.plot.setXRange(0.0, _NO_TRACE, padding=0)
         for side in axes:
             self.plot.showAxis(side)
         self._predicted, self._measured = _curve_item(), _curve_item()
@@ -77,6 +76,9 @@ class TraceView(QWidget):
             self._dress(shown.look)
         if before is None or before.trace is not shown.trace or before.look != shown.look:
             self._draw(shown.trace)
+        if shown.trace is None and not self._duration:
+            self._look_as_far_as_the_board_hears(shown.scene)
+        self._name()
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
@@ -145,12 +147,17 @@ class TraceView(QWidget):
             _set_curve(item, curve, heights)
         self.marks.draw(trace, heights, self._look)
         self.names.draw(trace.echoes if trace else (), heights)
-        self.title.setText(_title(trace, rf))
-        self.title.setToolTip(self.title.text())
+        self._name()
         self._measured.setZValue(1 if rf else -1)
         if trace is not None:
             self._look_at(trace)
         self._read_cursors()
+
+    def _name(self) -> None:
+        shown = self._shown
+        due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
+        self.title.setText(_title(self._trace, self.rf.isChecked(), due))
+        self.title.setToolTip(self.title.text())
 
     @Slot()
     def fit(self) -> None:
@@ -167,6 +174,10 @@ class TraceView(QWidget):
         self.plot.setLimits(xMin=0.0, xMax=trace.duration)
         self.plot.setXRange(0.0, end, padding=0)
         self.cursors.fit(trace.duration, end)
+
+    def _look_as_far_as_the_board_hears(self, scene: Scene) -> None:
+        air = scene.room.air if scene.room else Air()
+        self.plot.setXRange(0.0, 2 * scene.board.max_range / air.speed_of_sound, padding=0)
 
     @Slot()
     def _draw_anew(self) -> None:
@@ -214,10 +225,17 @@ def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> 
         item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
 
 
-def _title(trace: ChosenTrace | None, rf: bool) -> str:
+def _degrees(heading: float) -> str:
+    return f"{math.degrees(heading) % 360:.1f}°"
+
+
+def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
+    """What the trace is of; `due`: the heading that all other views are about already."""
     if trace is None:
         return "Trace: no reading yet"
-    told = [f"<b>Trace at {math.degrees(trace.heading) % 360:.1f}°</b>"]
+    told = [f"<b>Trace at {_degrees(trace.heading)}</b>"]
+    if due is not None and _degrees(due) != _degrees(trace.heading):
+        told.append(f"{_degrees(due)} follows")
     if trace.measured is None:
         told.append("no trace recorded")
     elif rf and trace.measured.rf is None:

@@ -1,9 +1,12 @@
 """The help page: every command of the menus with its key, on one screen of 1280 × 800, open and closed with F1."""
 
-from PySide6.QtCore import Qt
+import pytest
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
+from gui.help_page import HelpPage
+from gui.look import Look
 from gui.main_window import MainWindow
 from tests.gui.conftest import OpenWith
 
@@ -22,6 +25,27 @@ def test_f1_shows_every_key_on_one_screen_and_puts_it_away(qtbot: QtBot, open_wi
         assert f"<b>{action.shortcut().toString()}" in told(window), action.text()
     page.close()
     assert window.help.page is None or not window.help.page.isVisible()
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
+    window = open_with()
+    window.session.set_look(Look(scale=scale))
+    every = window.commands.all
+    groups = {f"Group {k}": every[k : k + 8] for k in range(0, len(every), 8)}
+    page = HelpPage(groups, Look(scale=scale), None, QSize(1280, 760))
+    with qtbot.waitExposed(page):
+        page.show()
+    assert page.width() <= 1280
+    assert page.height() <= 760
+    assert page.area.horizontalScrollBar().maximum() == 0
+    assert scale > 1 or page.area.verticalScrollBar().maximum() == 0
+    page.area.verticalScrollBar().setValue(page.area.verticalScrollBar().maximum())
+    for label in page.findChildren(QLabel):
+        assert label.height() >= label.heightForWidth(label.width())
+        end = label.mapTo(page.area.viewport(), label.rect().bottomLeft())
+        assert page.area.viewport().rect().contains(end) or label.wordWrap()
+    page.close()
 
 
 def test_no_key_means_two_things(open_with: OpenWith) -> None:

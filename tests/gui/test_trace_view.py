@@ -153,3 +153,12 @@ def test_another_palette_and_no_trace_at_all_are_drawn_too(
     view.show_state(draw(shown))
     image = view.plot.grab().toImage()
     assert image.pixelColor(3, 3).name().upper() == draw(shown).look.palette.paper
+
+
+def test_before_the_first_reading_the_axes_reach_as_far_as_the_board_hears(qtbot: QtBot, scene: Scene) -> None:
+    view = TraceView()
+    qtbot.addWidget(view)
+    view.show_state(Shown(scene))
+    begin, end = view.plot.viewRange()[0]
+    assert begin == 0.0
+    assert end * scene.room.air.speed_of_sound / 2 == pytest.approx(scene.board.max_range)
