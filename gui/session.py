@@ -22,7 +22,7 @@ from gui.keeping import Keeping
 from gui.live_scan import ScannerOpener, ScanWish
 from gui.look import Look
 from gui.scanner_choice import ScannerChoice, ScannerWay, WayFinder
-from gui.scene import Scene
+from gui.scene import Scene, room_name
 from gui.shown import Cursor, Shown
 from gui.status import Status
 from gui.trace_forecast import TraceForecast
@@ -58,6 +58,7 @@ class Session(QObject):
         self.replay.changed.connect(self._follow_replay)
         self.replay.broken.connect(self.warned)
         self._before_replay: Scene | None = None
+        self._scanned_in = self._scanner_in = scene  # when the last scan began; where the scanner is known to be
         self._choice = Choice()
         self._forecast = Forecast()
         self._traces = TraceForecast()
@@ -82,6 +83,8 @@ class Session(QObject):
         """Scan with the scanner this session was given, and record."""
         if self.live.possible and not self.live.running:
             self._begin()
+            self._tell_moved()
+            self._scanned_in = self.shown.scene
             self._intake.scan(self.shown.scene)
 
     @Slot()
@@ -185,6 +188,7 @@ class Session(QObject):
         self.live.use(way.opener)
         if way.scene is not None:
             self.set_scene(way.scene)
+        self._scanner_in = self.shown.scene
         self.live.connect()
 
     @Slot(int)
@@ -289,13 +293,32 @@ class Session(QObject):
         if self.live.running:
             return  # asked for before the scan began; it would tear it from its room
         if isinstance(opened, RoomOpened):
+            self._tell_other_room(opened.scene)
             self.set_scene(opened.scene)
+            self._scanner_in = opened.scene
             return
         here = self.shown.scene
         if not self.replay.loaded:
             self._before_replay = here
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
         self.show_log(opened.log, opened.path.name, opened.path)
+
+    def _tell_other_room(self, opened: Scene) -> None:
+        log = self.recorded if self.replay.loaded else None
+        if isinstance(log, Log):
+            text, name = log.metadata.room_text, log.metadata.room_file
+        else:
+            room = self._scanned_in.room
+            text, name = room.text if room else "", self._scanned_in.room_file
+        if self._intake.all_readings and text and opened.room and text != opened.room.text:
+            taken = f"{name or 'another room'}{' as it was then' if name == opened.room_file else ''}"
+            self.warned.emit(f"these readings were taken in {taken}; they are now held against {opened.room_file}")
+
+    def _tell_moved(self) -> None:
+        was, now = self._scanner_in.standing, self.shown.scene.standing
+        if (was.position, was.heading) != (now.position, now.heading):
+            self.warned.emit("the scanner itself has not moved: readings are predicted from the place shown")
+            self._scanner_in = self.shown.scene  # said once
 
     def _take_heard(self) -> bool:
         fresh, told = self._intake.take(self._last_tick)
@@ -341,7 +364,7 @@ class Session(QObject):
         self.shown_changed.emit(self.shown)
 
     def _tell_status(self, now: float) -> None:
-        status = self._intake.status(now, self._forecast.searching)
+        status = self._intake.status(now, self._forecast.searching, room_name(self.shown.scene))
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)

@@ -12,6 +12,7 @@ from pytestqt.qtbot import QtBot
 from gui.live_scan import Phase
 from gui.palette import MARKS, Unclassed
 from gui.scene import Scene, scene_of_log
+from gui.scene_edit import standing_at
 from gui.status import Source
 from sim.truth import RoomEchoes
 from sonarhw.board import Board
@@ -202,3 +203,17 @@ def vanishing(board: Board) -> Iterator[tuple[str, Callable[[], None]]]:
             door.close()
 
         yield door.url, vanish
+
+
+def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    window = open_with(source=fake("max"))
+    session = window.session
+    session.scan()
+    until(qtbot, lambda: ended(window))
+    assert window.banner.message == ""
+    session.edit(standing_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    session.scan()
+    assert "the scanner itself has not moved" in window.banner.message
+    until(qtbot, lambda: ended(window))

@@ -47,6 +47,7 @@ def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
     until(qtbot, lambda: window.session.replay.loaded and not window.session.documents.busy)
     until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
     assert len(window.session.shown.readings) == ORDER.readings
+    assert f"taken in {ROOM.name}; they are now held against other.toml" in window.banner.message
 
 
 def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(

@@ -162,3 +162,10 @@ def test_before_the_first_reading_the_axes_reach_as_far_as_the_board_hears(qtbot
     begin, end = view.plot.viewRange()[0]
     assert begin == 0.0
     assert end * scene.room.air.speed_of_sound / 2 == pytest.approx(scene.board.max_range)
+
+
+def test_a_trace_that_is_behind_says_which_one_follows(view: TraceView, shown: Shown) -> None:
+    newest = replace(shown.readings[0], number=1, angle=shown.readings[0].angle + math.radians(5))
+    assert "follows" not in view.title.text()
+    view.show_state(replace(shown, readings=(*shown.readings, newest), chosen=1))
+    assert f"{math.degrees(shown.heading(0) + math.radians(5)) % 360:.1f}° follows" in view.title.text()
