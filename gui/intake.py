@@ -12,7 +12,7 @@ from gui.live_feed import LiveFeed
 from gui.live_scan import ScannerOpener, ScanWish
 from gui.rate import RateMeter
 from gui.replay import Replay
-from gui.scene import Scene
+from gui.scene import Scene, room_name
 from gui.status import Source, Status, lost_in
 from sonarhw.log import Log
 from sonarhw.readings import Reading
@@ -29,6 +29,7 @@ class Intake:
         self._log: Log | None = None
         self._log_path: Path | None = None
         self._played: tuple[Reading, ...] = ()
+        self._scanned_room = ""  # the one in which the last live scan began
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -61,6 +62,7 @@ class Intake:
         """Scan live; a log is put away."""
         self.begin()
         self.replay.unload()
+        self._scanned_room = room_name(scene)
         self.live.start(scene)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
@@ -81,8 +83,8 @@ class Intake:
         self._rate.add(fresh, now)
         return bool(fresh), told
 
-    def status(self, now: float, predicting: bool) -> Status:
-        """How things stand."""
+    def status(self, now: float, predicting: bool, room: str = "") -> Status:
+        """How things stand; `room` is the name of the room that is shown."""
         live, replaying = self.live.status, self.replay.loaded
         readings = self.readings
         warmth = readings[-1].temperature_c if replaying and readings else live.temperature_c
@@ -101,6 +103,7 @@ class Intake:
             link=self.live.link,
             trouble=self.live.trouble,
             angle=live.angle,
+            own_readings=bool(readings) and self.live.made_readings and room == self._scanned_room,
         )
 
     def _up_to_now(self) -> tuple[Reading, ...]:

@@ -22,6 +22,7 @@ class LiveFeed:
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
+        self._reads_its_own = False  # whether the readings came from the scanner that the way leads to
         self._seen = _IDLE  # of the errand, when its readings were taken last
         self._end_told = True
 
@@ -49,6 +50,11 @@ class LiveFeed:
         return self._device.link if self._device else None
 
     @property
+    def made_readings(self) -> bool:
+        """Whether the scanner that is connected made the readings."""
+        return self.link is not None and self._reads_its_own
+
+    @property
     def trouble(self) -> str:
         """What to tell of a scanner that is away; empty where all is well."""
         return trouble(self.link, self.phase)
@@ -61,6 +67,7 @@ class LiveFeed:
     def use(self, opener: ScannerOpener | None) -> None:
         """From now on go another way to a scanner, or none."""
         self.hang_up()
+        self._reads_its_own = False
         self._opener = opener
 
     def set_wish(self, wish: ScanWish) -> None:
@@ -109,6 +116,7 @@ class LiveFeed:
         status = self._seen = self._device.status  # before the readings, so that none comes after the end
         fresh = tuple(self._device.take())
         if fresh:
+            self._reads_its_own = True
             self.readings += tuple(map(with_packed_trace, fresh))
         if self._device.warnings:
             return len(fresh), self._device.warnings.popleft()

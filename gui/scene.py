@@ -45,6 +45,11 @@ class Scene:
         return f"{self.room.name} · place {self.standing.name}" if self.room else "no room"
 
 
+def room_name(scene: Scene) -> str:
+    """What its room is called, whatever was done to it; empty where there is none."""
+    return scene.room.name if scene.room else ""
+
+
 def first_place(room: Room) -> Place:
     """The place of that room to begin with: the first in its file. Raises InputError where it names none."""
     if not room.places:

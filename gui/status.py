@@ -20,6 +20,16 @@ class Source(StrEnum):
     REPLAY = "replay"
 
 
+class Standing(StrEnum):
+    """How it stands with what is shown, in the word of the badge."""
+
+    NONE = "no scan"
+    LIVE = "live"
+    AWAY = "away"
+    LOST = "lost"
+    REPLAY = "replay"
+
+
 @dataclass(frozen=True)
 class Status:
     """How things stand."""
@@ -38,6 +48,19 @@ class Status:
     link: LinkSeen | None = None  # the connection to a scanner
     trouble: str = ""  # what is being done about a scanner that is away
     angle: float | None = None  # of the turntable, rad, as last told
+    own_readings: bool = False  # whether those shown come from the connected scanner, in the room that is shown
+
+    @property
+    def standing(self) -> Standing:
+        """What the badge says: live only while the scanner is there and at work, or its readings are shown."""
+        if self.source is Source.REPLAY:
+            return Standing.REPLAY
+        if self.trouble:
+            return Standing.AWAY
+        if self.link is None:
+            gone = Standing.LOST if self.phase is Phase.FAILED else Standing.AWAY
+            return gone if self.readings else Standing.NONE
+        return Standing.LIVE if self.scanning or self.own_readings else Standing.NONE
 
     @property
     def scanning(self) -> bool:

@@ -10,10 +10,10 @@ from PySide6.QtWidgets import QLabel, QStatusBar
 
 from gui.look import Look
 from gui.palette import LIGHT
-from gui.status import Source, Status
+from gui.status import Source, Standing, Status
 
 # badges carry their own ground, the same on every paper
-_COLOURS = {Source.NONE: LIGHT.idle, Source.LIVE: LIGHT.live, Source.REPLAY: LIGHT.replay}
+_COLOURS = {Standing.LIVE: LIGHT.live, Standing.REPLAY: LIGHT.replay}
 
 _A_WHILE = 10_000  # ms
 
@@ -53,15 +53,16 @@ class StatusBar(QStatusBar):
         self.doing.setText(doing(status))
         self.figures.setText(figures(status))
         self.badge.setText(badge(status))
+        ground = _COLOURS.get(status.standing, LIGHT.idle)
         self.badge.setStyleSheet(
-            f"color: white; background: {_COLOURS[status.source]}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+            f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
         )
 
 
 def badge(status: Status) -> str:
-    """Where the readings come from."""
-    running = status.source is Source.LIVE and status.scanning
-    return f"● {status.source}" if running else str(status.source)
+    """How it stands with what is shown."""
+    running = status.standing is Standing.LIVE and status.scanning
+    return f"● {status.standing}" if running else str(status.standing)
 
 
 def figures(status: Status) -> str:

@@ -16,7 +16,8 @@ from gui.device_words import order_of_sector, scan_summary
 from gui.live_status import Phase
 from gui.main_window import MainWindow
 from gui.scene import Scene
-from gui.status import Status
+from gui.status import Source, Status
+from gui.status_bar import badge
 from sim.truth import RoomEchoes
 from sonarhw.board import Board
 from sonarhw.endpoint import Pace, serve
@@ -241,16 +242,43 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     board.plug = None
     until(qtbot, lambda: "the scan goes on by itself" in window.banner.message)
     until(qtbot, lambda: window.status_bar.doing.text().startswith("waiting for the scanner"))
+    assert window.status_bar.badge.text() == "away"
     assert window.session.status.scanning
     assert window.commands.stop.isEnabled()
     board.plug = 0
     until(qtbot, lambda: window.banner.message == "")
+    until(qtbot, lambda: window.status_bar.badge.text() == "● live")
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.DONE
     assert sorted(reading.number for reading in window.session.shown.readings) == list(range(LONG.readings))
     assert window.session.status.link.statistics.losses == 1
     log = read_log(window.session.status.recording)
     assert len(log.readings) == LONG.readings
+
+
+def test_the_badge_is_live_only_beside_readings_of_the_connected_scanner_in_their_room(
+    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack, scene: Scene
+) -> None:
+    window = opened(open_with, board, during, "max", autostart=True)
+    seen = window.status_bar.badge
+    until(qtbot, lambda: idle(window, Phase.DONE))
+    until(qtbot, lambda: seen.text() == "live")
+    window.session.set_scene(replace(scene, room=replace(scene.room, name="elsewhere")))
+    assert seen.text() == "no scan"
+    window.session.set_scene(scene)
+    assert seen.text() == "live"
+    press(qtbot, window.device.hang_up_button)
+    until(qtbot, lambda: seen.text() == "away")
+    press(qtbot, window.device.connect_button)
+    until(qtbot, lambda: idle(window, Phase.READY))
+    until(qtbot, lambda: seen.text() == "live")
+    window.session.live.use(None)  # as another scanner is chosen
+    until(qtbot, lambda: seen.text() == "away")
+
+
+@pytest.mark.parametrize(("readings", "told"), [(12, "lost"), (0, "no scan")])
+def test_after_a_scan_that_failed_the_badge_is_not_live(readings: int, told: str) -> None:
+    assert badge(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == told
 
 
 def test_a_cable_pulled_while_nothing_runs_is_told_too(
