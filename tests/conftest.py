@@ -6,20 +6,11 @@ import pytest
 
 Count = Callable[[int, int], int]
 
-TOGETHER = ("contract", "firmware", "gui")
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`--soak` and `--url`."""
     parser.addoption("--soak", action="store_true", help="run the long tests in full: hours instead of minutes")
     parser.addoption("--url", help="hold the contract suite against the scanner at this URL, and no other")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Which tests stay together where several processes share them: files, and folders that share a screen or lines."""
-    for item in items:
-        together = item.path.parent.name if item.path.parent.name in TOGETHER else item.path.name
-        item.add_marker(pytest.mark.xdist_group(together))
 
 
 @pytest.fixture(scope="session")

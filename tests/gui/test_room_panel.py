@@ -193,9 +193,11 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     assert saved.place("0.764,0.085").position == (0.764, 0.085)
     assert window.session.shown.scene.room_file == "mine.toml"
     assert window.plan.plotItem.vb.viewRange() == seen
-    until(qtbot, window.commands.undo.isEnabled)
     for _ in range(2):
+        until(qtbot, window.commands.undo.isEnabled)
+        doing = window.commands.undo.text()
         qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+        until(qtbot, lambda doing=doing: window.commands.undo.text() != doing)
     assert window.session.shown.scene.room is before.scene.room
 
 
