@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.fit_table import figures, lines_of
-from cli.log_input import open_log, recorded_room
+from cli.log_input import open_log, recorded_place, recorded_room
 from cli.numbers import counted
 from cli.options import ReceiverChoice, ReceiverName, chosen_place, chosen_receiver
 from cli.progress import progress_of_share
@@ -163,8 +163,8 @@ def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "P
     """Where a log was recorded. Raises InputError where that is not known, though some of it is held fixed."""
     from sim.room import Place
 
-    recorded = log.metadata.place
-    if recorded in room.places or "," in recorded:
+    recorded = recorded_place(log.metadata, room)
+    if recorded is not None:
         return chosen_place(room, recorded)
     held = [name for name in ("x", "y") if name not in free]
     if not held:

@@ -48,6 +48,5 @@ def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
 
 
 def recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
-    """The place a log was recorded at, where this room knows it and --place says nothing."""
-    named = metadata.place in room.places or ("," in metadata.place and not room.places)
-    return metadata.place if named else None
+    """The place a log was recorded at, by a name that this room knows or as X,Y; None where it says neither."""
+    return metadata.place if metadata.place in room.places or "," in metadata.place else None

@@ -44,3 +44,15 @@ def test_explain_without_json_is_refused(log: str, capsys: pytest.CaptureFixture
     capsys.readouterr()
     assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--explain"]) == 2
     assert capsys.readouterr().err.startswith("sonarhw: --explain: goes with --json")
+
+
+def test_a_scan_from_coordinates_is_held_against_the_prediction_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scan, page = str(tmp_path / "scan.mcap"), tmp_path / "scan.html"
+    assert run(["simulate", ROOM, "--place", "0.5,0.4", "--step", "30", "--out", scan]) == 0
+    capsys.readouterr()
+    assert run(["compare", scan, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["classes"]["match"] == 12
+    assert run(["report", scan, "--out", str(page)]) == 0
+    assert "0.5,0.4" in page.read_text()
