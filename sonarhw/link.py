@@ -200,6 +200,8 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
         return LinkForbidden(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:
         return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are")
+    if code == errno.EISDIR or "Inappropriate ioctl" in text:
+        return LinkError(f"{url}: is no serial port; `sonarhw ports` lists those there are")
     if "Name or service not known" in text or "getaddrinfo" in text or "nodename nor servname" in text:
         return LinkError(f"{url}: there is no host of that name; check it")
     if "refused" in text:

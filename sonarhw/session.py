@@ -36,7 +36,7 @@ from sonarhw.messages import Configure, ConfigureTurntable, Message, Outcome, St
 from sonarhw.readings import Reading
 from sonarhw.recorder import Recorder
 
-PATIENCE = 5.0  # s for a first greeting
+PATIENCE = 10.0  # s for a first greeting: each speed of the line three times, or fewer where setting it takes its time
 GREET_AGAIN = 3.0  # s on a port that is still open
 RECONNECT = 30.0  # s in which a lost device may come back before who waits for it is told
 FRUITLESS = 10  # losses in a row without a reading in between; then who waits is told, though it always comes back

@@ -322,6 +322,14 @@ def test_a_closed_port_and_a_missing_file_are_named() -> None:
         Scanner.open("no/such/port")
 
 
+def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
+    file = tmp_path / "room.toml"
+    file.touch()
+    for no_port in (file, tmp_path):
+        with pytest.raises(LinkError, match="is no serial port"):
+            Scanner.open(str(no_port))
+
+
 def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
     with (
         serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,

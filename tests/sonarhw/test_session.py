@@ -3,6 +3,7 @@
 import itertools
 import math
 import random
+from collections import Counter
 
 import pytest
 
@@ -402,6 +403,20 @@ def test_nothing_is_said_to_what_may_be_a_bootloader_for_two_seconds() -> None:
             said_at.append(tenth / 10)
     assert said_at[0] == pytest.approx(2.0)
     assert said_at[1] == pytest.approx(2.5)
+
+
+def test_a_first_greeting_tries_each_speed_of_the_line_three_times_before_it_gives_up() -> None:
+    session = Session("the port", chance=random.Random(1))
+    session.connect(0.0)
+    session.opened(0.0, bauds=True)
+    spoken, now = [], 0.0
+    while session.failed is None:
+        if session.outgoing():
+            spoken.append(session.dialogue.baud)
+        now = session.next_event()
+        session.advance(now)
+    assert min(Counter(baud for baud, _ in itertools.groupby(spoken)).values()) >= 3
+    assert isinstance(session.failed, NoAnswer)
 
 
 def test_a_device_that_speaks_already_is_greeted_at_once() -> None:
