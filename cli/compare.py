@@ -1,6 +1,7 @@
 """`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
@@ -24,6 +25,7 @@ from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
     from compare.match import Comparison, Summary
+    from compare.regions import Region
 
 
 def compare(
@@ -129,9 +131,8 @@ def _tell(comparison: "Comparison") -> None:
 def _more_lines(comparison: "Comparison") -> list[str]:
     """What all echoes of readings with several, and the regions of constant depth, say."""
     from compare.assign import echo_statistics
-    from compare.region_match import compare_regions
 
-    lines, echoes, regions = [], echo_statistics(comparison), compare_regions(comparison)
+    lines, echoes = [], echo_statistics(comparison)
     if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
         lines.append(f"of all {echoes.echoes} echoes, later ones too, {echoes.explained:.1%} are a predicted one")
     if echoes.bias_m is not None and echoes.spread_m is not None:
@@ -139,11 +140,36 @@ def _more_lines(comparison: "Comparison") -> list[str]:
             f"echoes lie {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm from what they are taken for (median; "
             f"spread {echoes.spread_m * 1000:.1f} mm)"
         )
-    lines.append(
-        f"regions of constant depth: {len(regions.pairs)} in both, {len(regions.only_measured)} only measured, "
-        f"{len(regions.only_predicted)} only predicted"
-    )
-    return lines
+    return [*lines, *region_lines(comparison)]
+
+
+def region_lines(comparison: "Comparison") -> list[str]:
+    """How many regions of constant depth there are in both scans, and a line for each, counter-clockwise."""
+    from compare.explain import describe_path
+    from compare.region_match import compare_regions
+
+    def way(region: "Region") -> str:
+        path = int(comparison.prediction.winners[region.rows[len(region) // 2]])
+        return "" if path < 0 else f": {describe_path(comparison.prediction, path)}"
+
+    found = compare_regions(comparison)
+    told = [
+        (pair.measured, f"measured {_told(pair.measured)}, predicted {_told(pair.predicted)}{way(pair.predicted)}")
+        for pair in found.pairs + found.parts
+    ]
+    told += [(region, f"measured {_told(region)}, not predicted") for region in found.only_measured]
+    told += [(region, f"predicted {_told(region)}, not measured{way(region)}") for region in found.only_predicted]
+    parts = f", {counted(len(found.parts), 'more part')} of these" if found.parts else ""
+    return [
+        f"regions of constant depth: {len(found.pairs)} in both{parts}, {len(found.only_measured)} only measured, "
+        f"{len(found.only_predicted)} only predicted",
+        *(f"  {line}" for _, line in sorted(told, key=lambda one: one[0].bearing)),
+    ]
+
+
+def _told(region: "Region") -> str:
+    bearing, width = round(math.degrees(region.bearing)) % 360, round(math.degrees(region.width))
+    return f"{region.range:.3f} m at {bearing}° over {width}°"
 
 
 def summary_lines(summary: "Summary") -> list[str]:

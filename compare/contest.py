@@ -10,10 +10,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compare.match import TOLERANCE
 from sim.paths import SLACK
 from sim.predicted_scan import Echo, PredictedScan
+from sonarhw.readings import FloatArray
+
+_SAME_LENGTH = 1e-6  # m: a way and the same way back
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,16 @@ class Contest:
     fainter: Step | None  # who would win were the threshold lower: earlier, but not heard
     lacking_db: float | None  # by how much lower for it
     next: Echo | None  # the first audible echo behind the winner
-    behind: float | None  # m, by how much; it would win if what makes it stood so much nearer
+    behind: float | None  # m, by how much
+
+
+@dataclass(frozen=True)
+class WallChange:
+    """The least move of one wall with which a later echo overtakes the winner."""
+
+    wall: str
+    nearer: float  # m, along its normal towards the sensor; below 0 farther
+    echo: Echo  # who wins then
 
 
 def contest(prediction: PredictedScan, index: int) -> Contest:
@@ -92,3 +105,35 @@ def _into(threshold: float, above: float, upto: float) -> float:
     if threshold > upto:
         return upto - threshold
     return max(0.0, above - threshold)
+
+
+def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
+    """The least move of one wall, corners staying corners, after which another echo wins at heading `index`.
+
+    To first order in the move, with levels as they are. Echoes that an edge bends, or that no wall parts from the
+    winner, are left out; None where nobody is left, or where the winner is silence or itself bent.
+    """
+    winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
+    if winner < 0 or paths.edges[winner] >= 0:
+        return None
+    straight = [echo for echo in prediction.echoes(index) if paths.edges[echo.path] < 0]
+    later = [echo for echo in straight if lengths[echo.path] - lengths[winner] > _SAME_LENGTH]
+    rows = np.array([winner, *(echo.path for echo in later)], dtype=np.intp)
+    growth = _growth(prediction, rows)
+    with np.errstate(divide="ignore"):
+        moves = (lengths[rows[1:]] - lengths[winner])[:, None] / (growth[:1] - growth[1:])
+    if not (np.abs(moves) < prediction.board.max_range).any():
+        return None
+    row, wall = np.unravel_index(np.abs(moves).argmin(), moves.shape)
+    return WallChange(prediction.room.names[wall], float(moves[row, wall]), later[row])
+
+
+def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
+    """By how much paths grow for every metre that a wall moves towards the sensor, (rows, walls)."""
+    from compare.fit.echo_paths import echo_paths  # what comes along takes half a second, at the start of the window
+    from compare.fit.walls import left_normals
+
+    room = prediction.room
+    by_wall = echo_paths(prediction.paths.select(rows), room, [], list(room.names[: len(room.walls)])).by_wall
+    away = np.array(prediction.place.position) - room.walls[:, :2]
+    return np.asarray(by_wall * np.where((left_normals(room.walls) * away).sum(axis=1) > 0, 1.0, -1.0))

@@ -9,10 +9,10 @@ from dataclasses import asdict
 from typing import Any
 
 from compare.assign import assigned_echoes, echo_statistics
-from compare.contest import Step, change_for, contest
+from compare.contest import Step, change_for, contest, wall_change
 from compare.explain import explain
 from compare.match import Comparison
-from compare.region_match import compare_regions
+from compare.region_match import RegionPair, compare_regions
 from compare.regions import Region
 from sim.predicted_scan import Echo, PredictedScan
 
@@ -31,7 +31,7 @@ def details(comparison: Comparison) -> Details:
 def reading_details(comparison: Comparison, index: int) -> Details:
     """One reading: what was measured and predicted, which echo is which, who won by how much, and who would have."""
     row, prediction = comparison.rows[index], comparison.prediction
-    found = contest(prediction, row.index)
+    found, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     return {
         "turntable_deg": _degrees(row.reading.angle),
         "heading_deg": _degrees(row.heading) % 360,
@@ -51,6 +51,9 @@ def reading_details(comparison: Comparison, index: int) -> Details:
         "margin_db": found.margin_db,
         "next": _who(prediction, found.next),
         "next_behind_m": found.behind,
+        "wall_change": None
+        if moved is None
+        else {"wall": moved.wall, "nearer_m": moved.nearer, "to": _who(prediction, moved.echo)},
         "with_higher_threshold": _who(prediction, found.louder),
         "with_lower_threshold": _who(prediction, found.fainter),
         "lacking_db": found.lacking_db,
@@ -62,18 +65,20 @@ def region_details(comparison: Comparison) -> Details:
     """The regions of constant depth of both scans, the pairs first."""
     found = compare_regions(comparison)
     return {
-        "pairs": [
-            {
-                "measured": _region(pair.measured),
-                "predicted": _region(pair.predicted),
-                "farther_m": pair.farther,
-                "turned_deg": _degrees(pair.turned),
-                "wider_deg": _degrees(pair.wider),
-            }
-            for pair in found.pairs
-        ],
+        "pairs": [_pair(pair) for pair in found.pairs],
+        "parts": [_pair(pair) for pair in found.parts],
         "only_measured": [_region(region) for region in found.only_measured],
         "only_predicted": [_region(region) for region in found.only_predicted],
+    }
+
+
+def _pair(pair: RegionPair) -> Details:
+    return {
+        "measured": _region(pair.measured),
+        "predicted": _region(pair.predicted),
+        "farther_m": pair.farther,
+        "turned_deg": _degrees(pair.turned),
+        "wider_deg": _degrees(pair.wider),
     }
 
 

@@ -7,7 +7,7 @@ Takes a comparison and the index of a reading; hands on one line for a person.
 import math
 from collections.abc import Callable
 
-from compare.contest import Contest, change_for, contest
+from compare.contest import WallChange, change_for, contest, wall_change
 from compare.match import Comparison, Kind, Matched
 from sim.board import Receiver
 from sim.predicted_scan import PredictedScan
@@ -16,6 +16,7 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 _SLIGHT_DB = 6.0  # a change of the threshold worth telling: twice or half the amplitude
 _BARELY_DB = 1.0  # a margin worth telling
+_BARELY = 0.01  # m: a move of a wall worth telling
 
 
 LengthText = Callable[[float], str]  # a length, m, as people read it
@@ -47,7 +48,7 @@ def explain(comparison: Comparison, index: int, text: LengthText = in_metres) ->
         direction = "higher" if change > 0 else "lower"
         parts.append(f"a threshold {max(abs(change), 0.1):.1f} dB {direction} would make the model agree")
     elif row.kind in (Kind.MATCH, Kind.BOTH_SILENT) and _is_exact(prediction):
-        parts += _barely(contest(prediction, row.index), text)
+        parts += _barely(row, prediction, text)
     return "; ".join(parts)
 
 
@@ -64,15 +65,25 @@ def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
     return change if change is not None and 0 < abs(change) <= _SLIGHT_DB else None
 
 
-def _barely(found: Contest, text: LengthText) -> list[str]:
-    said = []
+def _barely(row: Matched, prediction: PredictedScan, text: LengthText) -> list[str]:
+    """What changes hardly worth the name would have made another win: of threshold, or of a wall where that is less."""
+    found, moved, said = contest(prediction, row.index), wall_change(prediction, row.index), []
+    least = math.inf if moved is None else abs(moved.nearer) / _BARELY
     if found.margin_db is not None and found.margin_db <= _BARELY_DB:
         then = "silence" if found.louder is None else text(found.louder.range)
         if found.winner is None or then != text(found.winner.range):  # another path of the same range is no news
-            said.append(f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}")
+            said.append((found.margin_db, f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}"))
     if found.fainter is not None and found.lacking_db is not None and found.lacking_db <= _BARELY_DB:
-        said.append(f"an echo at {text(found.fainter.range)} lacks only {found.lacking_db:.1f} dB")
-    return said
+        said.append((found.lacking_db, f"an echo at {text(found.fainter.range)} lacks only {found.lacking_db:.1f} dB"))
+    if moved is not None and least <= 1 and all(least < change / _BARELY_DB for change, _ in said):
+        return [_overtaken(moved, prediction, text)]
+    return [sentence for _, sentence in said]
+
+
+def _overtaken(moved: WallChange, prediction: PredictedScan, text: LengthText) -> str:
+    direction = "nearer" if moved.nearer > 0 else "farther"
+    way = describe_path(prediction, moved.echo.path)
+    return f"it would be {way}, were {moved.wall} {text(abs(moved.nearer))} {direction}"
 
 
 def describe_path(prediction: PredictedScan, path: int) -> str:

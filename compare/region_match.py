@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from compare.match import TOLERANCE, Comparison
 from compare.regions import Region, regions_of
+from sim.paths import Paths
 
 
 @dataclass(frozen=True)
@@ -42,27 +43,48 @@ class RegionMatch:
     """The regions of two scans."""
 
     pairs: tuple[RegionPair, ...]
+    parts: tuple[RegionPair, ...]  # one of the two lies in a region that is paired already: a mirror heard in pieces
     only_measured: tuple[Region, ...]
     only_predicted: tuple[Region, ...]
 
 
 def compare_regions(comparison: Comparison) -> RegionMatch:
-    """The regions of a measured scan and of its prediction, both at the headings of the readings."""
+    """The regions of a measured scan and of its prediction, both at the headings of the readings.
+
+    Each is of one mirror, so far as the model knows it: two walls that are as far are two regions.
+    """
     prediction = comparison.prediction
     ranges = np.array([math.nan if row.measured is None else row.measured for row in comparison.rows])
-    return match_regions(regions_of(prediction.headings, ranges), regions_of(prediction.headings, prediction.ranges))
+    measured = [_mirror(prediction.paths, row.path) for row in comparison.rows]
+    winners = [_mirror(prediction.paths, int(winner)) for winner in prediction.winners]
+    return match_regions(
+        regions_of(prediction.headings, ranges, mirrors=measured),
+        regions_of(prediction.headings, prediction.ranges, mirrors=winners),
+    )
+
+
+def _mirror(paths: Paths, path: int | None) -> tuple[int, ...] | None:
+    """What a path touched, either way round; None where there is none."""
+    if path is None or path < 0:
+        return None
+    return int(paths.edges[path]), *sorted(paths.surfaces[path].tolist())
 
 
 def match_regions(measured: Sequence[Region], predicted: Sequence[Region]) -> RegionMatch:
     """Which regions are one: within 5 cm in range and with headings in common, as many of those as can be."""
-    shared = np.array([[_shared(one, other) for other in predicted] for one in measured], dtype=np.float64)
-    rows, columns = linear_sum_assignment(shared.reshape(len(measured), len(predicted)), maximize=True)
+    cells = np.array([[_shared(one, other) for other in predicted] for one in measured], dtype=np.float64)
+    shared = cells.reshape(len(measured), len(predicted))
+    rows, columns = linear_sum_assignment(shared, maximize=True)
     chosen = [(int(k), int(j)) for k, j in zip(rows, columns, strict=True) if shared[k, j] > 0]
-    of_measured, of_predicted = {k for k, _ in chosen}, {j for _, j in chosen}
+    of_measured = set(range(len(measured))) - {k for k, _ in chosen}
+    of_predicted = set(range(len(predicted))) - {j for _, j in chosen}
+    parts = [(k, int(shared[k].argmax())) for k in sorted(of_measured) if shared[k].any()]
+    parts += [(int(shared[:, j].argmax()), j) for j in sorted(of_predicted) if shared[:, j].any()]
     return RegionMatch(
         tuple(RegionPair(measured[k], predicted[j]) for k, j in chosen),
-        tuple(region for k, region in enumerate(measured) if k not in of_measured),
-        tuple(region for j, region in enumerate(predicted) if j not in of_predicted),
+        tuple(RegionPair(measured[k], predicted[j]) for k, j in parts),
+        tuple(measured[k] for k in sorted(of_measured) if not shared[k].any()),
+        tuple(predicted[j] for j in sorted(of_predicted) if not shared[:, j].any()),
     )
 
 

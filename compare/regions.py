@@ -47,14 +47,19 @@ def regions_of_readings(
 
 
 def regions_of(
-    headings: FloatArray, ranges: FloatArray, tolerance: float = TOLERANCE, least_width: float = LEAST_WIDTH
+    headings: FloatArray,
+    ranges: FloatArray,
+    tolerance: float = TOLERANCE,
+    least_width: float = LEAST_WIDTH,
+    mirrors: Sequence[object] | None = None,
 ) -> tuple[Region, ...]:
     """The regions among readings at `headings` (n,) rad with `ranges` (n,) m, NaN where there is no echo.
 
-    Neighbours belong to one as long as its ranges differ by no more than `tolerance` (m) in all. Only those at least
-    `least_width` (rad) wide are handed on, counter-clockwise from heading 0.
+    Neighbours belong to one as long as its ranges differ by no more than `tolerance` (m) in all, and none of its
+    `mirrors` (n), what each was heard from where that is known, is another. Only those at least `least_width` (rad)
+    wide are handed on, counter-clockwise from heading 0.
     """
-    found = (_region(rows, headings, ranges) for rows in _runs(headings, ranges, tolerance))
+    found = (_region(rows, headings, ranges) for rows in _runs(headings, ranges, tolerance, mirrors))
     return tuple(sorted((region for region in found if region.width >= least_width), key=lambda one: one.bearing))
 
 
@@ -68,8 +73,10 @@ def mean_run(headings: FloatArray, ranges: FloatArray, tolerance: float = TOLERA
     return len(ranges) / max(1, len(runs))
 
 
-def _runs(headings: FloatArray, ranges: FloatArray, tolerance: float) -> Iterator[list[int]]:
-    """Rows of neighbouring readings of one range, run by run; those without a range are in none."""
+def _runs(
+    headings: FloatArray, ranges: FloatArray, tolerance: float, mirrors: Sequence[object] | None = None
+) -> Iterator[list[int]]:
+    """Rows of neighbouring readings of one range and mirror, run by run; those without a range are in none."""
     turns = np.remainder(headings, math.tau)
     order = np.argsort(turns, kind="stable")
     steps = np.diff(np.append(turns[order], turns[order][:1] + math.tau))
@@ -82,18 +89,23 @@ def _runs(headings: FloatArray, ranges: FloatArray, tolerance: float) -> Iterato
         jumps = ~(np.abs(np.roll(values, -1) - values) <= tolerance) & ~(
             np.isinf(values) & np.isinf(np.roll(values, -1))
         )
-    breaks = np.flatnonzero(apart | jumps)
+    sources = [None if mirrors is None else mirrors[row] for row in order]
+    changed = [one != other for one, other in zip(sources, sources[1:] + sources[:1], strict=True)]
+    breaks = np.flatnonzero(apart | jumps | changed)
     start = int(breaks[0]) + 1 if len(breaks) else 0
     run: list[int] = []
     low = high = math.nan
+    source: object = None
     for at in np.roll(np.arange(len(order)), -start).tolist():
         value = float(values[at])
-        belongs = bool(run) and not apart[at - 1] and (value == high or max(high, value) - min(low, value) <= tolerance)
-        if run and not belongs:
+        same = source is None or sources[at] in (None, source)
+        near = value == high or max(value, high) - min(value, low) <= tolerance  # never near silence, NaN
+        if run and not (near and same and not apart[at - 1]):
             yield run
-            run = []
+            run, source = [], None
         if not math.isnan(value):
             low, high = (min(low, value), max(high, value)) if run else (value, value)
+            source = sources[at] if sources[at] is not None else source
             run.append(int(order[at]))
     if run:
         yield run

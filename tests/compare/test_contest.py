@@ -6,10 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compare.contest import change_for, contest, steps
+from compare.contest import change_for, contest, steps, wall_change
+from compare.explain import explain
+from compare.fit.walls import left_normals, with_shifted_walls
+from compare.match import compare_readings
 from sim.board import load_board
-from sim.prediction import predict_scan, weigh_paths
-from sim.room import load_room
+from sim.prediction import PredictionOptions, predict_scan, weigh_paths
+from sim.room import Place, load_room
+from sonarhw.readings import Reading
 
 ROOM = load_room("rooms/arena.toml")
 PLACE = ROOM.places["p3"]
@@ -66,3 +70,28 @@ def test_the_change_asked_for_makes_the_model_say_what_was_measured() -> None:
 
 def test_no_threshold_makes_an_echo_of_nothing() -> None:
     assert change_for(weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths), 0, 0.1) is None
+
+
+@pytest.mark.parametrize("position", [(1.793, 0.3), (0.31, 0.302), (1.38, 1.792), (0.42, 0.4)])
+def test_a_wall_moved_by_what_is_told_lets_the_other_win_and_not_before(position: tuple[float, float]) -> None:
+    options, here = PredictionOptions(diffraction=False), Place("", position)
+    headings = np.radians(np.arange(0.0, 360.0, 5.0))
+    scan = predict_scan(ROOM, here, BOARD, headings, options)
+    left = np.sign((left_normals(ROOM.walls) * (np.array(position) - ROOM.walls[:, :2])).sum(axis=1))
+    told = {index: change for index in range(len(headings)) if (change := wall_change(scan, index)) is not None}
+    slight = {index: change for index, change in told.items() if abs(change.nearer) < 0.025}
+    assert len(slight) > 0
+    for index, change in slight.items():
+        for share, winner in ((0.95, int(scan.winners[index])), (1.05, change.echo.path)):
+            by = share * change.nearer * float(left[ROOM.names.index(change.wall)])
+            moved = with_shifted_walls(ROOM, {change.wall: by})
+            after = predict_scan(moved, here, BOARD, headings[index : index + 1], options)
+            via = scan.paths.via(winner, ROOM)
+            assert after.paths.via(int(after.winners[0]), moved) in (via, via[::-1])
+
+
+def test_a_sentence_tells_of_the_wall_that_nearly_lets_another_win() -> None:
+    reading = Reading(0, 0, 0, math.radians(320.0), 0.0, (2 * 0.3 / 340.0,), 340.0)
+    sentence = explain(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
+    assert sentence.startswith("0.300 m at 320.0°: one reflection, east; it would be one reflection, south, were ")
+    assert sentence.endswith(("were east 0.005 m farther", "were south 0.005 m nearer"))

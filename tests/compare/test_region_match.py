@@ -54,3 +54,23 @@ def test_regions_of_nothing_match_nothing() -> None:
     assert match_regions((), some).only_predicted == some
     assert match_regions(some, ()).only_measured == some
     assert match_regions((), ()).pairs == ()
+
+
+def test_two_walls_as_far_are_two_regions_of_a_scan_as_of_its_prediction() -> None:
+    place = ROOM.places["p1"]  # 30 cm from two walls
+    ranges = predict_scan(ROOM, place, BOARD, ANGLES).ranges
+    times = [() if math.isnan(r) else (2 * float(r) / SPEED,) for r in ranges]
+    readings = [Reading(k, 0, 0, float(a), 0.1 * k, times[k], SPEED) for k, a in enumerate(ANGLES)]
+    found = compare_regions(compare_readings(readings, ROOM, place, BOARD))
+    near = sorted(math.degrees(pair.measured.bearing) for pair in found.pairs if abs(pair.measured.range - 0.3) < 0.01)
+    assert len(near) == 2
+    assert (found.parts, found.only_measured, found.only_predicted) == ((), (), ())
+
+
+def test_a_mirror_heard_in_pieces_is_one_region_and_its_parts() -> None:
+    whole = regions_of(ANGLES, np.where(ANGLES < 2, 1.0, np.nan))
+    pieces = regions_of(ANGLES, np.where((ANGLES < 2) & (np.abs(ANGLES - 0.8) > 0.06), 1.0, np.nan))
+    found = match_regions(pieces, whole)
+    assert (len(found.pairs), len(found.parts)) == (1, 1)
+    assert (found.only_measured, found.only_predicted) == ((), ())
+    assert match_regions(whole, pieces).parts[0].measured == whole[0]

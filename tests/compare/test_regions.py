@@ -76,3 +76,9 @@ def test_a_wall_is_a_region_as_wide_as_its_echo_is_loud() -> None:
     assert widest.range == pytest.approx(2.0, abs=1e-9)
     assert widest.bearing % math.tau == pytest.approx(0.0, abs=1e-9)
     assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
+
+
+def test_silence_ends_a_region() -> None:
+    ranges = np.full(120, 1.0)
+    ranges[60:70] = ranges[90] = np.nan
+    assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(89, 91), (20, 70)]
