@@ -24,7 +24,7 @@ def open_log(path: Path) -> "Log":
     for number, scan in enumerate(log.scans, 1):
         if scan.doubt:
             which = f"scan {number}: " if len(log.scans) > 1 else ""
-            typer.echo(f"sonarhw: warning: {path}: {which}the turntable lost steps; {scan.doubt}", err=True)
+            typer.echo(f"sonarhw: warning: {path}: {which}{scan.doubt}", err=True)
     return log
 
 

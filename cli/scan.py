@@ -181,6 +181,8 @@ def _warn_of_the_link(scanner: "Scanner") -> None:
         _warn(f"the scanner was lost {counted(books.losses, 'time')} on the way and came back; is the cable sound?")
     elif books.lost_readings:
         _warn(f"measured again, for the link had lost them: {counted(books.lost_readings, 'reading')}")
+    if scanner.unchecked:
+        _warn(scanner.unchecked)
 
 
 def _are(readings: int) -> str:

@@ -100,7 +100,7 @@ class Session(QObject):
         if log.torn:
             self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
         for doubt in filter(None, (scan.doubt for scan in log.scans)):
-            self.warned.emit(f"{name}: the turntable lost steps; {doubt}")
+            self.warned.emit(f"{name}: {doubt}")
 
     @Slot()
     def leave_replay(self) -> None:

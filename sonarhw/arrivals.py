@@ -76,10 +76,6 @@ class Progress:
         """Readings left out so far: later ones have come."""
         return len(self._holes)
 
-    def numbers(self) -> list[int]:
-        """The readings that have come, in order."""
-        return [number for number in range(self._next) if number not in self._holes]
-
     def take(self, number: int) -> bool:
         """Book a reading; False where it has come before or belongs to no such scan."""
         if number in self._holes:

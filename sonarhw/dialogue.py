@@ -8,12 +8,11 @@ all it says does no harm twice: settings and angles are absolute, and a scan ask
 import itertools
 import math
 import random
+from array import array
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, TypeVar
-
-import numpy as np
 
 from sonarhw.arrivals import Progress
 from sonarhw.assembly import microdegrees_of, radians_of, scan_order
@@ -48,8 +47,8 @@ from sonarhw.messages import (
     TestLink,
     Turn,
 )
-from sonarhw.readings import Reading
-from sonarhw.zero_mark import BEFORE, BEHIND, doubt, nearest_mark
+from sonarhw.readings import FloatArray, Reading
+from sonarhw.zero_mark import BEFORE, BEHIND, legs, lost, nearest_mark, unchecked
 
 SEEK_BAUDS = (BAUD, 1_000_000, 500_000)  # where a device may be: fresh, of version 1.0, or left at a higher speed
 LINK_TESTS = 32
@@ -90,6 +89,26 @@ class Job:
         self.readings: deque[Reading] = deque()
         self.progress = Progress(0)
         self.began: float | None = None  # on the clock of `Reading.time`, s
+        self.unchecked: str | None = None  # a clause: which angles could not be checked for lost steps
+        self._times, self._angles = array("d"), array("d")  # of all its readings
+        self._homed: list[float] = []  # time of the newest reading when the zero was sought anew
+
+    def take(self, reading: Reading) -> bool:
+        """Book a reading; False where it has come before or belongs to no such scan."""
+        new = self.progress.take(reading.number)
+        if new:
+            self._times.append(reading.time)
+            self._angles.append(reading.angle)
+        return new
+
+    def home(self) -> None:
+        """Book that the zero is sought anew."""
+        if self._times:
+            self._homed.append(max(self._times))
+
+    def legs(self) -> list[FloatArray]:
+        """The angles of its readings, rad, apart where the zero was sought anew."""
+        return legs(self._times, self._angles, self._homed)
 
     def end(self, result: Any = None, error: BaseException | None = None) -> None:
         """It is over, where it was not before."""
@@ -215,6 +234,8 @@ class Dialogue:
     def home(self, job: Job | None) -> Script[Outcome]:
         """Find the zero."""
         self._homed = False
+        if job:
+            job.home()
         outcome = yield from self._act(Home(), job)
         self._homed = outcome is Outcome.DONE
         return outcome
@@ -236,7 +257,8 @@ class Dialogue:
             if outcome is Outcome.DONE and not job.stop_wanted:
                 yield from self._see_mark(order, job)
         except LostSteps as error:
-            raise _with_doubt(error, order, job.progress.numbers()) from error
+            raise _with_doubt(error, job.legs()) from error
+        job.unchecked = unchecked(job.legs())
         return outcome
 
     def _make_readings(self, order: StartScan, job: Job) -> Script[Outcome]:
@@ -370,11 +392,10 @@ def _settled(command: Command) -> Callable[[], bool]:
     return lambda: command.settled
 
 
-def _with_doubt(error: LostSteps, order: StartScan, numbers: list[int]) -> LostSteps:
+def _with_doubt(error: LostSteps, legs: list[FloatArray]) -> LostSteps:
     """The error with what it means for the readings of a scan that have come."""
-    if not numbers:
+    total = sum(map(len, legs))
+    if not total:
         return error
-    scan = scan_order(order)
-    angles = np.array([scan.ping_at(number)[1] for number in numbers])
-    kept = f"{len(numbers)} reading{' is' if len(numbers) == 1 else 's are'} kept"
-    return LostSteps(f"{error} {kept}; {doubt(angles)}")
+    kept = f"{total} reading{' is' if total == 1 else 's are'} kept"
+    return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost(legs), unchecked(legs))))}")

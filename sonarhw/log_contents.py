@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Protocol
 
-import numpy as np
-
 from sonarhw.messages import Finished, Info, Outcome, Settings
 from sonarhw.readings import Reading
-from sonarhw.zero_mark import doubt
+from sonarhw.zero_mark import legs, lost, unchecked
 
 FORMAT_VERSION = 1
 PROFILE = "sonarhw"  # of the MCAP header
@@ -72,13 +70,18 @@ class RecordedScan:
     settings: Settings | None
     readings: tuple[Reading, ...]  # by number; their traces stay in the file until they are looked at
     finished: Finished | None  # None where the log ends before the scan does
+    homed: tuple[float, ...] = ()  # when the zero was sought anew in mid-scan, s on the clock of the readings
 
     @property
     def doubt(self) -> str | None:
-        """Where steps were lost: a clause that says which readings may stand at wrong angles."""
-        if not self.readings or self.finished is None or self.finished.outcome != Outcome.LOST_STEPS:
+        """Which readings may stand at wrong angles, and why; None where that is not known of any."""
+        if not self.readings:
             return None
-        return doubt(np.array([reading.angle for reading in self.readings]))
+        times, angles = [reading.time for reading in self.readings], [reading.angle for reading in self.readings]
+        apart = legs(times, angles, self.homed)
+        of_last = lost(apart) if self.finished and self.finished.outcome == Outcome.LOST_STEPS else None
+        told = of_last and f"the turntable lost steps; {of_last}"
+        return "; ".join(filter(None, (told, unchecked(apart)))) or None
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from sonarhw.recorded_scans import FollowedScan, Follower
 
 NAME = "sonarhw.index.npz"
 MEDIA_TYPE = "application/x-npz"
-_VERSION = 1
+_VERSION = 2
 _HEAD = "head"  # the JSON text beside the columns, as bytes
 _UNREADABLE = (zipfile.BadZipFile, KeyError, ValueError, TypeError, OSError, EOFError, MessageError)
 
@@ -36,6 +36,7 @@ class IndexedScan:
     expected: int | None
     settings: Settings | None
     finished: Finished | None
+    homed: tuple[float, ...]
     columns: Columns
 
 
@@ -55,7 +56,9 @@ def index_of(follower: Follower) -> LogIndex:
 
 
 def _indexed(scan: FollowedScan) -> IndexedScan:
-    return IndexedScan(scan.began, scan.expected, scan.settings, scan.finished, scan.readings.columns())
+    return IndexedScan(
+        scan.began, scan.expected, scan.settings, scan.finished, tuple(scan.homed), scan.readings.columns()
+    )
 
 
 def pack_index(index: LogIndex, at: int) -> bytes:
@@ -72,6 +75,7 @@ def pack_index(index: LogIndex, at: int) -> bytes:
                 "expected": scan.expected,
                 "settings": _packed(scan.settings),
                 "finished": _packed(scan.finished),
+                "homed": scan.homed,
             }
             for scan in index.scans
         ],
@@ -108,7 +112,7 @@ def unpack_index(data: bytes, at: int) -> LogIndex | None:
 
 def _scan(scan: dict[str, Any], columns: Columns) -> IndexedScan:
     settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
-    return IndexedScan(scan["began"], scan["expected"], settings, finished, columns)
+    return IndexedScan(scan["began"], scan["expected"], settings, finished, tuple(scan["homed"]), columns)
 
 
 def _packed(message: Message | None) -> str | None:

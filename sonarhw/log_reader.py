@@ -76,7 +76,7 @@ def read_log(path: Path) -> Log:
 def _recorded(scan: IndexedScan, file: OpenFile) -> RecordedScan:
     traces = StoredTraces(file, scan.settings)
     readings = readings_of(scan.columns, traces.trace)
-    return RecordedScan(scan.began, scan.expected, scan.settings, readings, scan.finished)
+    return RecordedScan(scan.began, scan.expected, scan.settings, readings, scan.finished, scan.homed)
 
 
 class _Head:

@@ -35,6 +35,11 @@ class ReadingTable:
     def __contains__(self, number: int) -> bool:
         return number in self._rows
 
+    @property
+    def latest(self) -> float:
+        """When the last of the readings was made, s; there is one."""
+        return max(self._real["time"])
+
     def add(self, reading: Reading, span: Span | None) -> None:
         """Append a reading; `span` is None where no part of its trace has come yet."""
         self._rows[reading.number] = len(self)

@@ -48,6 +48,7 @@ class FollowedScan:
     readings: ReadingTable = field(default_factory=ReadingTable)
     first: Reading | None = None  # the one with the lowest number
     finished: Finished | None = None
+    homed: list[float] = field(default_factory=list)  # time of the newest reading when the zero was sought anew
 
     @property
     def answered(self) -> bool:
@@ -181,8 +182,10 @@ class Follower:
         self._scans.append(FollowedScan(command, order, self._newest_us, self.settings))
 
     def _go_on(self, command: int) -> None:
-        self._forget(command)
         scan = self._scans[-1]
+        if self._homed and scan.readings:
+            scan.homed.append(scan.readings.latest)
+        self._forget(command)
         scan.command, scan.since_us = command, self._newest_us
         self._greeted_at = len(self._scans) - 1
 

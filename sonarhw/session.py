@@ -255,7 +255,7 @@ class Session:
         if self._jobs:
             self.dialogue.heed_start(self._jobs[0])
         for reading in self.dialogue.driver.readings() if self.dialogue.driver else ():
-            if self._jobs and self._jobs[0].progress.take(reading.number):
+            if self._jobs and self._jobs[0].take(reading):
                 self._jobs[0].fruitless = 0
                 self._pass_on(reading)
                 # nothing is handed on that could not be recorded

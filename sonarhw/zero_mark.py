@@ -2,10 +2,12 @@
 
 Takes the angles of readings, in the order in which they were made; hands on from which of them on steps may have been
 lost unseen. The mark comes by once a turn. A device looks at it whenever it turns counter-clockwise over it, and has
-noticed by BEHIND that it was out of its place or did not come.
+noticed by BEHIND that it was out of its place or did not come. A device that was reset, or left alone, finds its zero
+anew: then nobody knows any more where the table stood before.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -39,8 +41,34 @@ def first_in_doubt(angles: FloatArray) -> int:
     return doubt
 
 
-def doubt(angles: FloatArray) -> str:
-    """A clause about readings at `angles`, (n,) rad, n > 0, where the mark was found out of its place after them."""
-    first = first_in_doubt(angles)
-    these = f"the last {len(angles) - first} of {len(angles)}" if first else f"all {len(angles)}"
-    return f"{these} angles may be off, from {math.degrees(angles[first]):.6g}° on"
+def legs(times: Sequence[float], angles: Sequence[float], homed: Sequence[float]) -> list[FloatArray]:
+    """The angles (rad) of readings made at `times` (s), in their order, apart where the zero was found anew.
+
+    That was behind each time of `homed`, which rise. One (n,) array more than those.
+    """
+    order = np.argsort(times, kind="stable")
+    made, turned = np.array(times, dtype=np.float64)[order], np.array(angles, dtype=np.float64)[order]
+    return np.split(turned, np.searchsorted(made, homed, side="right"))
+
+
+def lost(legs: Sequence[FloatArray]) -> str | None:
+    """A clause about readings, where the mark was out of its place behind the last of `legs`; None without any."""
+    leg, total = legs[-1], sum(map(len, legs))
+    if not len(leg):
+        return None
+    first = first_in_doubt(leg)
+    doubtful = len(leg) - first
+    these = f"all {total}" if doubtful == total else f"the last {doubtful} of {total}"
+    return f"{these} angles may be off, from {math.degrees(leg[first]):.6g}° on"
+
+
+def unchecked(legs: Sequence[FloatArray]) -> str | None:
+    """A clause about the readings behind which the zero was found anew before the mark was seen; None without any."""
+    doubtful = [leg[first_in_doubt(leg)] for leg in legs[:-1] if len(leg)]
+    if not doubtful:
+        return None
+    count, total = sum(len(leg) - first_in_doubt(leg) for leg in legs[:-1]), sum(map(len, legs))
+    return (
+        f"{count} of {total} angles, from {math.degrees(doubtful[0]):.6g}° on, could not be checked for lost steps: "
+        "the turntable had to find its zero anew"
+    )

@@ -164,7 +164,7 @@ def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log
     assert run(["log", "info", str(log)]) == 0
     out, err = capsys.readouterr()
     assert "72 of 72 readings" in out
-    assert "; steps were lost: all 72 angles may be off" in out
+    assert "; the turntable lost steps; all 72 angles may be off" in out
     assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
 
 
