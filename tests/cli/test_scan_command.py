@@ -168,6 +168,19 @@ def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log
     assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
 
 
+def test_what_could_not_be_checked_for_lost_steps_is_told_and_by_every_command_that_reads_the_log(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = "30 of 72 angles, from 0° on, could not be checked for lost steps"
+    with serve(faulty("reset=0.1@r30"), tcp="127.0.0.1:0", pace=20) as endpoint:
+        assert run(["scan", endpoint.url, "--out", str(log)]) == 0
+    assert f"sonarhw: warning: {told}" in capsys.readouterr().err
+    assert run(["log", "info", str(log)]) == 0
+    out, err = capsys.readouterr()
+    assert told in out
+    assert told in err
+
+
 def test_without_a_scanner_there_is_no_log(log: Path) -> None:
     done = sonarhw("scan", "no/such/port", "--out", log)
     assert done.returncode == 1
