@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, Reading
 
@@ -77,38 +78,50 @@ def _runs(
     headings: FloatArray, ranges: FloatArray, tolerance: float, mirrors: Sequence[object] | None = None
 ) -> Iterator[list[int]]:
     """Rows of neighbouring readings of one range and mirror, run by run; those without a range are in none."""
+    order, apart = _heard_in_turn(headings, ranges)
+    if not len(order):
+        return
+    values = ranges[order].tolist()
+    sources = [None if mirrors is None else mirrors[row] for row in order]
+    # begin behind a jump, so that no region is cut in two where the circle closes
+    pairs = zip(apart, values, values[1:] + values[:1], sources, sources[1:] + sources[:1], strict=True)
+    start = next((k + 1 for k, pair in enumerate(pairs) if pair[0] or _jumps(*pair[1:], tolerance)), 0)
+    run: list[int] = []
+    low = high = math.nan
+    source: object = None
+    for at in np.roll(np.arange(len(order)), -start).tolist():
+        value = values[at]
+        same = source is None or sources[at] in (None, source)
+        near = value == high or max(high, value) - min(low, value) <= tolerance
+        if run and not (near and same and not apart[at - 1]):
+            yield run
+            run, source = [], None
+        low, high = (min(low, value), max(high, value)) if run else (value, value)
+        source = sources[at] if sources[at] is not None else source
+        run.append(int(order[at]))
+    yield run
+
+
+def _heard_in_turn(headings: FloatArray, ranges: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Rows with a range, counter-clockwise, (h,) int, and whether the next is no neighbour of each, (h,) bool."""
     turns = np.remainder(headings, math.tau)
     order = np.argsort(turns, kind="stable")
     steps = np.diff(np.append(turns[order], turns[order][:1] + math.tau))
     # several pings at one heading are no step
     turned = steps[steps > _TURNED]
-    apart = steps > _GAP * float(np.median(turned)) if len(turned) else np.zeros(len(steps), dtype=np.bool_)
-    values = ranges[order]
-    # begin behind a jump, so that no region is cut in two where the circle closes
-    with np.errstate(invalid="ignore"):
-        jumps = ~(np.abs(np.roll(values, -1) - values) <= tolerance) & ~(
-            np.isinf(values) & np.isinf(np.roll(values, -1))
-        )
-    sources = [None if mirrors is None else mirrors[row] for row in order]
-    changed = [one != other for one, other in zip(sources, sources[1:] + sources[:1], strict=True)]
-    breaks = np.flatnonzero(apart | jumps | changed)
-    start = int(breaks[0]) + 1 if len(breaks) else 0
-    run: list[int] = []
-    low = high = math.nan
-    source: object = None
-    for at in np.roll(np.arange(len(order)), -start).tolist():
-        value = float(values[at])
-        same = source is None or sources[at] in (None, source)
-        near = value == high or max(value, high) - min(value, low) <= tolerance  # never near silence, NaN
-        if run and not (near and same and not apart[at - 1]):
-            yield run
-            run, source = [], None
-        if not math.isnan(value):
-            low, high = (min(low, value), max(high, value)) if run else (value, value)
-            source = sources[at] if sources[at] is not None else source
-            run.append(int(order[at]))
-    if run:
-        yield run
+    unscanned = steps > _GAP * float(np.median(turned)) if len(turned) else np.zeros(len(steps), dtype=np.bool_)
+    heard = np.flatnonzero(~np.isnan(ranges[order]))
+    upto = np.append(heard[1:], heard[:1] + len(order))
+    # twice round, for the way from the last to the first
+    passed = np.concatenate(([0], np.cumsum(np.tile(unscanned, 2))))
+    way = np.concatenate(([0.0], np.cumsum(np.tile(steps, 2))))
+    silent = (upto - heard > 1) & (way[upto] - way[heard] > LEAST_WIDTH)
+    return order[heard], (passed[upto] > passed[heard]) | silent
+
+
+def _jumps(value: float, after: float, source: object, source_after: object, tolerance: float) -> bool:
+    other = value != after and not abs(after - value) <= tolerance
+    return other or (None not in (source, source_after) and source != source_after)
 
 
 def _region(rows: list[int], headings: FloatArray, ranges: FloatArray) -> Region:

@@ -69,7 +69,7 @@ def test_two_walls_as_far_are_two_regions_of_a_scan_as_of_its_prediction() -> No
 
 def test_a_mirror_heard_in_pieces_is_one_region_and_its_parts() -> None:
     whole = regions_of(ANGLES, np.where(ANGLES < 2, 1.0, np.nan))
-    pieces = regions_of(ANGLES, np.where((ANGLES < 2) & (np.abs(ANGLES - 0.8) > 0.06), 1.0, np.nan))
+    pieces = regions_of(ANGLES, np.where((ANGLES < 2) & (np.abs(ANGLES - 0.8) > 0.12), 1.0, np.nan))
     found = match_regions(pieces, whole)
     assert (len(found.pairs), len(found.parts)) == (1, 1)
     assert (found.only_measured, found.only_predicted) == ((), ())

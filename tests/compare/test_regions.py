@@ -78,7 +78,10 @@ def test_a_wall_is_a_region_as_wide_as_its_echo_is_loud() -> None:
     assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
 
 
-def test_silence_ends_a_region() -> None:
+def test_silence_ends_a_region_unless_it_is_a_narrow_one() -> None:
     ranges = np.full(120, 1.0)
-    ranges[60:70] = ranges[90] = np.nan
-    assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(89, 91), (20, 70)]
+    ranges[60:70] = ranges[90] = ranges[0] = np.nan
+    assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(108, 70)]
+    ranges[80] = 2.0
+    assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(97, 81), (10, 70)]
+    assert regions_of(HEADINGS, np.full(120, np.nan)) == ()
