@@ -144,6 +144,8 @@ class ScanErrand:
             report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
             if reading.temperature_c is not None:
                 report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
+        if scanner.unchecked:
+            report.warn(scanner.unchecked)
 
     def _temperature(self, scanner: Scanner) -> float:
         own = scanner.info.temperature_c

@@ -16,11 +16,12 @@ from gui.scene_edit import standing_at
 from gui.status import Source
 from sim.truth import RoomEchoes
 from sonarhw.board import Board
-from sonarhw.endpoint import Endpoint, open_door
+from sonarhw.endpoint import Endpoint, open_door, serve
 from sonarhw.log import read_log
 from sonarhw.scanner import Scanner
 from tests.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.gui.driving import ended, predicted, until
+from tests.sonarhw.faulty_boards import faulty
 
 
 def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
@@ -161,6 +162,14 @@ def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     log = read_log(window.session.status.recording)
     assert log.torn is None
     assert len(log.readings) >= 3
+
+
+def test_what_a_reset_kept_from_being_checked_is_told_when_the_scan_is_done(qtbot: QtBot, open_with: OpenWith) -> None:
+    with serve(faulty("reset=0.1@r20"), tcp="127.0.0.1:0", pace=20) as endpoint:
+        window = open_with(source=lambda: Scanner.open(endpoint.url), autostart=True)
+        until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.DONE
+    assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in window.banner.message
 
 
 def test_a_scanner_that_is_not_there_is_a_banner(qtbot: QtBot, open_with: OpenWith) -> None:
