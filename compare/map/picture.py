@@ -15,8 +15,10 @@ from compare.colours import MEASURED, PREDICTED, WALL
 from compare.map.arcs import Arc, direction
 from compare.map.made import Layer, RoomMap
 from sim.room import Room
+from sonarhw.readings import FloatArray
 
 _ARC_STEPS = 20
+_MARGIN = 0.08  # round what is drawn, of its longer side
 _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
@@ -24,9 +26,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     """A figure of two plans: certainty grid, arcs, walls and points; `room` is drawn dotted over both."""
     figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    for axes, layer, title in zip(
-        figure.subplots(1, 2, sharex=True, sharey=True), (found.plain, found.direct), _titles(found), strict=True
-    ):
+    for axes, layer, title in zip(figure.subplots(1, 2), (found.plain, found.direct), _titles(found), strict=True):
         _draw_layer(axes, layer)
         if room is not None:
             for x0, y0, x1, y1 in room.walls:
@@ -35,6 +35,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
         axes.plot(*stands.T, "^", color="black", ms=7, ls="none", label="sensor")
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
+        _zoom(axes, [*_marks(layer), stands, *([] if room is None else [room.walls.reshape(-1, 2)])])
     handles, _ = figure.axes[0].get_legend_handles_labels()
     shades = [
         Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
@@ -70,8 +71,27 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
         axes.plot(*at.T, mark, color=PREDICTED, mec="white", ms=9, ls="none", label=name)
 
 
-def _outline(arc: Arc) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _marks(layer: Layer) -> list[FloatArray]:
+    """Points on all that is drawn over the grid, (k, 2) m each."""
+    features = layer.features
+    points = [np.array([point.position]) for point in features.points]
+    return (
+        [_outline(arc).T for arc in features.arcs]
+        + [np.array((wall.start, wall.end)) for wall in features.walls]
+        + points
+    )
+
+
+def _zoom(axes: Axes, shown: list[FloatArray]) -> None:
+    """Leave out cones that end far behind all that was found: what they empty is told by their beginnings."""
+    points = np.vstack(shown)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+
+
+def _outline(arc: Arc) -> FloatArray:
     """The points of an arc, (2, k) m."""
     angles = np.linspace(arc.bearing - arc.half_width, arc.bearing + arc.half_width, _ARC_STEPS)
     points = [np.array(arc.centre) + arc.range * direction(float(angle)) for angle in angles]
-    return np.transpose(points)
+    return np.asarray(np.transpose(points))
