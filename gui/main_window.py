@@ -43,6 +43,7 @@ from gui.shown import Shown
 from gui.side_by_side import SideBySide
 from gui.status import Status
 from gui.status_bar import StatusBar
+from gui.steady import Steady
 from gui.theme import apply_look
 from gui.toolbar import ToolBar
 from gui.trace_view import TraceView
@@ -125,7 +126,7 @@ class MainWindow(QMainWindow):
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        for part in (self.banner, self.legend, views, self.sentence, self.replay_bar):
+        for part in (self.banner, self.legend, views, Steady(self.sentence), self.replay_bar):
             column.addWidget(part, stretch=1 if part is views else 0)
         return centre
 
@@ -215,6 +216,9 @@ class MainWindow(QMainWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._show_look(shown.look)
+        for plot in (self.plan, self.trace.plot, self.ranges):
+            plot.scene().update()  # a scene that knows of parts only has the window painted by itself at once
+            plot.viewport().update()
         for view in self._views:
             if view.isVisibleTo(self):
                 view.show_state(shown)

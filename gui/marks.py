@@ -26,6 +26,7 @@ NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
 _MOST_MARKS = 2000  # of one class; more are dots, for each mark takes time at every repaint
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
+_NONE: Placed = (NO_POINTS, NOWHERE)
 
 
 def outline_item() -> pg.PlotDataItem:
@@ -86,16 +87,18 @@ class ReadingMarks:
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Kind | Unclassed, Placed] = {}
-        self._scatters = {kind: _scatter(kind, tip) for kind in MARKS}
+        self.scatters = {kind: _scatter(kind, tip) for kind in MARKS}
         self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", brush=None)
         self._dots = {kind: Dots() for kind in MARKS}
-        for z, scatter in enumerate((*self._dots.values(), *self._scatters.values(), self._ring)):
+        for z, scatter in enumerate((*self._dots.values(), *self.scatters.values(), self._ring)):
             scatter.setZValue(10 + z)
             plot.addItem(scatter)
+        for scatter in self.scatters.values():
+            scatter.setVisible(False)  # an empty one still takes time at every repaint
 
     def dress(self, colours: Palette) -> None:
         """Draw in these colours from now on."""
-        for kind, scatter in self._scatters.items():
+        for kind, scatter in self.scatters.items():
             scatter.setPen(pg.mkPen(colours.paper, width=1))
             scatter.setBrush(pg.mkBrush(colours.of(kind)))
             self._dots[kind].set_pen(pg.mkPen(colours.of(kind), width=_DOT))
@@ -103,15 +106,18 @@ class ReadingMarks:
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
-        for kind, scatter in self._scatters.items():
-            points, places = placed.get(kind, (NO_POINTS, NOWHERE))
+        for kind, scatter in self.scatters.items():
+            before, (points, places) = self.placed.get(kind, _NONE), placed.get(kind, _NONE)
+            known = _known(before, (points, places))
+            if known == len(places) == len(before[1]):
+                continue
             few = 0 < len(places) <= _MOST_MARKS
             self._dots[kind].set_places(NOWHERE if few else places)
-            scatter.setVisible(few)  # an empty one still takes time at every repaint
-            if few:
-                scatter.setData(*places.T, data=points.readings)
-            else:
+            scatter.setVisible(few)
+            if not few or not known:
                 scatter.clear()
+            if few:  # a scan grows at its end, and each point that is added takes time
+                scatter.addPoints(*places[known:].T, data=points.readings[known:])
         self.placed = placed
 
     def ring(self, chosen: int | None) -> None:
@@ -128,6 +134,13 @@ class ReadingMarks:
             if reading in points.readings:
                 return np.asarray(places[points.readings.index(reading)])
         return None
+
+
+def _known(before: Placed, now: Placed) -> int:
+    """How many of the readings placed now were placed the same before, where those were no others; else 0."""
+    count = len(before[1])
+    same = before[0].readings == now[0].readings[:count] and np.array_equal(before[1], now[1][:count])
+    return count if same else 0
 
 
 def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QLabel, QStatusBar
 from gui.look import Look
 from gui.palette import LIGHT
 from gui.status import Source, Standing, Status
+from gui.steady import Steady
 
 # badges carry their own ground, the same on every paper
 _COLOURS = {Standing.LIVE: LIGHT.live, Standing.REPLAY: LIGHT.replay}
@@ -33,8 +34,8 @@ class StatusBar(QStatusBar):
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.setContentsMargins(8, 0, 4, 0)
-        self.addWidget(self.doing, 1)
-        self.addPermanentWidget(self.figures)
+        self.addWidget(Steady(self.doing), 1)
+        self.addPermanentWidget(Steady(self.figures))
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
 
@@ -54,9 +55,9 @@ class StatusBar(QStatusBar):
         self.figures.setText(figures(status))
         self.badge.setText(badge(status))
         ground = _COLOURS.get(status.standing, LIGHT.idle)
-        self.badge.setStyleSheet(
-            f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
-        )
+        style = f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+        if self.badge.styleSheet() != style:  # Qt reads it anew each time, and lays out the window after it
+            self.badge.setStyleSheet(style)
 
 
 def badge(status: Status) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QActionGroup
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
@@ -20,6 +20,7 @@ from gui.plot_look import dress_plot, label_axis
 from gui.reach import first_look
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
+from gui.steady import Steady
 from gui.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from gui.trace_cursors import TraceCursors
 from gui.trace_marks import TraceMarks
@@ -85,8 +86,7 @@ class TraceView(QWidget):
         row = QHBoxLayout()
         row.setContentsMargins(8, 2, 8, 0)
         row.setSpacing(3)
-        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        row.addWidget(self.title, stretch=1)
+        row.addWidget(Steady(self.title), stretch=1)
         add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)
         self.readout.setContentsMargins(8, 0, 8, 2)
