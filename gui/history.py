@@ -25,6 +25,7 @@ class History:
     def __init__(self) -> None:
         self._done: list[Step] = []
         self._undone: list[Step] = []
+        self._given_up: list[Step] = []  # what could have been done again before the last step
 
     @property
     def undo_label(self) -> str:
@@ -38,10 +39,18 @@ class History:
 
     def remember(self, before: Scene, label: str, gesture: object = None) -> None:
         """`before` is about to be changed."""
-        self._undone.clear()
-        if gesture is None or not self._done or self._done[-1].gesture is not gesture:
-            self._done.append(Step(before, label, gesture))
-            del self._done[:-_MOST_STEPS]
+        if self._is_last(gesture):
+            return
+        self._given_up, self._undone = self._undone, []
+        self._done.append(Step(before, label, gesture))
+        del self._done[:-_MOST_STEPS]
+
+    def cancel(self, gesture: object) -> Scene | None:
+        """The scene before a gesture that is still going on, as though it had not been; None where it did nothing."""
+        if not self._is_last(gesture):
+            return None
+        self._given_up, self._undone = [], self._given_up
+        return self._done.pop().scene
 
     def undo(self, now: Scene) -> Scene | None:
         """The scene before the last step; None where there is none."""
@@ -55,6 +64,9 @@ class History:
         """Begin anew."""
         self._done.clear()
         self._undone.clear()
+
+    def _is_last(self, gesture: object) -> bool:
+        return gesture is not None and bool(self._done) and self._done[-1].gesture is gesture
 
 
 def _moved(source: list[Step], target: list[Step], now: Scene) -> Scene | None:

@@ -36,7 +36,9 @@ class PlanHands:
         self._plan = plan
         self.tool: Tool = Hand(self)
         self._busy = False  # in a gesture
+        self._over = False  # what remains of the gesture does nothing: it was cancelled
         self.chosen: str | None = None  # by name: numbers change
+        self._before: str | None = None  # chosen, as the drag began
         self.clock: Callable[[], float] = time.monotonic
         self._nudged, self._nudging = -math.inf, object()
         self._asked: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
@@ -145,13 +147,25 @@ class PlanHands:
         if self._plan.shown is None:
             return False
         if event.isStart():
-            self._busy = self.tool.press(self._at(event.buttonDownScenePos()))
+            self._before = self.chosen
+            self._busy, self._over = self.tool.press(self._at(event.buttonDownScenePos())), False
         taken = self._busy
-        if taken:
+        if taken and not self._over:
             self.tool.drag(self._at(event.scenePos()))
         if event.isFinish():
             self._busy = False
         return taken
+
+    def let_go(self) -> bool:
+        """Undo the drag under way, and do nothing more until the button is up; whether there was one."""
+        if not self._busy or self._over:
+            return self._busy
+        self._over, self._asked = True, None
+        self._plan.cancelled.emit(self.tool.gesture)
+        self.choose_surface(self._before)
+        self._plan.ruler.clear()
+        self.tell("")
+        return True
 
     def click(self, event: MouseClickEvent) -> None:
         """Choose a surface where the tool edits, else ask about a reading."""

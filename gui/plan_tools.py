@@ -63,6 +63,11 @@ class Tool:
     def __init__(self, table: Table) -> None:
         self._table = table
 
+    @property
+    def gesture(self) -> object:
+        """What the edits of a drag under way are known by; None where it edits nothing."""
+        return None
+
     def press(self, at: Point) -> bool:
         """The hand goes down; whether the tool takes the gesture. If not, it moves the paper."""
         return False
@@ -84,6 +89,11 @@ class Hand(Tool):
     def __init__(self, table: Table) -> None:
         super().__init__(table)
         self._held: tuple[Grip, Scene] | None = None  # and the scene when it was taken
+
+    @property
+    def gesture(self) -> object:
+        """What is held."""
+        return self._held
 
     def grip(self, at: Point) -> Grip | None:
         """Sensor or beam."""
@@ -160,6 +170,12 @@ class _Drawing(Tool):
     shape = Qt.CursorShape.CrossCursor
     edits = True
     stem = ""  # of the name of what is drawn
+    _gesture: object = None
+
+    @property
+    def gesture(self) -> object:
+        """The drawing of one thing."""
+        return self._gesture
 
     def press(self, at: Point) -> bool:
         """Where it begins."""

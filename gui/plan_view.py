@@ -5,11 +5,13 @@ hand does is in `gui.plan_hands` and `gui.plan_tools`, what is drawn in `gui.pla
 """
 
 from functools import partial
+from typing import cast
 
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
+from PySide6.QtGui import QKeyEvent
 
 from compare.points import points_at
 from gui.look import Look
@@ -34,6 +36,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
     picked = Signal(int)  # a reading
     pointed = Signal(object)  # Cursor or None
     edited = Signal(object, str, object)  # Scene, what was done, gesture
+    cancelled = Signal(object)  # gesture that is not to have been
     surface_chosen = Signal(object)  # name of a wall or post, or None
     told = Signal(str)  # what lies under the hand, what it measures, or why something cannot be
 
@@ -133,6 +136,14 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         heading = bearing(self.shown.scene.standing.position, (at.x(), at.y()))
         apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
         return int(np.argmin(apart))
+
+    def event(self, event: QEvent) -> bool:
+        """Esc lets go of what is being dragged; else it is for the window."""
+        asked = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if asked and self.hands.let_go():
+            event.accept()
+            return True
+        return bool(super().event(event))
 
     @Slot()
     def _keep_range(self) -> None:

@@ -146,6 +146,13 @@ class Session(QObject):
         if after is not None:
             self._change(after)
 
+    @Slot(object)
+    def cancel(self, gesture: object) -> None:
+        """Take back what a gesture has done so far, and leave no step of it."""
+        before = self.history.cancel(gesture)
+        if before is not None:
+            self._change(before)
+
     def _change(self, scene: Scene, moving: bool = False) -> None:
         self.shown = replace(self.shown, scene=scene)
         self._forecast.change_scene(scene, moving)

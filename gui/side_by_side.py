@@ -17,6 +17,7 @@ class SideBySide(QWidget):
     picked = Signal(int)  # a reading
     pointed = Signal(object)  # Cursor or None
     edited = Signal(object, str, object)  # Scene, what was done, gesture
+    cancelled = Signal(object)  # gesture
 
     def __init__(self) -> None:
         super().__init__()
@@ -26,8 +27,10 @@ class SideBySide(QWidget):
         row.setSpacing(1)
         for title, view in (("Reality", self.reality), ("Simulation", self.simulation)):
             row.addLayout(_titled(title, view), stretch=1)
-            for mine, theirs in ((self.picked, view.picked), (self.pointed, view.pointed), (self.edited, view.edited)):
-                theirs.connect(mine)
+            view.picked.connect(self.picked)
+            view.pointed.connect(self.pointed)
+            view.edited.connect(self.edited)
+            view.cancelled.connect(self.cancelled)
         self.simulation.plotItem.setXLink(self.reality.plotItem)
         self.simulation.plotItem.setYLink(self.reality.plotItem)
 

@@ -52,6 +52,12 @@ def pixel_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) ->
 
 def drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> None:
     """Drag with the mouse from the first point of a plot over the others to the last."""
+    end = begin_drag(qtbot, view, box, *way)
+    qtbot.mouseRelease(view.viewport(), Qt.MouseButton.LeftButton, pos=end)
+
+
+def begin_drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> QPoint:
+    """Drag without letting go; where the mouse is then."""
     pixels = [pixel_at(view, box, at) for at in way]
     qtbot.mouseMove(view.viewport(), pixels[0])
     qtbot.mousePress(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[0])
@@ -60,4 +66,4 @@ def drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float
             between = pixels[0] + (pixel - pixels[0]) * part
             qtbot.mouseMove(view.viewport(), between)
             qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
-    qtbot.mouseRelease(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[-1])
+    return pixels[-1]

@@ -12,10 +12,11 @@ from pytestqt.qtbot import QtBot
 from gui.main_window import MainWindow
 from sonarhw.log import read_log
 from tests.gui.conftest import OpenWith
-from tests.gui.driving import click, drag, pixel_at, place_of, predicted, until
+from tests.gui.driving import begin_drag, click, drag, pixel_at, place_of, predicted, until
 
 Point = tuple[float, float]
 _STROKES = 40
+FIGURE9 = 0.774, 0.085  # where the sensor stands
 
 
 @pytest.fixture
@@ -88,6 +89,40 @@ def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_
     turned = window.session.shown
     assert math.degrees(turned.heading(3) - shown.heading(3)) % 360 == pytest.approx(30, abs=1)
     assert stands(window) == (x, y)
+
+
+@pytest.mark.parametrize(
+    ("tool", "way"),
+    [
+        (Qt.Key.Key_H, [FIGURE9, (0.5, 0.2), (0.4, 0.3)]),
+        (Qt.Key.Key_E, [(0.0, 0.742), (0.1, 0.6)]),  # a corner
+        (Qt.Key.Key_E, [(0.3, 0.742), (0.3, 0.6)]),  # a wall
+        (Qt.Key.Key_W, [(0.3, 0.6), (0.3, 0.3)]),
+        (Qt.Key.Key_P, [(0.3, 0.4), (0.36, 0.4)]),
+        (Qt.Key.Key_M, [(0.3, 0.4), (0.36, 0.4)]),
+    ],
+)
+def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
+    qtbot: QtBot, window: MainWindow, tool: Qt.Key, way: list[Point]
+) -> None:
+    drag_in_plan(qtbot, window, stands(window), (0.6, 0.3))
+    window.session.undo()  # it can be done again
+    key(qtbot, window, tool)
+    before, seen = window.session.shown.scene, window.plan.plotItem.vb.viewRange()
+    box = window.plan.plotItem.vb
+    begin_drag(qtbot, window.plan, box, *way)
+    assert (window.session.shown.scene is before) == (tool == Qt.Key.Key_M)
+    qtbot.keyClick(window.plan, Qt.Key.Key_Escape)
+    assert window.session.shown.scene is before
+    end = pixel_at(window.plan, box, (0.2, 0.2))
+    qtbot.mouseMove(window.plan.viewport(), end)
+    qtbot.wait(15)
+    qtbot.mouseRelease(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=end)
+    assert window.session.shown.scene is before
+    assert box.viewRange() == seen
+    assert not window.session.history.undo_label
+    assert window.session.history.redo_label == "moving the sensor"
+    assert not window.plan.ruler.label.isVisible()
 
 
 def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
