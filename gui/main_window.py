@@ -165,6 +165,8 @@ class MainWindow(QMainWindow):
         self.bscan.wished.connect(session.wish_bscan)
         for edited in (self.plan, self.side_by_side, self.room, self.fit_panel):
             edited.edited.connect(session.edit)
+        for cancelled in (self.plan, self.side_by_side):
+            cancelled.cancelled.connect(session.cancel)
         self.plan.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(self.plan.hands.choose_surface)
         self.fit_panel.wanted.connect(session.find_place)
