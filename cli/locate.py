@@ -92,7 +92,7 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
     places = located.places(near)
     best = max(places, key=places.__getitem__, default=None)
     return {
-        "poses": [_figures_of(pose) for pose in located.poses],
+        "poses": [_figures_of(pose, located.place_near(pose, near)) for pose in located.poses],
         "place": best if best is not None and places[best] > 0 else None,
         "places": {name: round(share, 6) for name, share in places.items()},
         "readings_alike": round(located.readings_alike, 3),
@@ -101,7 +101,7 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
     }
 
 
-def _figures_of(pose: "Pose") -> dict[str, float | None]:
+def _figures_of(pose: "Pose", place: str | None) -> dict[str, float | str | None]:
     dx, dy, turn = pose.deviations
     return {
         "x_m": round(pose.position[0], 6),
@@ -109,6 +109,7 @@ def _figures_of(pose: "Pose") -> dict[str, float | None]:
         "heading_deg": round(math.degrees(pose.heading), 6) % 360,
         "offset_m": round(pose.offset, 6),
         "probability": round(pose.probability, 6),
+        "place": place,
         "x_deviation_m": round(dx, 6),
         "y_deviation_m": round(dy, 6),
         "heading_deviation_deg": round(math.degrees(turn), 6) if turn <= _ANY_HEADING else None,
@@ -125,13 +126,17 @@ def _heading(heading: float, deviation: float | None) -> str:
     return f"{round(heading, 1) % 360:.1f}° (± {deviation:.1f}°)"
 
 
+def _named(place: str | None) -> str:
+    return "" if place is None else f"; {place}"
+
+
 def _tell(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
         typer.echo(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
             f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
             f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
-            f"range offset {_signed(round(pose['offset_m'] * 1000))} mm"
+            f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )
     typer.echo(f"{figures['explained']:.0%} of the echoes lie within 5 cm of the room's, at the first of these")
     if not figures["fits_room"]:
@@ -141,4 +146,4 @@ def _tell(figures: dict[str, Any]) -> None:
         typer.echo("the scan does not tell these apart: the room looks much the same from there")
     if figures["place"] is not None:
         shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
-        typer.echo(f"of the room's places: {shares}")
+        typer.echo(f"if it was at one of the room's places: {shares}")

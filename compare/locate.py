@@ -70,16 +70,21 @@ class Located:
         summed = logsumexp(self.scores.scores / self.readings_alike, axis=1)
         return np.asarray(summed - summed.max())
 
+    def place_near(self, pose: Pose, near: float = NEAR) -> str | None:
+        """Name of the place of the room nearest to a pose; None where none is within `near` (m)."""
+        away = {name: math.dist(pose.position, place.position) for name, place in self.room.places.items()}
+        name = min(away, key=away.__getitem__, default=None)
+        return None if name is None or away[name] > near else name
+
     def places(self, near: float = NEAR) -> dict[str, float]:
         """Of each place of the room, how probable it is that the scan was taken there, if it was at one of them.
 
-        A pose within `near` (m) of a place counts for it; all 0 where none is near any.
+        A pose within `near` (m) of a place counts for the nearest; all 0 where none is near any.
         """
         shares = dict.fromkeys(self.room.places, 0.0)
         for pose in self.poses:
-            for name, place in self.room.places.items():
-                if math.dist(pose.position, place.position) <= near:
-                    shares[name] += pose.probability
+            if (name := self.place_near(pose, near)) is not None:
+                shares[name] += pose.probability
         whole = sum(shares.values())
         return {name: share / whole if whole else 0.0 for name, share in shares.items()}
 

@@ -90,6 +90,7 @@ def test_locate_tells_poses_as_json_and_draws_them(tmp_path: Path, capsys: pytes
     assert told["explained"] > 0.95
     best = told["poses"][0]
     assert math.dist((best["x_m"], best["y_m"]), (1.38, 0.54)) < 0.02
+    assert best["place"] == "p3"
     assert sum(pose["probability"] for pose in told["poses"]) == pytest.approx(1, abs=0.02)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert run(["locate", str(log), "--out", str(picture)]) == 2
@@ -105,10 +106,13 @@ def test_a_scan_of_another_room_is_not_told_as_if_it_were_of_this_one(
     told = capsys.readouterr().out
     assert "this scan does not fit this room" in told
     assert run(["locate", str(log)]) == 0
-    assert "does not fit" not in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "does not fit" not in told
+    assert "; p3\n" in told
+    assert told.splitlines()[-1].startswith("if it was at one of the room's places: p3 ")
 
 
 def test_a_heading_that_a_scan_does_not_tell_has_no_deviation() -> None:
-    figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))))
+    figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))), None)
     assert figures["heading_deviation_deg"] is None
     assert json.loads(json.dumps(figures))["heading_deg"] == pytest.approx(math.degrees(0.5), abs=1e-5)
