@@ -75,11 +75,13 @@ class RecordedScan:
     @property
     def doubt(self) -> str | None:
         """Which readings may stand at wrong angles, and why; None where that is not known of any."""
-        if not self.readings:
+        slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
+        if not slipped and not self.homed:
             return None
-        times, angles = [reading.time for reading in self.readings], [reading.angle for reading in self.readings]
-        apart = legs(times, angles, self.homed)
-        of_last = lost(apart) if self.finished and self.finished.outcome == Outcome.LOST_STEPS else None
+        apart = legs(
+            [reading.time for reading in self.readings], [reading.angle for reading in self.readings], self.homed
+        )
+        of_last = lost(apart) if slipped else None
         told = of_last and f"the turntable lost steps; {of_last}"
         return "; ".join(filter(None, (told, unchecked(apart)))) or None
 
