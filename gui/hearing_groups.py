@@ -11,11 +11,11 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QLabel
 
 from gui.amount import Amount
-from gui.room_groups import Change, Group, short_list
-from gui.scene_edit import heard_by, in_air
+from gui.room_groups import Change, Group, short_list, show_names
+from gui.scene_edit import heard_by, in_air, with_board
 from gui.shown import Shown
 from sim.bends import EdgeStrength
-from sim.board import Receiver
+from sim.board import Board, Receiver, board_names, load_board
 from sim.mount import Unit
 from sim.room import Place, Room
 
@@ -73,16 +73,23 @@ _MEANINGS: dict[Enum, tuple[str, str]] = {
 
 
 class HearingGroup(Group):
-    """How echoes are followed and received."""
+    """Which board sends and hears, and how echoes are followed and received."""
 
     def __init__(self, change: Change) -> None:
         super().__init__("Hearing", change)
+        self._boards = {name: load_board(name) for name in board_names()}
+        self._own: dict[str, Board] = {}  # what the scan or the command line brought, beside those that ship
+        self.board = short_list()
+        self.board.setToolTip("The profile of the ranging board that is predicted; a log brings its own")
+        self.rows.addRow("Board", self.board)
+        self.board.textActivated.connect(self._take_board)
         self.receiver = self._list("Receiver", [*Receiver])
         self.unit = self._list("The unit", [*Unit])
         self.edges = self._list("Edges", [*EdgeStrength])
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
         """Draw it."""
+        self._name_board(shown.scene.board)
         options = shown.scene.options
         for field, value in (
             (self.receiver, options.receiver),
@@ -102,6 +109,17 @@ class HearingGroup(Group):
         self.rows.addRow(name, field)
         field.activated.connect(self._hear)
         return field
+
+    def _name_board(self, board: Board) -> None:
+        name = board.name
+        if self._boards.get(name) != board:
+            name = f"{name}, changed" if name in self._boards else name
+            self._own = {name: board}
+        show_names(self.board, (*self._own, *self._boards), name)
+
+    @Slot(str)
+    def _take_board(self, name: str) -> None:
+        self._change(partial(with_board, board={**self._boards, **self._own}[name]))
 
     @Slot()
     def _hear(self) -> None:

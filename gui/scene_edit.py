@@ -21,6 +21,7 @@ from gui.room_edit import (
     split_wall,
 )
 from gui.scene import Scene
+from sim.board import Board
 from sim.room import Place, Room
 from sim.room_file import MOST_DISTANT
 from sim.room_writing import materials, with_air, with_material, with_place
@@ -120,6 +121,12 @@ def in_air(scene: Scene, **state: float) -> Edit:
 def heard_by(scene: Scene, **options: Any) -> Edit:
     """The scene with the sound followed and received by other `PredictionOptions`."""
     return replace(scene, options=replace(scene.options, **options)), "changing how it is heard"
+
+
+def with_board(scene: Scene, board: Board) -> Edit:
+    """The scene with another board, and the receiver that it is used with."""
+    options = replace(scene.options, receiver=board.receiver)
+    return replace(scene, board=board, options=options), f"board {board.name}"
 
 
 def with_room(scene: Scene, room: Room) -> Scene:

@@ -17,7 +17,7 @@ from gui.scene import Scene
 from gui.shown import Shown
 from sim.air import Air
 from sim.bends import EdgeStrength
-from sim.board import Receiver
+from sim.board import Receiver, load_board
 from sim.mount import Unit
 from sim.room import load_room
 from sim.room_writing import materials, with_air
@@ -112,6 +112,38 @@ def test_receiver_unit_and_edges_are_chosen_by_key(qtbot: QtBot, panel: RoomPane
     assert options.unit is Unit.BLOCK
     assert options.edge_strength is EdgeStrength.KELLER
     assert keeper.scene.room.text == load_room(ROOM).text
+
+
+def test_a_board_is_chosen_by_key_brings_its_receiver_and_the_scans_own_can_be_had_back(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+) -> None:
+    own = replace(keeper.scene.board, range_offset=0.01)
+    keeper.scene = replace(keeper.scene, board=own)
+    keeper.show()
+    board = panel.hearing.board
+    assert board.currentText() == f"{own.name}, changed"
+    board.setFocus()
+    qtbot.keyClicks(board, "lego")
+    assert keeper.scene.board == load_board("lego-nxt")
+    assert keeper.scene.options.receiver is keeper.scene.board.receiver
+    assert keeper.labels == ["board lego-nxt"]
+    qtbot.keyClick(board, Qt.Key.Key_Home)
+    assert keeper.scene.board == own
+
+
+def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
+    window = open_with()
+    window.docks.show("Room")
+    until(qtbot, lambda: predicted(window))
+    board = window.room.hearing.board
+    board.setFocus()
+    qtbot.keyClick(board, Qt.Key.Key_Down)
+    assert board.currentText() == "hc-sr04"
+    until(qtbot, lambda: window.session.shown.outline.board == load_board("hc-sr04"))
+    qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert window.session.shown.scene is scene
+    assert board.currentText() == f"{scene.board.name}, changed"
+    until(qtbot, lambda: window.session.shown.outline.board == scene.board)
 
 
 def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
