@@ -152,7 +152,7 @@ def follow_fan(
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
     slots = np.full(4096, -1, np.int32)
     edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
-    nearby = np.empty(targets.shape[0], np.int32)
+    nearby, met, leg_number = np.empty(targets.shape[0], np.int32), np.zeros(targets.shape[0], np.int32), 0
     hears_itself = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     for ray in range(directions.shape[0]):
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
@@ -167,7 +167,10 @@ def follow_fan(
             reach = min(distance, max_length - leg.length)
 
             # note every target that this leg passes; the first leg only leaves a sensor that hears itself
-            passed = _edges_along(leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby)
+            leg_number += 1
+            passed = _edges_along(
+                leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
+            )
             if bounces > 0 or not hears_itself:
                 nearby[passed] = 0
                 passed += 1
@@ -275,11 +278,14 @@ def _edges_along(
     cells: Cells,
     edges: Listing,
     nearby: IntArray,
+    met: IntArray,
+    leg_number: int,
 ) -> int:
     """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; hands on how many.
 
     An edge is listed in every cell from which a plain ray could be near it; a tube that a post has spread (`spread`) is
-    wider than that and is asked about all of them.
+    wider than that and is asked about all of them. `met` (t,) keeps the last leg that each target was near to, so that
+    one listed in many cells is taken once.
     """
     count = 0
     if spread:
@@ -291,10 +297,8 @@ def _edges_along(
     walk = enter(cells, x, y, dx, dy)
     while walk.inside:
         for k in listed(cells, edges, walk):
-            known = False
-            for other in nearby[:count]:
-                known = known or other == k + 1
-            if not known:
+            if met[k + 1] != leg_number:
+                met[k + 1] = leg_number
                 nearby[count] = k + 1
                 count += 1
         if min(walk.next_column, walk.next_row) > reach:
@@ -334,7 +338,9 @@ def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: I
 @compiled
 def _hash(candidate: IntArray, touched: IntArray) -> int:
     ray, bounces, target = candidate
-    mixed: int = target + 1
+    # numbers of targets and surfaces are alike: unless the first is spread out, so many pairs of them fall together
+    mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF
+    mixed ^= mixed >> 15
     for surface in touched[ray, :bounces]:
         # the multiplier of FNV-1a
         mixed = ((mixed ^ (surface + 1)) * 16777619) & 0xFFFFFFFF

@@ -11,7 +11,7 @@ from sim.bends import EdgeStrength
 from sim.board import load_board, parse_board
 from sim.paths import Paths, PathSearch, find_paths
 from sim.prediction import predict_scan
-from sim.rays import fan
+from sim.rays import _hash, fan
 from sim.room import Place, Room, parse_room
 from tests.sim.image_sources import specular_lengths
 from tests.sim.rooms_for_tests import polygon_room, room_of
@@ -164,6 +164,14 @@ def test_room_of_a_hundred_thousand_walls_loads_and_answers() -> None:
     found = heard_from(room, 0.05, 0.05, search=PathSearch(4.0, 0.00696, 4, rays=RAYS))
     assert found.lengths[0] == pytest.approx(2 * 0.75)
     assert room.names[int(found.surfaces[0, 0])].startswith("b")
+
+
+def test_ways_by_one_wall_to_one_edge_each_have_a_slot_of_their_own() -> None:
+    # a round room drawn with 100 000 corners hung while they shared a few
+    count = 300
+    walls = np.arange(count, dtype=np.int32)[:, None]
+    slots = {_hash(np.array([wall, 1, edge], np.int32), walls) for wall in range(count) for edge in range(count)}
+    assert len(slots) > 0.99 * count**2
 
 
 _grid = st.integers(-2, 2).map(float)
