@@ -1,8 +1,9 @@
 """How right a fit is, and how right it is about that: `python -m benchmarks.fit [DRAWS]`.
 
 Makes scans with known truth, with the errors of real ones: ranges off by 1 mm, levels by 0.5 dB, 2 % of pings lost, 3 %
-of readings anywhere. Prints how far fits are from the truth, how often the truth lies in the region stated for it,
-reflectances found from several places at once, and how long a fit takes with the whole room as prior.
+of readings anywhere, a thermometer off by 0.2 K. Prints how far fits are from the truth and how often the truth lies in
+the region stated for it, reflectances found from several places at once, and how long a fit takes with the whole room
+as prior.
 """
 
 import math
@@ -29,6 +30,7 @@ TIMING = 6e-6  # s, 1 mm of range
 LEVEL = 0.5  # dB
 LOST = 0.02  # of pings
 ANYWHERE = 0.03  # of readings: the range is any
+THERMOMETER = 0.2  # K
 ERRORS = Disturbance(0.0, 0.0, 0.0, TIMING, LEVEL, 0.0, furniture=False)
 ROOMS = ("simple", "arena", "laboratory")
 DRAWS = 500
@@ -43,13 +45,16 @@ def board_of(room: Room) -> Board:
 
 
 def synthetic_scan(
-    room: Room, place: Place, board: Board, seed: int, readings: int = READINGS, echoes: int = 1
+    room: Room, place: Place, board: Board, seed: int, readings: int = READINGS, echoes: int = 1, warmer: float = 0.0
 ) -> list[Reading]:
-    """A scan all round with the errors above; every reading has its first `echoes` echoes."""
+    """A scan all round with the errors above; every reading has its first `echoes` echoes.
+
+    Ranges are told by a thermometer that shows `warmer` K too much.
+    """
     source = RoomEchoes(room, place, board, seed, ERRORS)
     random = np.random.default_rng((seed, 5))
-    speed = room.air.speed_of_sound
-    listen = 2 * board.max_range / speed
+    listen = 2 * board.max_range / room.air.speed_of_sound
+    speed = replace(room.air, temperature_c=room.air.temperature_c + warmer).speed_of_sound
     made = []
     for number in range(readings):
         angle = math.tau * number / readings
@@ -103,7 +108,7 @@ def drawn_fit(seed: int, samples: int = 4000) -> Drawn:
         "threshold": board.threshold_db + float(random.uniform(-3, 3)),
     }
     real = replace(board, range_offset=-truth["offset"], threshold_db=truth["threshold"])
-    readings = synthetic_scan(room, place, real, seed)
+    readings = synthetic_scan(room, place, real, seed, warmer=float(random.normal(0, THERMOMETER)))
     near = [_near(parameter, truth, random) for parameter in free_parameters(FREE, ["drawn"], room, board)]
     result = fit_scans([PlacedScan(readings, place)], room, board, near, options=FitOptions(seed=seed, samples=samples))
     return Drawn(

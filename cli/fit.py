@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +13,8 @@ import typer
 from cli.fit_table import figures, lines_of
 from cli.log_input import open_log, recorded_place, recorded_room
 from cli.numbers import counted
-from cli.options import ReceiverChoice, ReceiverName, chosen_place, chosen_receiver
+from cli.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
+from cli.output import whole_file
 from cli.progress import progress_of_share
 from sonarhw.errors import InputError
 
@@ -59,14 +60,41 @@ def fit(
     ] = 4000,
     seed: Annotated[int, typer.Option(help="Of those samples.", min=0, max=2**32 - 1)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the room with what was found of it: places, materials, walls, air.", metavar="ROOM.toml"
+        ),
+    ] = None,
+    board_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the board profile with what was found of it: offset, axis, threshold, aperture.",
+            metavar="BOARD.toml",
+        ),
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Find the place, heading, board and room that explain logs best, and how sure that is."""
-    result = fit_logs(log_files, room_file, places or [], board, receiver, free, priors or [], samples, seed)
+    _check_files(out, board_out, free, force, room_file, board, *log_files)
+    fitted = fit_logs(log_files, room_file, places or [], board, receiver, free, priors or [], samples, seed)
+    write_found(fitted, out, board_out)
+    result = fitted.result
     if as_json:
         typer.echo(json.dumps(figures(result), indent=2))
     else:
         for line in lines_of(result):
             typer.echo(line)
+
+
+@dataclass(frozen=True)
+class FittedLogs:
+    """What was fitted, and what came of it."""
+
+    room: "Room"
+    board: "Board"
+    scans: "tuple[PlacedScan, ...]"  # where they were believed to be taken
+    result: "FitResult"
 
 
 def fit_logs(
@@ -79,7 +107,7 @@ def fit_logs(
     priors: Sequence[str],
     samples: int,
     seed: int,
-) -> "FitResult":
+) -> FittedLogs:
     """The fit of logs; what is not given is taken from the first of them. Raises InputError where that says nothing."""
     from compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
     from sim.board import load_board
@@ -109,7 +137,50 @@ def fit_logs(
     parameters = with_priors(parameters, priors)
     options = FitOptions(PredictionOptions(receiver=chosen_receiver(receiver, chosen)), seed, samples)
     with progress_of_share() as show:
-        return fit_scans(scans, room, chosen, parameters, options=options, progress=show)
+        result = fit_scans(scans, room, chosen, parameters, options=options, progress=show)
+    return FittedLogs(room, chosen, tuple(scans), result)
+
+
+def _check_files(out: Path | None, board_out: Path | None, free: str, force: bool, *inputs: str | Path | None) -> None:
+    """Raises InputError where a file cannot be written, or nothing that is free would be in it."""
+    if out is None and board_out is None:
+        return
+    from compare.fit.findings import OF_BOARD, OF_ROOM
+    from compare.fit.parameters import kinds_of
+
+    if out is not None and board_out is not None and out.resolve() == board_out.resolve():
+        raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
+    kinds = {kind for word in free.split(",") if word.strip() for kind in kinds_of(word)}
+    for option, file, those in (("--out", out, OF_ROOM), ("--board-out", board_out, OF_BOARD)):
+        if file is None:
+            continue
+        checked_out(file, (".toml",), force, *inputs, option=option)
+        if kinds.isdisjoint(those):
+            raise InputError(f"{option} {file}: nothing of it is free; --free has none of {', '.join(those)}")
+
+
+def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
+    """Write what was found of the room and of the board, where that is asked for.
+
+    A place is called as the room calls it, one that the room has not, or has for several logs, as its log is.
+    """
+    from compare.fit.findings import found_board, found_room
+
+    values = {one: fitted.result.estimates[one.name].value for one in fitted.result.parameters}
+    texts = []
+    if out is not None:
+        called = [scan.place.name for scan in fitted.scans]
+        own = {name for name in fitted.room.places if called.count(name) == 1}
+        places = [
+            replace(place, name=scan.place.name if scan.place.name in own else scan.name)
+            for place, scan in zip(fitted.result.places, fitted.scans, strict=True)
+        ]
+        texts.append((out, "--out", found_room(fitted.room, values, places).text))
+    if board_out is not None:
+        texts.append((board_out, "--board-out", found_board(fitted.board, values, board_out.stem).text))
+    for file, option, text in texts:
+        with whole_file(file, option) as written:
+            written.write(text.encode())
 
 
 def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:

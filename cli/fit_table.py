@@ -63,8 +63,13 @@ def _noise_line(noise: dict[str, float]) -> str:
     return (
         f"readings err by {noise['range_m'] * 1000:.1f} mm, levels by {noise['level_db']:.1f} dB; "
         f"{noise['missed']:.0%} of loud echoes missed, {noise['lost']:.0%} of pings lost, "
-        f"{noise['stray_per_m']:.2f} stray echoes a metre"
+        f"{noise['stray_per_m']:.2f} stray echoes a metre{_stretch(noise)}"
     )
+
+
+def _stretch(noise: dict[str, float]) -> str:
+    # where the air was free there is none
+    return f"; ranges {noise['stretch'] - 1:+.2%} by the speed of sound" if "stretch" in noise else ""
 
 
 def _scaled(parameter: "Parameter", estimate: "Estimate") -> dict[str, float]:

@@ -5,7 +5,6 @@ Takes a room, which surface is meant (its number, as `Room.names` counts) and wh
 refuses with the InputError of a wrong room file. Names are kept, and so are places and whatever else the file says.
 """
 
-import math
 from collections.abc import Sequence
 from itertools import count
 from typing import Any
@@ -14,8 +13,7 @@ import tomlkit
 from tomlkit.items import Array
 
 from sim.room import Room
-from sim.room_file import MEETING
-from sim.room_writing import Document, changed_room
+from sim.room_writing import Document, changed_room, with_corners
 from sonarhw.errors import InputError
 
 WALL, POST = "wall", "post"  # what new ones are called, with a number
@@ -25,14 +23,14 @@ Segments = tuple[list[list[float]], list[str]]  # of an open chain: its points, 
 
 def move_corner(room: Room, corner: Point, to: Point) -> Room:
     """The room with every wall end that lies at `corner` moved to `to`: walls that meet still meet."""
-    return changed_room(room, lambda document: _move_corners(document, {corner: to}))
+    return with_corners(room, {corner: to})
 
 
 def move_wall(room: Room, wall: int, by: Point) -> Room:
     """The room with both ends of a wall moved, and with them the ends of other walls that meet there."""
     x0, y0, x1, y1 = map(float, room.walls[wall])
     moved = {(x0, y0): (x0 + by[0], y0 + by[1]), (x1, y1): (x1 + by[0], y1 + by[1])}
-    return changed_room(room, lambda document: _move_corners(document, moved))
+    return with_corners(room, moved)
 
 
 def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
@@ -119,14 +117,6 @@ def free_name(room: Room, stem: str, first: int = 1) -> str:
 def corners(room: Room) -> tuple[Point, ...]:
     """Every point where walls end, once."""
     return tuple(dict.fromkeys((float(x), float(y)) for x, y in room.walls.reshape(-1, 2)))
-
-
-def _move_corners(document: Document, moved: dict[Point, Point]) -> None:
-    for chain in document["walls"]:
-        for k, point in enumerate(_points(chain)):
-            to = next((to for corner, to in moved.items() if math.dist(point, corner) <= MEETING), None)
-            if to is not None:
-                chain["points"][k] = list(to)
 
 
 def _chain_of(document: Document, wall: int) -> tuple[Document, int]:

@@ -7,7 +7,7 @@ same.
 
 import math
 import pickle
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,12 @@ from tomlkit.exceptions import TOMLKitError
 
 from sim.air import Air
 from sim.room import Place, Room, parse_room
-from sim.room_file import Material, RoomFile
+from sim.room_file import MEETING, Material, RoomFile
 from sim.toml_file import parse_toml
 from sonarhw.errors import InputError, OutputError
 
 Document = MutableMapping[str, Any]  # the text of a room file as tables and lists
+Point = tuple[float, float]  # m
 _DIGITS = 9  # of a heading in degrees
 
 
@@ -78,6 +79,22 @@ def with_material(room: Room, name: str, reflectance: float, scatter: float) -> 
         table["reflectance"] = reflectance
         if scatter or "scatter" in table:
             table["scatter"] = scatter
+
+    return changed_room(room, change)
+
+
+def with_corners(room: Room, moved: Mapping[Point, Point]) -> Room:
+    """The room with every wall end that lies at one of those points (m) moved to another: walls that meet still meet.
+
+    Raises InputError where that leaves a wall no length.
+    """
+
+    def change(document: Document) -> None:
+        for chain in document["walls"]:
+            for k, point in enumerate(chain["points"]):
+                to = next((to for corner, to in moved.items() if math.dist(point, corner) <= MEETING), None)
+                if to is not None:
+                    chain["points"][k] = list(to)
 
     return changed_room(room, change)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from compare.fit.beginnings import Beginning, beginnings, is_same
 from compare.fit.likelihood import Noise
-from compare.fit.objective import COARSE, MIDDLING, NOISES, Objective, Problem, make_problem
+from compare.fit.objective import COARSE, MIDDLING, Objective, Problem, make_problem
 from compare.fit.parameters import OF_PLACE, Kind, Parameter
 from compare.fit.posterior import REGION, samples_of
 from compare.fit.refine import covariance_of, refined
@@ -169,7 +169,7 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         parameters=problem.parameters,
         estimates=estimates,
         correlations=np.asarray(covariance[:count, :count] / np.outer(safe, safe)),
-        noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(NOISES)},
+        noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(problem.noises)},
         warnings=(),
         modes=tuple(_mode(problem, one, best.score) for one in answers),
         room=room,

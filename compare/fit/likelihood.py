@@ -61,6 +61,7 @@ class Noise(NamedTuple):
     missed: float  # chance that a loud echo is not heard
     lost: float  # chance that a ping hears nothing of the room
     stray: float  # echoes of nothing, for every metre of range
+    stretch: float = 1.0  # told ranges by true ones: the speed of sound by which they were told is never quite right
 
 
 class Known(NamedTuple):

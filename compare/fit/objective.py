@@ -2,7 +2,7 @@
 
 Takes scans, room, board and free parameters; hands on `Problem`, and near any values an `Objective`: paths are searched
 there once and then moved (`echo_paths`), so that it costs a fraction of a millisecond. Its argument is one
-vector: the parameters, and behind them five numbers that say how readings err (`NOISES`).
+vector: the parameters, and behind them the numbers that say how readings err (`NOISES`).
 """
 
 import math
@@ -56,6 +56,7 @@ class NoisePrior:
     spread: float  # standard deviation of the logarithm
     lower: float
     upper: float
+    step: float = 0.15  # of the logarithm, by which it changes the likelihood noticeably
 
 
 NOISES = (
@@ -64,8 +65,9 @@ NOISES = (
     NoisePrior("missed", 0.02, 1.0, 1e-3, 0.4),
     NoisePrior("lost", 0.02, 1.0, 1e-3, 0.4),
     NoisePrior("stray_per_m", 0.02, 1.2, 1e-3, 1.0),
+    # thermometers err by half a degree, and the air of a room differs by as much: 0.6 K
+    NoisePrior("stretch", 1.0, 1e-3, 0.99, 1.01, 2e-4),
 )
-NOISE_STEP = 0.15  # of a logarithm
 COARSE = Noise(0.03, 3.0, 0.15, 0.05, 0.1)  # with which the likelihood is smooth over centimetres and degrees
 MIDDLING = Noise(0.01, 1.5, 0.08, 0.03, 0.05)
 
@@ -87,19 +89,24 @@ class Problem:
     @property
     def size(self) -> int:
         """How many numbers the objective takes."""
-        return len(self.parameters) + len(NOISES)
+        return len(self.parameters) + len(self.noises)
+
+    @property
+    def noises(self) -> tuple[NoisePrior, ...]:
+        """What is found of how readings err; where the air is free, that is what stretches ranges."""
+        return NOISES if self.told_speed is None else tuple(noise for noise in NOISES if noise.name != "stretch")
 
     @cached_property
     def steps(self) -> FloatArray:
         """By how much each number changes the objective noticeably, (size,)."""
         own = [STEPS[parameter.kind] for parameter in self.parameters]
-        return np.array([*own, *[NOISE_STEP] * len(NOISES)], dtype=np.float64)
+        return np.array([*own, *(noise.step for noise in self.noises)], dtype=np.float64)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of each number, (size,)."""
-        lower = [*(parameter.lower for parameter in self.parameters), *(math.log(n.lower) for n in NOISES)]
-        upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in NOISES)]
+        lower = [*(parameter.lower for parameter in self.parameters), *(math.log(n.lower) for n in self.noises)]
+        upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in self.noises)]
         lower[len(self.parameters)] = math.log(max(NOISES[0].lower, self.rounding * _ROUNDED))
         return np.array(lower), np.array(upper)
 
@@ -110,7 +117,7 @@ class Problem:
 
     def with_noise(self, values: FloatArray, noise: Noise) -> FloatArray:
         """The first numbers of `values`, with that noise behind them."""
-        vector = np.concatenate((values[: len(self.parameters)], np.log(np.array(noise))))
+        vector = np.concatenate((values[: len(self.parameters)], np.log(np.array(noise))[: len(self.noises)]))
         return np.asarray(np.clip(vector, *self.bounds))
 
     def setting(self, values: FloatArray) -> tuple[Room, tuple[Place, ...], Board]:
@@ -153,8 +160,8 @@ class Objective:
 
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Log-likelihood of every reading of a scan, (n,)."""
-        ear, known = self._ear(values, scan), self._known(values, scan)
         noise = Noise(*np.exp(values[len(self.problem.parameters) :]).tolist())
+        ear, known = self._ear(values, scan, noise.stretch), self._known(values, scan)
         return np.asarray(log_likelihoods(self.problem.scans[scan], known, ear, noise, self._table, self._lateness))
 
     def _log_prior(self, values: FloatArray) -> float:
@@ -170,7 +177,7 @@ class Objective:
             (0.0, math.inf) if parameter.expected is None else (parameter.expected, parameter.deviation or math.inf)
             for parameter in self.problem.parameters
         ]
-        middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in NOISES)]).T
+        middle, spread = np.array([*own, *((math.log(noise.median), noise.spread) for noise in self.problem.noises)]).T
         return middle, spread
 
     @cached_property
@@ -197,13 +204,13 @@ class Objective:
         row = self._rows.get((kind, scan if kind in OF_PLACE else None), self._rows.get((kind, None)))
         return otherwise if row is None else float(values[row])
 
-    def _ear(self, values: FloatArray, scan: int) -> Ear:
+    def _ear(self, values: FloatArray, scan: int, stretch: float) -> Ear:
         board, place, air = self.problem.board, self.problem.places[scan], self.room.air
         speed = air.speed_of_sound
         if self.problem.told_speed is not None:
             air = self._air(values)
             speed = air.speed_of_sound
-        stretch = 1.0 if self.problem.told_speed is None else self.problem.told_speed / speed
+            stretch = self.problem.told_speed / speed
         offset = board.range_offset - self._value(values, Kind.OFFSET, scan, 0.0)
         ahead = self._value(values, Kind.AHEAD, scan, board.mount.ahead)
         aside, half = self._value(values, Kind.ASIDE, scan, board.mount.aside), board.mount.separation / 2

@@ -1,8 +1,9 @@
 """How sure a fit is: samples of the posterior, from which come standard deviations, regions and correlations.
 
-Takes an `Objective` at its top; hands on samples. They are drawn by emcee's affine-invariant ensemble (Goodman and
-Weare 2010, Foreman-Mackey et al. 2013): where an echo comes or goes the likelihood has steps, and its
-curvature at the top says too little.
+Takes an `Objective` at its top; hands on samples. They are drawn by emcee's ensemble (Foreman-Mackey et al. 2013) that
+moves by differences of its own members (ter Braak 2006; ter Braak and Vrugt 2008): where an echo comes or goes the
+likelihood has steps, and its curvature at the top says too little. Members forget where they were within some 25 steps,
+a third of what Goodman and Weare's stretches need here.
 """
 
 import math
@@ -15,7 +16,8 @@ from compare.fit.objective import Objective
 from compare.fit.refine import directions_of
 from sonarhw.readings import FloatArray
 
-_BURN = 0.4  # of the samples more, thrown away at the beginning
+_BURN = 0.5  # of the samples more, thrown away at the beginning
+_WALKERS = 48  # at least: with fewer, differences span too little
 REGION = (2.5, 97.5)  # percent
 
 
@@ -29,9 +31,10 @@ def samples_of(
     import emcee  # here, for it takes half a second to load: the window offers a fit, few starts of it make one
 
     random = RandomState(seed)
-    walkers = 2 * max(12, len(top) + 2)
+    walkers = max(_WALKERS, 2 * (len(top) + 2))
     begin = _ensemble(objective, top, walkers, random)
-    sampler = emcee.EnsembleSampler(walkers, len(top), objective)
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    sampler = emcee.EnsembleSampler(walkers, len(top), objective, moves=moves)
     state = emcee.State(begin, random_state=random.get_state())
     burn, steps = math.ceil(_BURN * count / walkers), math.ceil(count / walkers)
     for done, _ in enumerate(sampler.sample(state, iterations=burn + steps)):

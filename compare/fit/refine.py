@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from compare.fit.likelihood import Noise
-from compare.fit.objective import COARSE, MIDDLING, NOISES, Objective, Problem
+from compare.fit.objective import COARSE, MIDDLING, Objective, Problem
 from compare.fit.parameters import Kind
 from sim.prediction import PredictionOptions
 from sonarhw.readings import FloatArray
@@ -47,7 +47,9 @@ def refined(
     parameters = len(problem.parameters)
     rows = [row for row, parameter in enumerate(problem.parameters) if parameter.kind in MOVES_PATHS]
     for noise in stages:
-        movable = np.append(np.ones(parameters, np.bool_) if free is None else free, [noise is None] * len(NOISES))
+        movable = np.append(
+            np.ones(parameters, np.bool_) if free is None else free, [noise is None] * len(problem.noises)
+        )
         values = values if noise is None else problem.with_noise(values, noise)
         for _ in range(searches):
             tick()

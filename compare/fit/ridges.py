@@ -8,7 +8,7 @@ the square of that, and along a ridge that goes on nothing is lost.
 
 import numpy as np
 
-from compare.fit.objective import NOISES, Problem
+from compare.fit.objective import Problem
 from compare.fit.parameters import Parameter
 from compare.fit.refine import climb
 from sonarhw.readings import FloatArray
@@ -48,7 +48,7 @@ def _held(problem: Problem, top: FloatArray, vector: FloatArray, deviations: Flo
     moved = np.clip(moved, lower, upper)
     movable = np.ones(len(top), np.bool_)
     movable[row] = False
-    movable[len(top) - len(NOISES) :] = False
+    movable[len(problem.parameters) :] = False
     for _ in range(_CLIMBS):
         moved = climb(problem.near(moved), moved, movable)
     return problem.near(moved)(moved)

@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cli.app import run
+from sim.board import load_board
+from sim.room import load_room
 
 QUICKLY = ["--samples", "200"]
 
@@ -123,3 +126,41 @@ def test_what_is_wrong_is_told_in_one_line(
     assert told.startswith("sonarhw: ")
     assert told.count("\n") == 1
     assert complaint in told
+
+
+def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp_path: Path) -> None:
+    text = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    room, found, board = (tmp_path / f"{name}.toml" for name in ("room", "found", "mine"))
+    room.write_text("# as measured in spring\n" + text, encoding="utf-8")
+    free = ["--free", "position,heading,offset,threshold,reflectance,wall:north"]
+    files = ["--out", str(found), "--board-out", str(board)]
+    assert run(["fit", log, "--room", str(room), "--place", "p3", *free, *files, "--samples", "0"]) == 0
+    assert found.read_text(encoding="utf-8").startswith("# as measured in spring\n")
+    written, before = load_room(found), load_room(room)
+    assert written.places["p3"].position == pytest.approx((1.38, 0.54), abs=0.003)
+    assert written.places["p3"].position != before.places["p3"].position
+    assert written.places["p2"] == before.places["p2"]
+    assert np.abs(written.walls - before.walls).max() < 0.005
+    assert (written.walls != before.walls).any()
+    profile = load_board(str(board))
+    assert profile.name == "mine"
+    assert profile.range_offset == pytest.approx(0, abs=0.002)
+    assert profile.threshold_db != load_board("polaroid-6500").threshold_db
+    # and both are what the next command takes
+    assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
+        (["--board-out", "mine.toml"], "nothing of it is free; --free has none of offset"),
+        (["--free", "offset", "--out", "found.toml"], "nothing of it is free; --free has none of x, y"),
+        (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
+    ],
+)
+def test_a_file_that_would_hold_nothing_found_is_refused(
+    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, *arguments]) == 2
+    assert complaint in capsys.readouterr().err

@@ -169,6 +169,18 @@ def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are(
     assert deviation(288) > 0.7 * deviation(72)
 
 
+def test_a_thermometer_that_errs_makes_no_offset() -> None:
+    # one kelvin is 0.17 %: millimetres on the longest ranges, which would be taken for an offset
+    scan = synthetic_scan(ARENA, TRUTH, BOARD, 8, warmer=1.0)
+    free = near_the_truth("position", "heading", "offset")
+    result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0))
+    told = replace(ARENA.air, temperature_c=ARENA.air.temperature_c + 1.0).speed_of_sound / ARENA.air.speed_of_sound
+    assert result.noise["stretch"] == pytest.approx(told, abs=6e-4)
+    for name, true in (("x", TRUTH.position[0]), ("y", TRUTH.position[1]), ("offset", 0.0)):
+        estimate = result.estimates[name]
+        assert abs(estimate.value - true) < 4 * estimate.deviation
+
+
 @pytest.mark.parametrize("free", ["temperature", "speed"])
 def test_warm_air_is_told_from_echo_times(free: str) -> None:
     warm = replace(ARENA, air=replace(ARENA.air, temperature_c=27.0))
