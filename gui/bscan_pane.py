@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 
 from compare.bscan import RangeCells
-from gui.bscan_picture import ColourScale, Pane, flat_area, polar_area
+from gui.bscan_picture import Arm, ColourScale, Pane, flat_area, polar_area
 from gui.bscan_request import BScans
 from gui.look import Look
 from gui.plan_geometry import wall_lines
@@ -18,6 +18,7 @@ from gui.plot_look import dress_plot, label_axis, label_length
 from gui.shown import Cursor, Shown
 from gui.theme import text_font
 from sim.air import Air
+from sim.by_heading import arm
 from sonarhw.readings import FloatArray
 
 _FIGURES = 48  # pixels of an axis' figures and label at the usual size of text
@@ -47,7 +48,7 @@ class BScanPane:
         self._polar, self._lowest = False, True
         self._look = Look()
         self._cells = RangeCells(1.0, 1)
-        self._middle = 0.0, 0.0
+        self._middle, self._arm = (0.0, 0.0), Arm()
 
     def dress(self, look: Look) -> None:
         """Draw in the colours and the unit of this look from now on."""
@@ -86,7 +87,7 @@ class BScanPane:
     def draw(self, bscan: BScans, shown: Shown) -> None:
         """Put the picture, and what lies round it, in its place."""
         picture, self._cells = bscan.pictures[self.kind], bscan.rows.cells
-        self._middle = shown.scene.standing.position
+        self._middle, self._arm = shown.scene.standing.position, Arm(*arm(shown.scene.board))
         area = QRectF(*self._area(self._cells))
         self._image.setImage(picture.pixels, autoLevels=False, levels=None)
         self._image.setRect(area)
@@ -123,20 +124,19 @@ class BScanPane:
             return None
         at = self.plot.vb.mapSceneToView(position)
         if self._polar:
-            x, y = at.x() - self._middle[0], at.y() - self._middle[1]
-            cursor = Cursor(math.atan2(y, x) % math.tau, math.hypot(x, y))
+            heading, away = self._arm.seen_at(np.array(at.x() - self._middle[0]), np.array(at.y() - self._middle[1]))
+            cursor = Cursor(float(heading) % math.tau, float(away))
         else:
             cursor = Cursor(math.radians(at.x()) % math.tau, at.y())
         return cursor if 0 <= cursor.range <= self._cells.reach else None
 
     def _area(self, cells: RangeCells) -> tuple[float, float, float, float]:
-        return polar_area(cells, self._middle) if self._polar else flat_area(cells)
+        return polar_area(cells, self._middle, self._arm) if self._polar else flat_area(cells)
 
     def _places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
         """Where headings (rad) and ranges (m) lie in the plot, (n, 2)."""
         if self._polar:
-            x, y = self._middle
-            return np.column_stack((x + ranges * np.cos(headings), y + ranges * np.sin(headings)))
+            return self._arm.places(headings, ranges) + self._middle
         return np.column_stack((np.degrees(headings) % 360, ranges))
 
     def _at_range(self, distance: float, closed: bool = False) -> FloatArray:

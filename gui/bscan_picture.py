@@ -80,14 +80,37 @@ def _bytes(colours: Colormap) -> NDArray[np.uint8]:
     return np.asarray(colours(np.linspace(0, 1, COLOURS), bytes=True), dtype=np.uint8)
 
 
-def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: bool) -> Pixels:
+@dataclass(frozen=True)
+class Arm:
+    """Where heading and range lie in a polar picture: the transducer stands on an arm that turns about the place."""
+
+    ahead: float = 0.0  # of the turning axis, m
+    left: float = 0.0  # of it, m
+
+    def reach(self, range_: float) -> float:
+        """How far off the axis a range lies, m."""
+        return math.hypot(self.ahead + range_, self.left)
+
+    def places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
+        """Where they lie off the axis, (n, 2) float, m."""
+        cosines, sines, along = np.cos(headings), np.sin(headings), self.ahead + ranges
+        return np.column_stack((along * cosines - self.left * sines, along * sines + self.left * cosines))
+
+    def seen_at(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Heading, rad, and range, m, of what lies there off the axis; NaN where no heading looks."""
+        with np.errstate(invalid="ignore"):
+            along = np.sqrt(x**2 + y**2 - self.left**2)
+        return np.arctan2(y, x) - np.arctan2(self.left, along), along - self.ahead
+
+
+def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> Pixels:
     """The picture of one pane: flat over heading (all of the turn) and range, or polar with heading 0 to the right."""
     coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
     rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
     # one row more, of nothing: where a gap is, -1 picks it
     coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
-    if polar:
-        headings, cells = _polar_places(bscan.cells.count)
+    if polar is not None:
+        headings, cells = _polar_places(bscan.cells, polar)
         beyond = np.concatenate((rows, [-1])) % len(coloured)
         pixels = np.take(coloured.reshape(-1), np.take(beyond * bscan.cells.count, headings) + cells)
         pixels = pixels.reshape(_SIDE, _SIDE)
@@ -97,14 +120,16 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
 
 
 @lru_cache(maxsize=4)
-def _polar_places(count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Of every pixel of a polar picture which heading of _TURN, _TURN beyond the last cell, and the cell; both flat."""
-    along = (np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1
-    x, y = np.meshgrid(along, along)
-    cells = np.floor(np.hypot(x, y) * count)
-    headings = np.round(np.mod(np.arctan2(y, x), math.tau) / SAME_HEADING) % _TURN
-    headings[cells >= count] = _TURN
-    return headings.astype(np.int32).ravel(), cells.clip(0, count - 1).astype(np.int32).ravel()
+def _polar_places(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Of every pixel of a polar picture which heading of _TURN, _TURN where none is drawn, and the cell; both flat."""
+    along = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * arm.reach(cells.reach)
+    directions, ranges = arm.seen_at(*np.meshgrid(along, along))
+    drawn = (ranges >= 0) & (ranges < cells.reach)
+    headings = np.full(drawn.shape, _TURN, dtype=np.int32)
+    headings[drawn] = np.round(np.mod(directions[drawn], math.tau) / SAME_HEADING) % _TURN
+    number = np.zeros(drawn.shape, dtype=np.int32)
+    number[drawn] = (ranges[drawn] / cells.width).clip(0, cells.count - 1)
+    return headings.ravel(), number.ravel()
 
 
 def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
@@ -112,6 +137,7 @@ def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
     return -180.0 / _TURN, 0.0, 360.0, cells.reach
 
 
-def polar_area(cells: RangeCells, middle: tuple[float, float]) -> tuple[float, float, float, float]:
+def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm = Arm()) -> tuple[float, float, float, float]:
     """Where a polar picture round `middle` lies in the room, m (left, bottom, width, height)."""
-    return middle[0] - cells.reach, middle[1] - cells.reach, 2 * cells.reach, 2 * cells.reach
+    reach = arm.reach(cells.reach)
+    return middle[0] - reach, middle[1] - reach, 2 * reach, 2 * reach

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from compare.bscan import BScan, difference
 from compare.levels import floor_of
-from gui.bscan_picture import BScanWish, ColourScale, Pane, Pixels, colour_scale, draw_bscan
+from gui.bscan_picture import Arm, BScanWish, ColourScale, Pane, Pixels, colour_scale, draw_bscan
 from gui.bscan_rows import BScanRows, more_rows
 from gui.palette import Palette
 from gui.scene import Scene
+from sim.by_heading import arm
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
 
@@ -61,8 +62,9 @@ class BScanRequest:
         floor = floor_of(self.scene.board)
         scale = colour_scale(pane, self.wish.decibels, floor, self.palette)
         floor_db = floor if self.wish.decibels else None
+        polar = Arm(*arm(self.scene.board)) if self.wish.polar else None
         if pane is Pane.DIFFERENCE:
             apart = difference(measured, predicted, floor_db)
-            return PanePicture(draw_bscan(apart, scale, None, self.wish.polar), scale)
+            return PanePicture(draw_bscan(apart, scale, None, polar), scale)
         image = measured if pane is Pane.MEASURED else predicted
-        return PanePicture(draw_bscan(image, scale, floor_db, self.wish.polar), scale)
+        return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)

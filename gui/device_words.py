@@ -9,6 +9,7 @@ from gui.live_status import LinkSeen
 from gui.status import Source, Status
 from sonarhw.assembly import microdegrees_of
 from sonarhw.conversation import MOST_READINGS
+from sonarhw.device_clock import MOST_DRIFT
 from sonarhw.device_info import DeviceInfo
 from sonarhw.readings import ScanOrder, headings_between
 
@@ -83,8 +84,14 @@ def line_figures(link: LinkSeen | None) -> list[tuple[str, str, str]]:
             "from a question to its answer",
         ),
         ("Speed", f"{link.baud:,} baud".replace(",", " ") if link and link.baud else UNKNOWN, "– where it has none"),
-        ("Clock drift", f"{link.drift * 1e6:+.0f} ppm" if link else UNKNOWN, "host's clock against the device's"),
+        ("Clock drift", _drift(link), "host's clock against the device's; – where that is played at another pace"),
     ]
+
+
+def _drift(link: LinkSeen | None) -> str:
+    if link is None or abs(link.drift) >= MOST_DRIFT:
+        return UNKNOWN
+    return f"{link.drift * 1e6:+.0f} ppm"
 
 
 def temperature_text(status: Status) -> str:

@@ -71,11 +71,16 @@ def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
 
     For a ring, where a sensor would that points there.
     """
-    mount = board.mount if board.ring is None else Mount(ahead=board.ring.radius)
-    left = mount.aside - mount.separation / 2
+    ahead, left = arm(board)
     cosines, sines = np.cos(headings), np.sin(headings)
-    aside = np.column_stack((mount.ahead * cosines - left * sines, mount.ahead * sines + left * cosines))
+    aside = np.column_stack((ahead * cosines - left * sines, ahead * sines + left * cosines))
     return np.asarray(aside + place.position)
+
+
+def arm(board: Board) -> tuple[float, float]:
+    """How far ahead of the turning axis the listening transducer stands, and how far to the left, m."""
+    mount = board.mount if board.ring is None else Mount(ahead=board.ring.radius)
+    return mount.ahead, mount.aside - mount.separation / 2
 
 
 def _legs(listener: Stand, senders: tuple[Stand, ...], max_length: float, speed: float) -> Iterator[Leg]:

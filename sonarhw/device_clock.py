@@ -12,7 +12,7 @@ import numpy as np
 _BUCKET = 1.0  # s
 _BUCKETS = 60  # what a line goes through; a minute shows a drift of 1 in 10⁵ under 0.5 ms of jitter
 _FEWEST = 5  # buckets; before that the clocks are taken to run alike
-_MOST_DRIFT = 0.02  # a ceramic resonator is good to 0.005
+MOST_DRIFT = 0.02  # a ceramic resonator is good to 0.005; a device that is played faster or slower has this
 _RAN_BACK = 1.0  # s; frames come in order, so more than this is a reset
 
 _Sample = tuple[float, float]  # device, host
@@ -82,5 +82,5 @@ class DeviceClock:
             return
         middle = device - device.mean()
         slope = float(middle @ (late - late.mean()) / (middle @ middle))
-        self.drift = min(max(slope, -_MOST_DRIFT), _MOST_DRIFT)
+        self.drift = min(max(slope, -MOST_DRIFT), MOST_DRIFT)
         self._centre = (float(device.mean()), float(host.mean()))

@@ -22,6 +22,7 @@ from compare.bscan import (
 )
 from compare.levels import envelope_of, in_db
 from gui.bscan_picture import (
+    Arm,
     BScanWish,
     ColourScale,
     Pane,
@@ -36,6 +37,7 @@ from gui.palette import LIGHT
 from gui.scene import Scene
 from sim.air import Air
 from sim.board import load_board
+from sim.by_heading import arm
 from sim.mount import Mount
 from sim.prediction import predict_scan
 from sim.room import Place, Room, load_room
@@ -151,7 +153,7 @@ def test_missing_headings_are_gaps_and_others_touch() -> None:
     cells = RangeCells(0.1, 10)
     degrees = [d for d in range(0, 360, 5) if d not in (100, 105)]
     bscan = bscan_of({heading_key(math.radians(d)): np.ones(10) for d in degrees}, cells)
-    drawn = draw_bscan(bscan, BLACK, None, polar=False)[:, :, 3].T > 0
+    drawn = draw_bscan(bscan, BLACK, None, polar=None)[:, :, 3].T > 0
     left, _, width, _ = flat_area(cells)
     at = left + (np.arange(len(drawn)) + 0.5) / len(drawn) * width
     gap = (at > 98) & (at < 107)
@@ -159,14 +161,17 @@ def test_missing_headings_are_gaps_and_others_touch() -> None:
     assert drawn[(at < 97) | (at > 108)].all()
 
 
+@pytest.mark.parametrize("mount", [Mount(), Mount(ahead=0.1, aside=0.2, separation=0.04)])
 @pytest.mark.parametrize("degrees", [0.0, 60.0, 135.0, 290.0])
-def test_in_a_polar_picture_an_echo_lies_in_its_direction_at_its_range(degrees: float) -> None:
-    cells = cells_for(2.0, 0.004)
-    row = echo_row([1.0], cells)
-    bscan = bscan_of({heading_key(math.radians(degrees)): row}, cells)
-    x, y = middle_of(draw_bscan(bscan, BLACK, None, polar=True), polar_area(cells, (0.5, -0.25)))
-    along = math.radians(degrees)
-    assert (x, y) == pytest.approx((0.5 + math.cos(along), -0.25 + math.sin(along)), abs=0.02)
+def test_in_a_polar_picture_an_echo_lies_where_the_transducer_looks_at_its_range(degrees: float, mount: Mount) -> None:
+    cells, middle, along = cells_for(2.0, 0.004), (0.5, -0.25), math.radians(degrees)
+    bscan = bscan_of({heading_key(along): echo_row([1.0], cells)}, cells)
+    polar = Arm(*arm(replace(load_board("polaroid-6500"), mount=mount)))
+    x, y = middle_of(draw_bscan(bscan, BLACK, None, polar), polar_area(cells, middle, polar))
+    stands = mount.stand(Place("here", middle), along).receiver
+    assert (x, y) == pytest.approx((stands[0] + math.cos(along), stands[1] + math.sin(along)), abs=0.02)
+    heading, far = polar.seen_at(np.array(x - middle[0]), np.array(y - middle[1]))
+    assert (math.remainder(heading - along, math.tau), far) == pytest.approx((0.0, 1.0), abs=0.02)
 
 
 def middle_of(pixels: Pixels, area: tuple[float, float, float, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 
 from gui.commands import Commands
 from gui.device_panel import DevicePanel
-from gui.device_words import order_of_sector, scan_summary
+from gui.device_words import line_figures, order_of_sector, scan_summary
 from gui.live_status import Phase
 from gui.main_window import MainWindow
 from gui.scene import Scene
@@ -309,6 +309,18 @@ def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
     qtbot.keyClick(window, Qt.Key.Key_F6)
     until(qtbot, lambda: idle(window, Phase.STOPPED))
     assert len(read_log(window.session.status.recording).readings) >= 2
+
+
+def test_the_clock_of_a_scanner_that_runs_at_another_pace_tells_no_drift(
+    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+) -> None:
+    window = opened(open_with, board, during)
+    press(qtbot, window.device.connect_button)
+    until(qtbot, lambda: idle(window, Phase.READY))
+    link = window.session.status.link
+    for drift, told in ((1e-4, "+100 ppm"), (-0.019, "-19000 ppm"), (-0.02, "–"), (0.02, "–")):
+        figures = {name: text for name, text, _ in line_figures(replace(link, drift=drift))}
+        assert figures["Clock drift"] == told
 
 
 def test_the_panel_alone_shows_what_it_is_told(qtbot: QtBot, open_with: OpenWith) -> None:
