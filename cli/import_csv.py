@@ -47,7 +47,7 @@ def import_csv(
     force: Force = False,
 ) -> None:
     """Make a log of a scan that others recorded as CSV."""
-    from compare.foreign_csv import Columns, Meaning, read_foreign_scan
+    from compare.foreign_csv import Columns, Meaning, likely_silence, read_foreign_scan
     from sonarhw.encode import write_scan
     from sonarhw.log import LogMetadata
 
@@ -61,6 +61,10 @@ def import_csv(
     echoes = sum(reading.range is not None for reading in readings)
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
     _warn_of_far_ranges(readings, scale)
+    if no_echo is None and (likely := likely_silence(file, Columns(heading, distance))):
+        typer.echo(
+            f"sonarhw: warning: {likely[1]} ranges are {likely[0]:g}: no echo? --no-echo {likely[0]:g}", err=True
+        )
 
 
 def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:

@@ -7,6 +7,7 @@ on readings. Raises InputError, with the line, for what cannot be meant.
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _HEADING_NAMES = ("heading", "angle", "bearing", "azimuth", "theta", "turret", "deg", "degrees")
 _RANGE_NAMES = ("range", "distance", "dist", "echo", "m", "cm", "mm", "metres", "meters")
 _TIME_NAMES = ("time", "seconds", "s", "t")
+_FEWEST_ALIKE, _SHARE_ALIKE = 3, 0.1  # readings of one range, of which a wall seldom gives that many
 _UNITS = {"m": 1.0, "metres": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 
@@ -80,6 +82,20 @@ def guess_columns(file: Path) -> tuple[Columns, Meaning]:
         )
     unit = _UNITS.get(_words(distance)[-1], 1.0)
     return Columns(heading, distance, _called(header, _TIME_NAMES)), Meaning(unit)
+
+
+def likely_silence(file: Path, columns: Columns) -> tuple[float, int] | None:
+    """The range, in the file's own unit, that seems to stand for no echo, and how many readings have it, or None.
+
+    It is one that at least a tenth of the readings, and three, have to the last digit: 0, or else the longest. Raises
+    InputError.
+    """
+    ranges = [row.distance for row in _rows(file, columns, None) if row.distance is not None]
+    counts = Counter(ranges)
+    for value in (0.0, max(ranges, default=0.0)):
+        if len(counts) > 1 and counts[value] >= max(_FEWEST_ALIKE, _SHARE_ALIKE * len(ranges)):
+            return value, counts[value]
+    return None
 
 
 def _called(header: list[str], names: tuple[str, ...]) -> str | None:

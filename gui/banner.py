@@ -1,18 +1,21 @@
 """The banner: a line over the views for what went wrong, until it is put away, is over, or a new scan begins.
 
-Takes messages and how things stand; hands on nothing. Never a dialog: the scan goes on underneath.
+Takes messages and how things stand; hands on what somebody takes up of what is offered there. Never a dialog: the scan
+goes on underneath.
 """
 
-from PySide6.QtCore import Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QToolButton
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
 
 from gui.look import Look
-from gui.notices import Notices
+from gui.notices import Notice, Notices
 from gui.status import Status
 
 
 class Banner(QFrame):
     """Hidden where there is nothing to say."""
+
+    taken = Signal(object)  # the answer of an offer
 
     def __init__(self) -> None:
         super().__init__()
@@ -22,6 +25,8 @@ class Banner(QFrame):
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self._behind = QLabel()
+        self.offer_button = QPushButton()
+        self.offer_button.clicked.connect(self._take)
         self.close_button = QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Put this message away")
@@ -29,6 +34,7 @@ class Banner(QFrame):
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
         row.addWidget(self._label)
+        row.addWidget(self.offer_button)
         row.addWidget(self._behind)
         row.addWidget(self.close_button)
         self.hide()
@@ -59,13 +65,27 @@ class Banner(QFrame):
             self._notices.forget()
         self._show()
 
+    @Slot(object)
+    def offer(self, notice: Notice) -> None:
+        """Say it, with a button for what can be done about it."""
+        self._notices.tell(notice)
+        self._show()
+
+    @Slot()
+    def _take(self) -> None:
+        answer = self._notices.first.answer
+        self._put_away()
+        self.taken.emit(answer)
+
     @Slot()
     def _put_away(self) -> None:
         self._notices.put_away()
         self._show()
 
     def _show(self) -> None:
-        message, behind = self._notices.now, self._notices.behind
-        self._label.setText(f"⚠ {message}" if message else "")
+        notice, behind = self._notices.first, self._notices.behind
+        self._label.setText(f"⚠ {notice.text}" if notice.text else "")
+        self.offer_button.setText(notice.offer)
+        self.offer_button.setVisible(bool(notice.offer))
         self._behind.setText(f"{behind} more" if behind else "")
-        self.setVisible(bool(message))
+        self.setVisible(bool(notice.text))

@@ -5,7 +5,7 @@ Takes paths; hands on logs and rooms as they have been read.
 
 from pathlib import Path
 
-from gui.files import LogOpened, Opened, request_for
+from gui.files import LogOpened, Opened, OpenRequest, request_for
 from gui.recent import with_newest
 from gui.worker import Failure, Worker
 from sim.board import Board
@@ -35,6 +35,10 @@ class Documents:
             self._worker.ask(request_for(path, board, self._folder))
         except InputError as error:
             self.messages.append(str(error))
+
+    def ask(self, request: OpenRequest) -> None:
+        """Have a file opened as it is asked for there."""
+        self._worker.ask(request)
 
     def take(self) -> list[Opened]:
         """What has been opened since the last call."""

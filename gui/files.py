@@ -4,11 +4,12 @@ Takes a file; hands on a log with the scene it carries, or a scene for the room.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from compare.foreign_csv import guess_columns, read_foreign_scan
+from compare.foreign_csv import Columns, guess_columns, likely_silence, read_foreign_scan
+from gui.notices import Notice
 from gui.scene import Scene, first_place, scene_of_log
 from sim.board import Board
 from sim.room import load_room
@@ -28,6 +29,7 @@ class LogOpened:
     log: Log
     scene: Scene
     notice: str = ""  # how it was understood, where that could be otherwise
+    doubt: Notice | None = None  # what may have been misunderstood, with the request that reads it anew
 
 
 @dataclass(frozen=True)
@@ -48,25 +50,44 @@ class OpenCsvRequest:
 
     path: Path
     folder: Path  # where the log that it becomes is kept
+    no_echo: float | None = None  # the range that stands for none
+    kept: Path | None = None  # the log that it became before and becomes again
 
     def answer(self) -> LogOpened:
         """Make a log of it, and read that. Raises InputError, LogError."""
-        columns, meaning = guess_columns(self.path)
+        columns, guessed = guess_columns(self.path)
+        meaning = replace(guessed, no_echo=self.no_echo)
         readings = read_foreign_scan(self.path, columns, meaning)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise LogError(f"{self.folder}: cannot be made: {error.strerror}; imported scans lie there") from error
-        names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
-        path = next(name for name in names if not name.exists())
-        write_scan(path, LogMetadata("import", time.time()), readings)
+        path = self.kept or self._free_name()
+        write_scan(path, LogMetadata("import", time.time()), readings, overwrite=path == self.kept)
         log = read_log(path)
+        silence = "" if self.no_echo is None else f" and {self.no_echo:g} as no echo"
         notice = (
             f"{self.path.name} is now kept as {path.name}, in {self.folder}; {columns.heading!r} was read as degrees "
-            f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}; `sonarhw import` reads "
-            "it otherwise"
+            f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}"
+            f"{silence}; `sonarhw import` reads it otherwise"
         )
-        return LogOpened(path, log, scene_of_log(log.metadata), notice)
+        return LogOpened(path, log, scene_of_log(log.metadata), notice, self._doubt(columns, path))
+
+    def _free_name(self) -> Path:
+        names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
+        return next(name for name in names if not name.exists())
+
+    def _doubt(self, columns: Columns, kept: Path) -> Notice | None:
+        likely = None if self.no_echo is not None else likely_silence(self.path, columns)
+        if likely is None:
+            return None
+        value, count = likely
+        return Notice(
+            f"{count} readings of {self.path.name} have {value:g} in {columns.distance!r}"
+            f"{', the longest there is' if value else ''}: did they hear no echo?",
+            "No echo",
+            replace(self, no_echo=value, kept=kept),
+        )
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,8 @@ class MainWindow(QMainWindow):
         session.shown_changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
+        session.offered.connect(self.banner.offer)
+        self.banner.taken.connect(session.reopen)
         session.keeping.kept.connect(self.status_bar.tell)
 
     @Slot(QAction)

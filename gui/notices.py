@@ -4,8 +4,21 @@ Takes messages; hands on the one to be read now and how many wait behind it. No 
 """
 
 from collections import deque
+from dataclasses import dataclass
 
 _MOST = 20  # whoever has not read the first of them does not need the others
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A message, perhaps with something that can be done about it."""
+
+    text: str
+    offer: str = ""  # what a button beside it says
+    answer: object = None  # what is handed on where somebody takes the offer
+
+
+NOTHING = Notice("")
 
 
 class Notices:
@@ -14,22 +27,28 @@ class Notices:
     def __init__(self) -> None:
         self._standing = ""
         self._put_away = False  # whether what stands has been read
-        self._told: deque[str] = deque(maxlen=_MOST)
+        self._told: deque[Notice] = deque(maxlen=_MOST)
+
+    @property
+    def first(self) -> Notice:
+        """What is to be read; `NOTHING` where there is nothing."""
+        return next(iter(self._all()), NOTHING)
 
     @property
     def now(self) -> str:
-        """What is to be read; empty: nothing."""
-        return next(iter(self._all()), "")
+        """Its text."""
+        return self.first.text
 
     @property
     def behind(self) -> int:
         """How many more there are."""
         return max(0, len(self._all()) - 1)
 
-    def tell(self, message: str) -> None:
+    def tell(self, message: str | Notice) -> None:
         """Something has happened; told once however often it is said."""
-        if message not in self._told:
-            self._told.append(message)
+        notice = Notice(message) if isinstance(message, str) else message
+        if notice not in self._told:
+            self._told.append(notice)
 
     def stand(self, message: str) -> None:
         """This is so from now on; empty: it no longer is. What was put away stays so until it is over."""
@@ -47,6 +66,6 @@ class Notices:
         """What has happened no longer matters; what stands does."""
         self._told.clear()
 
-    def _all(self) -> list[str]:
-        standing = [self._standing] if self._standing and not self._put_away else []
+    def _all(self) -> list[Notice]:
+        standing = [Notice(self._standing)] if self._standing and not self._put_away else []
         return [*standing, *self._told]

@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal, Slot
 from gui.bscan_picture import BScanWish
 from gui.choice import Choice
 from gui.documents import Documents
-from gui.files import Opened, RoomOpened
+from gui.files import Opened, OpenRequest, RoomOpened
 from gui.fitting import Fitting, FitWish
 from gui.forecast import Forecast
 from gui.history import History
@@ -37,6 +37,7 @@ class Session(QObject):
     shown_changed = Signal(object)  # Shown
     status_changed = Signal(object)  # Status
     warned = Signal(str)  # for the banner; empty takes it away
+    offered = Signal(object)  # Notice, for the banner too
     recent_changed = Signal(object)  # tuple of paths, the newest first
 
     def __init__(
@@ -179,6 +180,11 @@ class Session(QObject):
         """Show a log, in its own room if it has one, or the readings there are in another room, or a scan as CSV."""
         self.documents.open(Path(path), self.shown.scene.board)
 
+    @Slot(object)
+    def reopen(self, request: OpenRequest) -> None:
+        """Open a file in the other way that was offered."""
+        self.documents.ask(request)
+
     @Slot(str)
     def save_room(self, path: str) -> None:
         """Write the room as it is now, with the sensor's place; the dialog has asked about overwriting."""
@@ -304,11 +310,14 @@ class Session(QObject):
             self.set_scene(opened.scene)
             self._scanner_in = opened.scene
             return
-        here = self.shown.scene
+        here, metadata = self.shown.scene, opened.log.metadata
         if not self.replay.loaded:
             self._before_replay = here
-        self.set_scene(opened.scene if opened.scene.room else replace(here, board=opened.scene.board))
+        board = opened.scene.board if metadata.board or metadata.board_text else here.board
+        self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
         self.show_log(opened.log, opened.path.name, opened.path)
+        if opened.doubt is not None:
+            self.offered.emit(opened.doubt)
 
     def _tell_other_room(self, opened: Scene) -> None:
         log = self.recorded if self.replay.loaded else None

@@ -51,6 +51,17 @@ def test_ranges_are_scaled_and_no_echo_is_compared_before(tmp_path: Path) -> Non
     assert readings[3].range == pytest.approx(0.0255, abs=2e-7)
 
 
+@pytest.mark.parametrize("value", ["0", "400"])
+def test_a_range_that_many_readings_have_is_warned_of_unless_it_is_said_what_it_means(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], value: str
+) -> None:
+    text = "\n".join(["deg,cm", *(f"{k},{value if k % 4 == 0 else 100 + k}" for k in range(20))])
+    assert imported(tmp_path, text, "--scale", "0.01")[0].range == pytest.approx(float(value) / 100, abs=2e-7)
+    assert f"5 ranges are {value}: no echo? --no-echo {value}" in capsys.readouterr().err
+    assert imported(tmp_path, text, "--scale", "0.01", "--force", "--no-echo", value)[0].range is None
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "-1"])
 def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) -> None:
     readings = imported(tmp_path, f"deg,cm\n0,1\n5,{value}\n", "--no-echo", value)

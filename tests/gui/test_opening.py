@@ -67,6 +67,52 @@ def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
     assert window.session.shown.scene.room is scene.room
 
 
+@pytest.mark.parametrize("silence", ["400", "0"])
+def test_a_range_that_many_readings_have_is_asked_about_and_is_silence_only_once_somebody_says_so(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, silence: str
+) -> None:
+    scan = tmp_path / "turret.csv"
+    lines = [f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)]
+    scan.write_text("\n".join(["turret_deg,range_cm", *lines]))
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 12)
+    said = f"8 readings of turret.csv have {silence} in 'range_cm'"
+    assert said in window.banner.message
+    assert window.session.shown.readings[1].range == pytest.approx(float(silence) / 100, abs=1e-6)
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    until(qtbot, lambda: window.session.shown.readings[1].range is None)
+    silent = [k for k, reading in enumerate(window.session.shown.readings) if reading.range is None]
+    assert silent == [1, 2, 4, 5, 7, 8, 10, 11]
+    assert said not in window.banner.message
+    assert f"'range_cm' as ranges in centimetres and {silence} as no echo" in window.banner.message
+    assert not window.banner.offer_button.isVisible()
+    assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["turret.mcap"]
+
+
+def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("\n".join(["turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36))]))
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 36)
+    assert "kept as turret.mcap" in window.banner.message
+    assert not window.banner.offer_button.isVisible()
+
+
+def test_a_scan_that_names_no_board_is_compared_with_the_board_there_is(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("deg,cm\n0,15.4\n")
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 1)
+    assert window.session.shown.scene.board is scene.board
+
+
 def test_a_room_is_saved_under_a_new_name_and_over_an_old_one_only_when_the_person_says_so(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
