@@ -9,7 +9,7 @@ import typer
 
 from cli.connect import FAKE, Find, read_fake_url, resolve
 from cli.demo_room import demo_room, demo_url
-from cli.options import DEFAULT_BOARD, PlaceName
+from cli.options import DEFAULT_BOARD, LOG, PlaceName
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from gui.scene import Scene
     from sonarhw.log import Log, LogMetadata
     from sonarhw.scanner import Scanner
+
+
+_SCAN, _ROOM = ".csv", ".toml"
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,12 @@ _NOTHING = _Wish(None, None, None)
 
 
 def gui(
-    source: Annotated[
-        str | None,
-        typer.Argument(help="Log, serial port, socket://HOST:PORT or fake:ROOM?place=NAME.", metavar="LOG|URL"),
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Log, scan as CSV, serial port, socket://HOST:PORT or fake:ROOM?place=NAME; with or without a room.",
+            metavar="LOG|CSV|URL|ROOM",
+        ),
     ] = None,
     room: Annotated[Path | None, typer.Option(help="Room file; default: the one in the log.", metavar="ROOM")] = None,
     place: PlaceName = None,
@@ -43,12 +49,17 @@ def gui(
         str | None, typer.Option(help="Board profile; default: the log's own.", metavar="NAME|FILE.toml")
     ] = None,
 ) -> int:
-    """Open the window: scan live or replay a log; without LOG or URL as it was left, the first time on the demo."""
-    wish = _Wish(room, place, board)
-    if source is not None and _is_log(source):
+    """Open the window: scan live or replay a log; with nothing named as it was left, the first time on the demo."""
+    source, room_named = _sorted_out(sources or [], room)
+    wish = _Wish(room or room_named, place, board)
+    if source is not None and _kind(source) == LOG:
         return _replay(Path(source), wish)
+    if source is not None and _kind(source) == _SCAN:
+        return _show_foreign(Path(source), wish)
     if source is not None:
         return _scan(source, wish)
+    if room_named is not None:
+        return _show_room(room_named, wish)
     with demo_room() as room_file:
         return _scan(demo_url(room_file), wish, resume=wish == _NOTHING)
 
@@ -59,8 +70,29 @@ def show_demo() -> int:
         return _scan(demo_url(room_file), _NOTHING)
 
 
-def _is_log(source: str) -> bool:
-    return Path(source).suffix == ".mcap" and not source.startswith(FAKE)
+def _sorted_out(sources: list[str], room: Path | None) -> tuple[str | None, Path | None]:
+    """What is to be seen, and the room named beside it. Raises InputError for several of one kind, or of no kind."""
+    rooms = [source for source in sources if _kind(source) == _ROOM]
+    others = [source for source in sources if source not in rooms]
+    if len(others) > 1:
+        raise InputError(f"{' '.join(others)}: expected one log, scan or scanner at a time")
+    if len(rooms) + (room is not None) > 1:
+        raise InputError(f"{' '.join([*rooms, *([f'--room {room}'] if room else [])])}: expected one room")
+    return (others[0] if others else None), (Path(rooms[0]) if rooms else None)
+
+
+def _kind(source: str) -> str:
+    """The ending of the name of a file that can be opened; empty for a URL. Raises InputError for another file."""
+    if source.startswith(FAKE) or "://" in source:
+        return ""
+    path = Path(source)
+    if path.suffix.lower() in (LOG, _SCAN, _ROOM):
+        return path.suffix.lower()
+    if path.is_file() or path.is_dir():
+        raise InputError(
+            f"{source}: expected a log (*{LOG}), a scan as *{_SCAN}, a room (*{_ROOM}) or the URL of a scanner"
+        )
+    return ""
 
 
 def _replay(path: Path, wish: _Wish) -> int:
@@ -78,6 +110,34 @@ def _replay(path: Path, wish: _Wish) -> int:
         return run_window(
             WindowStart(scene, log, source_name=path.name, source_file=path, find_way=ways.find, memory=memory_file())
         )
+
+
+def _show_foreign(path: Path, wish: _Wish) -> int:
+    from compare.foreign_csv import guess_columns, read_foreign_scan
+
+    scene = _scene(wish)
+    read_foreign_scan(path, *guess_columns(path))  # refused here where nothing can be meant
+    return _show(scene, path)
+
+
+def _show_room(path: Path, wish: _Wish) -> int:
+    from gui.scene import first_place
+    from sim.room import load_room
+
+    return _show(_scene(replace(wish, place=wish.place or first_place(load_room(path)).name)))
+
+
+def _show(scene: "Scene", file: Path | None = None) -> int:
+    """The window on a scene without a scanner, and the file that it opens there."""
+    from gui.display import check_display
+
+    check_display()
+    from gui.app import WindowStart, run_window
+    from gui.memory import memory_file
+
+    with ExitStack() as during:
+        find_way = _Ways(during).find
+        return run_window(WindowStart(scene, source_file=file, find_way=find_way, memory=memory_file()))
 
 
 def _scan(url: str, wish: _Wish, resume: bool = False) -> int:
@@ -118,7 +178,7 @@ class _Ways:
 
             if not found:
                 found.append(self._during.enter_context(resolve(url)))
-            return Scanner.open(found[0](), find=found[0])
+            return Scanner.open(url, find=found[0])
 
         return open_it
 

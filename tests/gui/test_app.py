@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from cli.app import run
+from gui.app import WindowStart
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
 
@@ -66,6 +67,12 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
         ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
         (["/dev/ttyNONE", "--place", "figure9"], "--place needs --room"),
         (["/dev/ttyNONE", "--board", "none"], "no board 'none'"),
+        (["nowhere.csv"], "nowhere.csv: cannot be read: No such file"),
+        (["nowhere.toml"], "nowhere.toml"),
+        ([__file__], "test_app.py: expected a log (*.mcap), a scan as *.csv, a room (*.toml) or the URL of a scanner"),
+        (["a.mcap", "b.csv"], "a.mcap b.csv: expected one log, scan or scanner at a time"),
+        (["a.toml", "b.toml", "/dev/ttyNONE"], "a.toml b.toml: expected one room"),
+        (["a.toml", "--room", "b.toml"], "a.toml --room b.toml: expected one room"),
     ],
 )
 def test_what_is_wrong_is_one_line_before_a_window_opens(
@@ -76,6 +83,60 @@ def test_what_is_wrong_is_one_line_before_a_window_opens(
     complaints = capsys.readouterr().err
     assert said in complaints
     assert complaints.count("\n") == 1
+
+
+@pytest.fixture
+def starts(monkeypatch: pytest.MonkeyPatch) -> list[WindowStart]:
+    """What the windows would open on."""
+    asked: list[WindowStart] = []
+
+    def run_window(start: WindowStart) -> int:
+        asked.append(start)
+        return 0
+
+    monkeypatch.setattr("gui.app.run_window", run_window)
+    return asked
+
+
+def test_a_room_that_is_named_alone_is_shown_at_its_first_place_without_a_scanner(starts: list[WindowStart]) -> None:
+    assert run(["gui", str(ROOM)]) == 0
+    assert run(["gui", str(ROOM), "--place", "figure9"]) == 0
+    assert [start.scene.place.name for start in starts] == ["figure7", "figure9"]
+    assert [start.source for start in starts] == [None, None]
+
+
+@pytest.mark.parametrize("way", [["--room", str(ROOM)], [str(ROOM)]])
+def test_a_room_beside_a_scan_is_the_room_of_that_scan(
+    starts: list[WindowStart], tmp_path: Path, way: list[str]
+) -> None:
+    scan = tmp_path / "turret.CSV"
+    scan.write_text("deg,cm\n0,15.4\n90,65.7\n")
+    assert run(["gui", str(scan), *way, "--place", "figure9", "--board", "paper"]) == 0
+    (start,) = starts
+    assert (start.source_file, start.scene.place.name, start.scene.board.name) == (scan, "figure9", "paper")
+
+
+def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
+    starts: list[WindowStart], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
+    assert run(["gui", str(tmp_path / "odd.csv")]) == 2
+    assert "no one column is called like a heading" in capsys.readouterr().err
+    assert not starts
+
+
+def test_a_fake_scanner_goes_by_the_url_that_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    urls: list[str] = []
+
+    def run_window(start: WindowStart) -> int:
+        with start.source() as scanner:
+            urls.append(scanner.url)
+        return 0
+
+    monkeypatch.setattr("gui.app.run_window", run_window)
+    typed = f"fake:{ROOM}?place=figure9&pace=max"
+    assert run(["gui", typed]) == 0
+    assert urls == [typed]
 
 
 @pytest.mark.parametrize("display", ["", ":4711"])

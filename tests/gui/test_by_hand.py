@@ -8,6 +8,7 @@ import pytest
 
 from gui.palette import DARK, LIGHT
 from sonarhw.log import Log, read_log
+from tests.gui.conftest import ROOM
 from tests.gui.outside import Outside, awaited
 
 DEMO = "Laboratory · place bench"
@@ -37,6 +38,18 @@ def a_click_asks_about_the_reading_under_it(program: Outside) -> bool:
     program.click((mark_x, mark_y))
     towards = math.degrees(math.atan2(y - mark_y, mark_x - x))
     return abs((heading_said(program) - towards + 180) % 360 - 180) < 2
+
+
+@pytest.mark.usefixtures("qapp")
+def test_a_scan_as_csv_and_a_room_named_at_the_start_come_together(tmp_path: Path) -> None:
+    (tmp_path / "turret.csv").write_text("turret_deg,range_cm\n0,15.4\n90,65.7\n")
+    with Outside(tmp_path, str(tmp_path / "turret.csv"), str(ROOM), "--place", "figure9") as program:
+        assert program.title == "Simple room · place figure9"
+        awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
+        awaited(lambda: SAID.match(program.sentence())["range"] == "0.657 m", "its last reading")
+        program.key("ctrl+q")
+        assert program.ended() == (0, "")
+    assert [path.name for path in program.recordings] == ["turret.mcap"]
 
 
 @pytest.mark.usefixtures("qapp")  # eyes and clipboard of whoever looks on
