@@ -68,13 +68,12 @@ class BoardFile(TomlModel):
     blanking: Annotated[float, Field(ge=0, le=1)]  # s
     max_range: Annotated[float, Field(gt=0, le=MOST_RANGE)]  # m
     threshold_db: Annotated[float, Field(le=0)]
-    rounding: Annotated[float, Field(ge=0)] = 0.0  # m; 0: none
+    rounding: Annotated[float, Field(ge=0, le=1)] = 0.0  # m; 0: none
     absorption: bool = True
     receiver: Literal["first-echo", "board"] = "first-echo"
     chirp: tuple[ToneFile, ...] = ()
-    rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = (
-        RISE_CYCLES  # signals are kept 60 kHz to each side of the carrier
-    )
+    # shorter ones would need more than the 60 kHz to each side of the carrier that signals are kept in
+    rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = RISE_CYCLES
     own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
     integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
     fixed_gain: bool = False
@@ -85,7 +84,7 @@ class BoardFile(TomlModel):
     clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
     mount: Mount = ON_AXIS
     ring: Ring | None = None
-    range_offset: float = 0.0  # m; `sonarhw calibrate` finds these two
+    range_offset: Annotated[float, Field(ge=-1, le=1)] = 0.0  # m; `sonarhw calibrate` finds these two
     home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
     @field_validator("gain_steps")

@@ -77,6 +77,8 @@ def _reason(error: object) -> str:
         return "missing; it is required"
     if kind == "too_short":
         return f"expected at least {error['ctx']['min_length']} of them, got {error['ctx']['actual_length']}"
+    if kind == "too_long":
+        return f"expected {error['ctx']['max_length']} of them, got {error['ctx']['actual_length']}"
     if kind == "string_pattern_mismatch":
         return f"expected a name without > and /, which join names, got {got!r}"
     message = message.removeprefix("Value error, ").replace("Input should be", "expected")

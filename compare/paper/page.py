@@ -40,7 +40,7 @@ def picture(exhibit: Exhibit) -> bytes:
     """The exhibit as PNG."""
     out = BytesIO()
     # without the version of matplotlib in it the same picture is the same file
-    exhibit.draw().savefig(out, format="png", metadata={"Software": None})
+    exhibit.draw().savefig(out, format="png", bbox_inches="tight", metadata={"Software": None})
     return out.getvalue()
 
 

@@ -70,6 +70,8 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
         ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
         ("rearm = 0.0", "rearm: expected greater than 0"),
+        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1, got -5"),
+        ("rounding = 100.0", "rounding: expected less than or equal to 1, got 100"),
         (
             "gain_steps = [0.002]\nfixed_gain = true",
             "fixed_gain and gain_steps: a gain stays as it is or rises, not both",
