@@ -14,7 +14,7 @@ from gui.bscan_picture import Arm, ColourScale, Pane, flat_area, polar_area
 from gui.bscan_request import BScans
 from gui.look import Look
 from gui.plan_geometry import wall_lines
-from gui.plot_look import dress_plot, label_axis, label_length
+from gui.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from gui.shown import Cursor, Shown
 from gui.theme import text_font
 from sim.air import Air
@@ -58,11 +58,11 @@ class BScanPane:
         self.plot.showGrid(x=False, y=False)
         self._ground.setBrush(colours.blanking)
         self._ground.setPen(None)
-        self._walls.setPen(pg.mkPen(colours.wall, width=1))
-        self._walls.setShadowPen(pg.mkPen(colours.paper, width=2.5))
-        self._blanking.setPen(pg.mkPen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
-        self._chosen.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
-        self._chosen.setShadowPen(pg.mkPen(colours.paper, width=2.5))
+        self._walls.setPen(cosmetic_pen(colours.wall, width=1))
+        self._walls.setShadowPen(cosmetic_pen(colours.paper, width=2.5))
+        self._blanking.setPen(cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
+        self._chosen.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DashLine))
+        self._chosen.setShadowPen(cosmetic_pen(colours.paper, width=2.5))
         self._scale = None
         self.plot.layout.setColumnFixedWidth(5, _BAR + round(_FIGURES * look.scale))
         self._label()
@@ -114,7 +114,8 @@ class BScanPane:
             colours = self._look.palette
             ((x, y),) = self._places(np.array([cursor.heading]), np.array([cursor.range]))
             pens = [
-                pg.mkPen(colour, width=line) for colour, (_, line) in ((colours.paper, _HALO), (colours.chosen, _RING))
+                cosmetic_pen(colour, width=line)
+                for colour, (_, line) in ((colours.paper, _HALO), (colours.chosen, _RING))
             ]
             self._cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
 

@@ -13,6 +13,7 @@ from PySide6.QtGui import QFont, QFontMetricsF
 
 from gui.chosen_trace import NamedEcho
 from gui.look import Look
+from gui.plot_look import cosmetic_pen
 from gui.trace_axes import EMPTY, Heights
 
 _ROWS = 5  # at most; where there is little room, fewer
@@ -56,7 +57,7 @@ class EchoNames:
         self._look = look
         self._font.setPointSizeF(_POINTS * look.scale)
         self._metrics = QFontMetricsF(self._font)
-        self._stems.setPen(pg.mkPen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
+        self._stems.setPen(cosmetic_pen(look.palette.predicted, width=1, style=Qt.PenStyle.DotLine))
         for item in self._items:
             item.setFont(self._font)
             item.fill = pg.mkBrush(look.palette.paper)

@@ -73,7 +73,8 @@ def mark_picture(kind: Kind | Unclassed, colours: Palette, ratio: float) -> QPix
 def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_LINE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.setPen(pg.mkPen(getattr(colours, colour), width=1 if style == Qt.PenStyle.DashLine else 2, style=style))
+        width = ratio * (1 if style == Qt.PenStyle.DashLine else 2)
+        painter.setPen(pg.mkPen(getattr(colours, colour), width=width, style=style))
         painter.drawLine(QPointF(0, _SIZE / 2), QPointF(_LINE, _SIZE / 2))
     return picture
 

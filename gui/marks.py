@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QGraphicsView
 
 from compare.match import Kind
 from gui.palette import MARKS, Palette, Unclassed
+from gui.plot_look import cosmetic_pen
 from gui.shown import ClassPoints
 from sonarhw.readings import FloatArray
 
@@ -36,7 +37,7 @@ def outline_item() -> pg.PlotDataItem:
 
 def dress_outline(outline: pg.PlotDataItem, colours: Palette) -> None:
     """Draw an outline in the colour of what is predicted."""
-    outline.setPen(pg.mkPen(colours.predicted, width=1))
+    outline.setPen(cosmetic_pen(colours.predicted, width=1))
     outline.setSymbolBrush(colours.predicted)
 
 
@@ -99,10 +100,10 @@ class ReadingMarks:
     def dress(self, colours: Palette) -> None:
         """Draw in these colours from now on."""
         for kind, scatter in self.scatters.items():
-            scatter.setPen(pg.mkPen(colours.paper, width=1))
+            scatter.setPen(cosmetic_pen(colours.paper, width=1))
             scatter.setBrush(pg.mkBrush(colours.of(kind)))
-            self._dots[kind].set_pen(pg.mkPen(colours.of(kind), width=_DOT))
-        self._ring.setPen(pg.mkPen(colours.chosen, width=2))
+            self._dots[kind].set_pen(cosmetic_pen(colours.of(kind), width=_DOT))
+        self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""

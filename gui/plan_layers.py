@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QGraphicsPathItem
 from compare.points import points_at
 from gui.look import Look
 from gui.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_power_angle, wall_lines
+from gui.plot_look import cosmetic_pen
 from gui.room_edit import Point, corners
 from gui.shown import Shown
 from gui.theme import text_font
@@ -44,11 +45,11 @@ class RoomLayer:
     def dress(self, look: Look) -> None:
         """Draw in this look from now on."""
         colours = look.palette
-        self._walls.setPen(pg.mkPen(colours.wall, width=2))
+        self._walls.setPen(cosmetic_pen(colours.wall, width=2))
         self._posts.setBrush(pg.mkBrush(colours.wall))
-        self._chosen_wall.setPen(pg.mkPen(colours.chosen, width=5))
-        self._chosen_post.setPen(pg.mkPen(colours.chosen, width=4))
-        self._corners.setPen(pg.mkPen(colours.ink, width=1))
+        self._chosen_wall.setPen(cosmetic_pen(colours.chosen, width=5))
+        self._chosen_post.setPen(cosmetic_pen(colours.chosen, width=4))
+        self._corners.setPen(cosmetic_pen(colours.ink, width=1))
 
     def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
         """Draw a room with the surface of that name chosen; `handles`: with its corners."""
@@ -89,11 +90,11 @@ class SensorLayer:
         """Draw in this look from now on."""
         colours = look.palette
         self._beam.setBrush(colours.beam)
-        self._axis.setPen(pg.mkPen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
-        self._turntable.setPen(pg.mkPen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
-        self._handle.setPen(pg.mkPen(colours.ink, width=1.5))
+        self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
+        self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
+        self._handle.setPen(cosmetic_pen(colours.ink, width=1.5))
         self._handle.setBrush(pg.mkBrush(colours.beam))
-        self._sensor.setPen(pg.mkPen(colours.paper))
+        self._sensor.setPen(cosmetic_pen(colours.paper))
         self._sensor.setBrush(pg.mkBrush(colours.ink))
 
     def draw(self, shown: Shown) -> None:
@@ -142,7 +143,7 @@ class PathLayer:
         """Draw it; where no path accounts for the reading, dotted the one that was expected."""
         points, losses, accounts = _chosen_path(shown)
         style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
-        self._rays.setPen(pg.mkPen(self._colour, width=1.5, style=style))
+        self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
         self._told, self._sensor = bounce_labels(points, losses), shown.scene.standing.position
         for k, label in enumerate(self._labels):
@@ -168,7 +169,7 @@ class CursorLayer:
 
     def dress(self, look: Look) -> None:
         """Draw in this look from now on."""
-        self._cross.setPen(pg.mkPen(look.palette.chosen, width=1))
+        self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
 
     def draw(self, shown: Shown) -> None:
         """Draw it; nothing where nothing is pointed at."""
@@ -193,8 +194,8 @@ class RulerLayer:
 
     def dress(self, look: Look) -> None:
         """Draw in this look from now on."""
-        self._line.setPen(pg.mkPen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
-        self._ends.setPen(pg.mkPen(look.palette.ink, width=1.5))
+        self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
+        self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))
         self.label.setColor(look.palette.ink)
         self.label.fill = pg.mkBrush(look.palette.tip_paper)
         self.label.setFont(text_font(look))

@@ -3,7 +3,11 @@
 Takes a plot and a `Look`; changes the plot. What is drawn in it stays in metres: only its axes are written in the unit.
 """
 
+from typing import cast
+
 import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication, QPen
 from PySide6.QtWidgets import QGraphicsItem
 
 from gui.look import Look
@@ -14,13 +18,20 @@ _AXES = ("left", "bottom", "right", "top")
 _CACHED = QGraphicsItem.CacheMode.DeviceCoordinateCache
 
 
+def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
+    """A pen whose `width` stays while one zooms: in pixels of a usual screen, more of them on a finer one."""
+    ratio = cast(QGuiApplication, QGuiApplication.instance()).devicePixelRatio()
+    pen: QPen = pg.mkPen(colour, width=width * ratio, style=style)
+    return pen
+
+
 def dress_plot(plot: pg.PlotItem, look: Look) -> None:
     """Axes, their figures and the grid."""
     font = text_font(look, 0.9)
     for name in _AXES:
         axis = plot.getAxis(name)
         axis.setCacheMode(_CACHED)
-        axis.setPen(look.palette.ink)
+        axis.setPen(cosmetic_pen(look.palette.ink))
         axis.setTextPen(look.palette.ink)
         axis.setStyle(tickFont=font)
         axis.label.setFont(font)

@@ -17,7 +17,7 @@ from gui.marks import WHOLE, Placed, ReadingMarks, dress_outline, outline_item
 from gui.palette import Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
-from gui.plot_look import dress_plot, label_axis, label_length
+from gui.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from gui.reading_tip import reading_tip
 from gui.residual_unit import residual_unit
 from gui.shown import Cursor, Shown
@@ -112,9 +112,9 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         for marks in self._marks:
             marks.dress(look.palette)
         for line in self._chosen:
-            line.setPen(pg.mkPen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
+            line.setPen(cosmetic_pen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
         for line in self._pointer:
-            line.setPen(pg.mkPen(look.palette.ink, width=1))
+            line.setPen(cosmetic_pen(look.palette.ink, width=1))
 
     def _dress_residuals(self, look: Look) -> None:
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
@@ -125,7 +125,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is drawn at the edge")
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
-            line.setPen(look.palette.tolerance)
+            line.setPen(cosmetic_pen(look.palette.tolerance))
 
     def _plot(self, row: int) -> pg.PlotItem:
         plot = self.addPlot(row=row, col=0)

@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 
 from gui.chosen_trace import ChosenTrace
 from gui.look import Look
+from gui.plot_look import cosmetic_pen
 
 _AT = 1 / 3, 2 / 3  # of the trace, at first
 _NAMES = "AB"
@@ -30,8 +31,8 @@ class TraceCursors(QObject):
     def dress(self, look: Look) -> None:
         """Draw in the colours of this look from now on."""
         for line in self._lines:
-            line.setPen(pg.mkPen(look.palette.chosen, width=1))
-            line.setHoverPen(pg.mkPen(look.palette.chosen, width=3))
+            line.setPen(cosmetic_pen(look.palette.chosen, width=1))
+            line.setHoverPen(cosmetic_pen(look.palette.chosen, width=3))
             line.label.setColor(look.palette.paper)
             line.label.fill = pg.mkBrush(look.palette.chosen)
 

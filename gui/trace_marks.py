@@ -11,6 +11,7 @@ from PySide6.QtCore import Qt
 
 from gui.chosen_trace import ChosenTrace
 from gui.look import Look
+from gui.plot_look import cosmetic_pen
 from gui.trace_axes import GainAxis, Heights
 
 _FROM = 3e-4  # s: before it the gain of an ideal receiver falls to nothing
@@ -38,9 +39,9 @@ class TraceMarks:
         colours = look.palette
         self._blanking.setBrush(colours.blanking)
         for line in self._blanking.lines:
-            line.setPen(colours.blanking)
-        self._threshold.setPen(pg.mkPen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
-        self._gain.setPen(pg.mkPen(colours.faint, width=1))
+            line.setPen(cosmetic_pen(colours.blanking))
+        self._threshold.setPen(cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
+        self._gain.setPen(cosmetic_pen(colours.faint, width=1))
         self._reported.setBrush(colours.measured)
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:

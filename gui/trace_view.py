@@ -16,7 +16,7 @@ from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
 from gui.look import Look
 from gui.marks import WHOLE
-from gui.plot_look import dress_plot, label_axis
+from gui.plot_look import cosmetic_pen, dress_plot, label_axis
 from gui.reach import first_look
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
@@ -126,9 +126,9 @@ class TraceView(QWidget):
         label_axis(gain, "gain (dB)")
         for axis in (gain, self._ranges):
             axis.setGrid(False)
-        self._predicted.setPen(pg.mkPen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
-        self._measured.setPen(pg.mkPen(colours.measured, width=1))
-        self._pointer.setPen(pg.mkPen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
+        self._predicted.setPen(cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
+        self._measured.setPen(cosmetic_pen(colours.measured, width=1))
+        self._pointer.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
         for part in (self.marks, self.names, self.cursors):
             part.dress(look)
 
