@@ -16,7 +16,7 @@ _COLUMNS = 3
 _ABOUT = (
     "The scan lands on its prediction. <b>Click a reading</b>, in the plan, the range view or the table: the sentence "
     "says how it came about, the plan draws the path its sound took, the trace names every echo. "
-    "<b>Drag the sensor</b> to move it, its beam to turn it: the prediction follows. "
+    "<b>Drag the sensor</b> to move it, its beam to turn it: the prediction follows; Esc takes the drag back. "
     "<b>Drop a file</b> on the window: a log, a room, or a scan as CSV."
 )
 
