@@ -1,6 +1,9 @@
 """Faults on real lines, with real threads and real time: every scan goes on and completes."""
 
 import math
+import os
+import threading
+import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -64,6 +67,19 @@ CASES += [("ser2net", faults) for faults in (FAULTS[0], FAULTS[1], FAULTS[-1])] 
 def test_a_scan_goes_on_over_every_line_whatever_happens_to_it(line: str, faults: str, tmp_path: Path) -> None:
     with served(line, faulty(faults), tmp_path) as (url, _), Scanner.open(url) as scanner:
         assert_scanned(scanner)
+
+
+def test_bytes_that_wait_behind_ser2net_are_read_together() -> None:
+    said = bytes(range(256)) * 8
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    with ser2net(os.ttyname(slave)) as url, Link(url) as link:
+        os.write(master, said)
+        while link._port.in_waiting < len(said):
+            threading.Event().wait(0.01)
+        assert link.read() == said
+    os.close(master)
+    os.close(slave)
 
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])
