@@ -17,6 +17,7 @@ from sim.air import Air
 from sim.edges import Edges, edges_on_walls, find_edges
 from sim.enclosures import Enclosures, find_enclosures
 from sim.grid import Listing, Surfaces, lay_grid
+from sim.outside import walls_go_round
 from sim.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
 from sim.toml_file import parse_toml, read_text
 from sonarhw.errors import InputError
@@ -94,7 +95,11 @@ class Room:
 
     def is_outside(self, position: tuple[float, float]) -> bool:
         """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
-        return self.enclosures.shut_out(np.array(position), self.walls)
+        if self.enclosures.shut_out(np.array(position), self.walls):
+            return True
+        # walls that meet elsewhere than at their ends close it where they go round its places
+        closed = any(walls_go_round(self.walls, place.position) for place in self.places.values())
+        return closed and not walls_go_round(self.walls, position)
 
     def is_far_from(self, position: tuple[float, float]) -> bool:
         """Whether a point (m) lies beyond walls and posts by more than 5 m and than they reach: outside any room."""
