@@ -3,6 +3,8 @@
 Takes what is shown; hands on nothing.
 """
 
+from math import ceil
+
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent, QTextLayout
 from PySide6.QtWidgets import QLabel
@@ -12,7 +14,7 @@ from gui.shown import Shown
 from gui.theme import text_font
 
 _LINES = 2  # room for so many, so that the views do not jump when a long one comes
-_MARGIN = 12
+_MARGIN, _ABOVE = 12, 6
 _SIZE = 1.2  # of usual text
 
 
@@ -26,7 +28,7 @@ class Sentence(QLabel):
         self.setWordWrap(True)
         self.setTextFormat(Qt.TextFormat.PlainText)
         self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.setContentsMargins(_MARGIN, 6, _MARGIN, 6)
+        self.setContentsMargins(_MARGIN, _ABOVE, _MARGIN, _ABOVE)
         self.setMinimumWidth(1)
 
     def show_state(self, shown: Shown) -> None:
@@ -34,7 +36,7 @@ class Sentence(QLabel):
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look, _SIZE))
-            self.setFixedHeight(_LINES * self.fontMetrics().lineSpacing() + 12)
+            self.setFixedHeight(_LINES * ceil(QFontMetricsF(self.font()).lineSpacing()) + 2 * _ABOVE)
             self._fit()
         if self._whole != shown.sentence:
             self._whole = shown.sentence

@@ -61,5 +61,11 @@ def test_larger_text_takes_more_room_and_is_not_cut(sentence: Sentence, scene: S
     assert lines_of(sentence) == 2
 
 
+@pytest.mark.parametrize("scale", [0.7, 1.0, 1.3, 1.6, 2.0])
+def test_two_lines_have_room_down_to_their_descenders(sentence: Sentence, scene: Scene, scale: float) -> None:
+    sentence.show_state(Shown(scene, look=replace(Look(), scale=scale)))
+    assert sentence.heightForWidth(sentence.width()) <= sentence.height()
+
+
 def test_a_short_sentence_stays_as_it_is(sentence: Sentence) -> None:
     assert shortened_to_lines("0.827 m at 270.0°", sentence.font(), 500, 2) == "0.827 m at 270.0°"
