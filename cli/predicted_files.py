@@ -69,7 +69,8 @@ def rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]
         if winner < 0:
             yield math.degrees(heading), distance, None, None, None, None
             continue
-        length, level = float(scan.paths.lengths[winner]), float(scan.levels_at(k)[winner])
+        # straight ahead the beam is 1 but for rounding: 0 dB, not -1e-13
+        length, level = float(scan.paths.lengths[winner]), round(float(scan.levels_at(k)[winner]), 9) + 0.0
         via = ">".join(scan.paths.via(int(winner), scan.room))
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
 

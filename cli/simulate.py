@@ -126,6 +126,7 @@ def simulate(
     scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
     if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):
         _warn_of_near_field(scan)
+    _warn_of_face_outside(scan)
     match kind:
         case ".npz":
             write_npz(scan, wish, Path(out))
@@ -191,6 +192,19 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
         typer.echo(
             f"sonarhw: warning: {counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
             "transducer begins: what the beam takes of them is rough",
+            err=True,
+        )
+
+
+def _warn_of_face_outside(scan: "PredictedScan") -> None:
+    """One line where the place lies in the room, but what carries the face holds it out of it."""
+    if scan.board.carrier.turns_about_face or scan.room.is_outside(scan.place.position):
+        return
+    outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
+    if outside:
+        typer.echo(
+            f"sonarhw: warning: at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
+            f"holds the face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]",
             err=True,
         )
 

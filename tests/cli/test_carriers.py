@@ -52,6 +52,21 @@ def test_reflecting_unit_reads_minimum_range_beside_the_wall_of_figure_7(capsys:
     assert readings["block"] != "1.022"
 
 
+def test_face_beyond_a_wall_is_told_with_the_headings_at_which_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # figure9 lies 85 mm from the bottom and 154 mm from the right
+    board = profile(tmp_path, "[mount]\nahead = 0.1\n")
+    assert run(["simulate", ROOM, "--place", "figure9", "--board", board, "--step", "90"]) == 0
+    assert "at 1 heading of 4 board 'mine' holds the face outside room" in capsys.readouterr().err
+    assert run(["simulate", ROOM, "--place", "figure9", "--board", board, "--to", "200", "--step", "90"]) == 0
+    assert "outside" not in capsys.readouterr().err
+
+
+def test_model_that_takes_all_for_straight_ahead_has_levels_of_0_db(capsys: pytest.CaptureFixture[str]) -> None:
+    assert {row["level_db"] for row in simulated(capsys, "--place", "figure7", "--model", "cone")} == {"0"}
+
+
 def test_face_ahead_of_the_axis_is_nearer_to_the_wall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     board = profile(tmp_path, "[mount]\nahead = 0.05\n")
     rows = simulated(capsys, "--place", "figure9", "--board", board, "--from", "90", "--to", "180", "--step", "90")
