@@ -129,14 +129,22 @@ class Endpoint:
         return min(_LONGEST_WAIT, self._clock.real_until(event))
 
     def _converse(self, wait: float) -> None:
-        writer = self._door.writer()
-        writers = [writer] if writer is not None and self._pending else []
+        if self._pending:
+            self._speak(wait)
+            wait = 0.0
         # a client that does not read is not listened to either, lest its answers pile up in the device
-        readers = [] if writers else self._door.readers()
-        readable, writable, _ = select.select([self._waker.fileno(), *readers], writers, [], wait)
-        if writable or (self._pending and writer is None):
-            self._sent(self._door.write(self._pending))
-        if set(readable) & set(readers):
+        if not self._pending:
+            self._listen(wait)
+
+    def _speak(self, wait: float) -> None:
+        writer = self._door.writer()
+        if writer is not None and writer not in select.select([self._waker.fileno()], [writer], [], wait)[1]:
+            return
+        self._sent(self._door.write(self._pending))
+
+    def _listen(self, wait: float) -> None:
+        readers = self._door.readers()
+        if set(select.select([self._waker.fileno(), *readers], [], [], wait)[0]) & set(readers):
             self._received(self._door.read())
 
     def _sent(self, count: int | None) -> None:

@@ -12,6 +12,7 @@ from sonarhw.board import Board
 from sonarhw.endpoint import Clock, Endpoint, open_door, serve
 from sonarhw.errors import InputError, LinkError
 from sonarhw.frames import Frame, encode_frame
+from sonarhw.link import Link
 from sonarhw.messages import Hello
 from sonarhw.scanner import Scanner
 from tests.sonarhw.plain_echoes import PlainEchoes
@@ -43,6 +44,20 @@ class Chatterbox:
     def hang_up(self) -> None:
         """Somebody has gone."""
         self.hung_up.set()
+
+
+class Busy(Chatterbox):
+    """A device that has something to send whenever it is looked at, but less than the line takes."""
+
+    heard = b""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Keep what comes."""
+        self.heard += data
+
+    def advance(self, now: float) -> bytes:
+        """A word."""
+        return b"word"
 
 
 class Failing(Chatterbox):
@@ -126,6 +141,15 @@ def test_a_client_that_does_not_read_holds_the_device_back(line: str, tmp_path: 
         if client:
             client.close()
             assert device.hung_up.wait(timeout=10)
+
+
+def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same() -> None:
+    device, taken = Busy(), 0
+    with serve(device, tcp="127.0.0.1:0") as endpoint, Link(endpoint.url) as link:
+        link.write(b"stop")
+        while not device.heard and taken < 1_000_000:
+            taken += len(link.read())
+    assert device.heard == b"stop"
 
 
 def test_a_device_that_breaks_is_told_to_whoever_served_it_and_its_client_is_cut_off() -> None:
