@@ -25,7 +25,7 @@ class AirGroup(Group):
 
     def __init__(self, change: Change) -> None:
         super().__init__("Air", change)
-        self.temperature = Amount(-40, 60, 1, " °C", "The warmer the air, the faster sound: 0.17 % a degree")
+        self.temperature = Amount(-40, 60, 1, " °C", "The warmer the air, the faster sound: 0.18 % a degree")
         self.humidity = Amount(0, 100, 0, " %", "Relative humidity: how much the air takes of ultrasound")
         self.pressure = Amount(30, 120, 1, " kPa", "101.3 kPa at the sea, about 90 kPa at 1000 m")
         self.speed = QLabel()
