@@ -107,9 +107,8 @@ def _replay(path: Path, wish: _Wish) -> int:
 
     with ExitStack() as during:
         ways = _Ways(during)
-        return run_window(
-            WindowStart(scene, log, source_name=path.name, source_file=path, find_way=ways.find, memory=memory_file())
-        )
+        start = WindowStart(scene, log, source_name=path.name, source_file=path, used=_used(wish.room, path))
+        return run_window(replace(start, find_way=ways.find, memory=memory_file()))
 
 
 def _show_foreign(path: Path, wish: _Wish) -> int:
@@ -117,17 +116,17 @@ def _show_foreign(path: Path, wish: _Wish) -> int:
 
     scene = _scene(wish)
     read_foreign_scan(path, *guess_columns(path))  # refused here where nothing can be meant
-    return _show(scene, path)
+    return _show(scene, wish.room, path)
 
 
 def _show_room(path: Path, wish: _Wish) -> int:
     from gui.scene import first_place
     from sim.room import load_room
 
-    return _show(_scene(replace(wish, place=wish.place or first_place(load_room(path)).name)))
+    return _show(_scene(replace(wish, place=wish.place or first_place(load_room(path)).name)), path)
 
 
-def _show(scene: "Scene", file: Path | None = None) -> int:
+def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
     """The window on a scene without a scanner, and the file that it opens there."""
     from gui.display import check_display
 
@@ -137,7 +136,12 @@ def _show(scene: "Scene", file: Path | None = None) -> int:
 
     with ExitStack() as during:
         find_way = _Ways(during).find
-        return run_window(WindowStart(scene, source_file=file, find_way=find_way, memory=memory_file()))
+        start = WindowStart(scene, source_file=file, used=_used(room), find_way=find_way, memory=memory_file())
+        return run_window(start)
+
+
+def _used(*named: Path | None) -> tuple[Path, ...]:
+    return tuple(path for path in named if path is not None)
 
 
 def _scan(url: str, wish: _Wish, resume: bool = False) -> int:
@@ -153,7 +157,7 @@ def _scan(url: str, wish: _Wish, resume: bool = False) -> int:
         ways = _Ways(during)
         # a fake may begin at once; a turntable that is there moves only when somebody says so
         start = WindowStart(scene, ways.opener(url), autostart=fake, url=url, find_way=ways.find, memory=memory_file())
-        return run_window(replace(start, resume=resume))
+        return run_window(replace(start, resume=resume, used=_used(wish.room)))
 
 
 class _Ways:

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from types import FrameType
 
@@ -20,6 +21,7 @@ from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
 from gui.look import Look
 from gui.main_window import MainWindow
 from gui.memory import Memory, read_memory
+from gui.recent import with_newest
 from gui.recording import recordings_folder
 from gui.remembering import Remembering, put_back
 from gui.scanner_choice import WayFinder
@@ -41,6 +43,7 @@ class WindowStart:
     source: ScannerOpener | Log | None = None  # how to get at a scanner, or a log to replay
     source_name: str = "the log"  # its file name
     source_file: Path | None = None  # where a log is found again
+    used: tuple[Path, ...] = ()  # files that were named for it: the recent ones from now on
     url: str = ""  # of the scanner
     find_way: WayFinder | None = None  # to any other scanner
     order: ScanOrder = WHOLE_TURN
@@ -86,6 +89,8 @@ def open_window(start: WindowStart) -> MainWindow:
     window = MainWindow(Session(begun.scene, opener, wish, memory.look.look(), start.find_way))
     window.session.scanners.url = begun.url
     put_back(window, memory)
+    recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
+    window.session.remember_used(recent, memory.urls)
     if start.memory is not None:
         Remembering(window, start.memory)
     if isinstance(begun.source, Log):

@@ -102,7 +102,7 @@ def test_a_room_that_is_named_alone_is_shown_at_its_first_place_without_a_scanne
     assert run(["gui", str(ROOM)]) == 0
     assert run(["gui", str(ROOM), "--place", "figure9"]) == 0
     assert [start.scene.place.name for start in starts] == ["figure7", "figure9"]
-    assert [start.source for start in starts] == [None, None]
+    assert [(start.source, start.used) for start in starts] == [(None, (ROOM,))] * 2
 
 
 @pytest.mark.parametrize("way", [["--room", str(ROOM)], [str(ROOM)]])

@@ -152,6 +152,11 @@ def test_a_csv_in_which_nothing_can_be_meant_is_told(qtbot: QtBot, open_with: Op
     assert not (tmp_path / "recordings").exists()
 
 
+def test_files_named_at_the_start_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded), source_file=recorded, used=(ROOM, recorded))
+    assert [action.data() for action in window.files.actions()] == [str(recorded), str(ROOM)]
+
+
 def test_recent_files_are_offered_newest_first_and_open_with_a_click(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
