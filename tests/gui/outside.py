@@ -21,7 +21,7 @@ from gui.palette import DARK, LIGHT, Palette
 
 Pixel = tuple[int, int]
 Seen = TypeVar("Seen")
-_PATIENCE = 60.0  # s
+_PATIENCE = 90.0  # s
 _PAUSE = 0.05
 _ABOVE_THE_PLAN = 90  # pixels: menus, tools and legend
 _SENTENCE = (4, 6), (4, 50)  # pixels from left and right, below the views
