@@ -364,7 +364,7 @@ def repaints(times: int) -> list[Figure]:
 
             def repaint(count: int) -> None:
                 for k in range(count):
-                    window.session.choose(k % readings)
+                    window.session.showing.choose(k % readings)
                     window.repaint()
 
             repaint(500)

@@ -43,20 +43,20 @@ class LookCommands(QObject):
 
     @Slot(QAction)
     def _choose_unit(self, action: QAction) -> None:
-        self._session.set_look(replace(self._look, unit=LengthUnit[action.data()]))
+        self._session.showing.set_look(replace(self._look, unit=LengthUnit[action.data()]))
 
     @Slot(bool)
     def _choose_palette(self, dark: bool) -> None:
-        self._session.set_look(replace(self._look, palette=DARK if dark else LIGHT))
+        self._session.showing.set_look(replace(self._look, palette=DARK if dark else LIGHT))
 
     @Slot()
     def _enlarge(self) -> None:
-        self._session.set_look(self._look.scaled(self._look.scale * _STEP))
+        self._session.showing.set_look(self._look.scaled(self._look.scale * _STEP))
 
     @Slot()
     def _shrink(self) -> None:
-        self._session.set_look(self._look.scaled(self._look.scale / _STEP))
+        self._session.showing.set_look(self._look.scaled(self._look.scale / _STEP))
 
     @Slot()
     def _reset_size(self) -> None:
-        self._session.set_look(self._look.scaled(1.0))
+        self._session.showing.set_look(self._look.scaled(1.0))

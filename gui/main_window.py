@@ -136,11 +136,11 @@ class MainWindow(QMainWindow):
         commands.stop.triggered.connect(session.stop)
         commands.home.triggered.connect(session.live.home)
         commands.find.triggered.connect(self._find_place)
-        commands.undo.triggered.connect(session.undo)
-        commands.redo.triggered.connect(session.redo)
-        commands.previous.triggered.connect(session.choose_previous)
-        commands.next.triggered.connect(session.choose_next)
-        commands.newest.triggered.connect(session.follow_newest)
+        commands.undo.triggered.connect(session.showing.undo)
+        commands.redo.triggered.connect(session.showing.redo)
+        commands.previous.triggered.connect(session.showing.choose_previous)
+        commands.next.triggered.connect(session.showing.choose_next)
+        commands.newest.triggered.connect(session.showing.follow_newest)
         commands.play.triggered.connect(session.replay.toggle)
         commands.back.triggered.connect(session.replay.step_back)
         commands.forth.triggered.connect(session.replay.step_forth)
@@ -157,16 +157,16 @@ class MainWindow(QMainWindow):
 
     def _connect_views(self) -> None:
         session = self.session
-        self.toolbar.place.textActivated.connect(session.set_place)
+        self.toolbar.place.textActivated.connect(session.showing.set_place)
         for picked in (self.plan, self.side_by_side, self.bscan, self.ranges, self.table):
-            picked.picked.connect(session.choose)
+            picked.picked.connect(session.showing.choose)
         for pointed in (self.plan, self.side_by_side, self.bscan, self.trace, self.ranges):
-            pointed.pointed.connect(session.point_at)
-        self.bscan.wished.connect(session.wish_bscan)
+            pointed.pointed.connect(session.showing.point_at)
+        self.bscan.wished.connect(session.showing.wish_bscan)
         for edited in (self.plan, self.side_by_side, self.room, self.fit_panel):
-            edited.edited.connect(session.edit)
+            edited.edited.connect(session.showing.edit)
         for cancelled in (self.plan, self.side_by_side):
-            cancelled.cancelled.connect(session.cancel)
+            cancelled.cancelled.connect(session.showing.cancel)
         self.plan.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(self.plan.hands.choose_surface)
         self.fit_panel.wanted.connect(session.find_place)
@@ -181,7 +181,7 @@ class MainWindow(QMainWindow):
         self.device.hang_up_wanted.connect(session.live.hang_up)
         self.device.turn_wanted.connect(session.live.turn)
         self.device.wished.connect(session.live.set_wish)
-        session.shown_changed.connect(self._show)
+        session.showing.changed.connect(self._show)
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
         session.offered.connect(self.banner.offer)
@@ -240,7 +240,7 @@ class MainWindow(QMainWindow):
             part.show_look(look)
 
     def _show_history(self) -> None:
-        history = self.session.history
+        history = self.session.showing.history
         for action, name, label in (
             (self.commands.undo, "Undo", history.undo_label),
             (self.commands.redo, "Redo", history.redo_label),

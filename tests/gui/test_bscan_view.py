@@ -70,7 +70,7 @@ def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: Mai
 def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
     until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
-    window.session.point_at(Cursor(math.radians(45.0), 0.7))
+    window.session.showing.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in window.bscan.panes.values():
         until(qtbot, lambda pane=pane: len(pane._cursor.getData()[0]) > 0)
         x, y = pane._cursor.getData()
@@ -92,7 +92,7 @@ def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None
 def test_nothing_is_worked_out_while_nobody_looks(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_1)
     before = window.session.shown.bscan
-    window.session.set_place("figure7")
+    window.session.showing.set_place("figure7")
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.bscan is before
     qtbot.keyClick(window, Qt.Key.Key_3)

@@ -28,7 +28,7 @@ def test_a_click_in_the_plan_tells_about_that_reading(qtbot: QtBot, window: Main
 
 
 def test_the_rays_of_the_chosen_reading_end_where_they_began(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.choose(27)
+    window.session.showing.choose(27)
     x, y = window.plan.path._rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == window.session.shown.scene.place.position
@@ -72,7 +72,7 @@ def test_left_and_right_step_through_the_readings(qtbot: QtBot, window: MainWind
 
 
 def test_every_predicted_echo_of_the_chosen_heading_is_marked(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.choose(27)
+    window.session.showing.choose(27)
     until(qtbot, lambda: "Trace at 270.0°" in window.trace.title.text())
     row, prediction = window.session.shown.chosen_row, window.session.shown.prediction
     echoes = prediction.echoes(row.index) + prediction.blanked_echoes(row.index)

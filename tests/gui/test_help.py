@@ -30,7 +30,7 @@ def test_f1_shows_every_key_on_one_screen_and_puts_it_away(qtbot: QtBot, open_wi
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
     window = open_with()
-    window.session.set_look(Look(scale=scale))
+    window.session.showing.set_look(Look(scale=scale))
     every = window.commands.all
     groups = {f"Group {k}": every[k : k + 8] for k in range(0, len(every), 8)}
     page = HelpPage(groups, Look(scale=scale), None, QSize(1280, 760))

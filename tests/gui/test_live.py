@@ -222,7 +222,7 @@ def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(
     session.scan()
     until(qtbot, lambda: ended(window))
     assert window.banner.message == ""
-    session.edit(standing_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    session.showing.edit(standing_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
     session.scan()
     assert "the scanner itself has not moved" in window.banner.message
     until(qtbot, lambda: ended(window))

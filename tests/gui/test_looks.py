@@ -55,7 +55,7 @@ def test_ctrl_2_writes_the_axes_in_centimetres_and_ctrl_3_in_feet(qtbot: QtBot, 
 
 
 def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) -> None:
-    window.session.choose(27)
+    window.session.showing.choose(27)
     heard = window.session.shown.chosen_reading.range
     for key, unit in ((Qt.Key.Key_2, LengthUnit.CM), (Qt.Key.Key_3, LengthUnit.FT), (Qt.Key.Key_1, LengthUnit.M)):
         qtbot.keyClick(window, key, CONTROL)

@@ -74,7 +74,7 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wishe
     window = open_with(scene=shipped, memory=memory, find_way=never)
     there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
     options = replace(shipped.options, unit=Unit.BLOCK)
-    window.session.edit(replace(shipped, place=there, options=options), "moving the sensor")
+    window.session.showing.edit(replace(shipped, place=there, options=options), "moving the sensor")
     wish = replace(window.session.live.wish, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
     window.session.live.set_wish(wish)
     window.close()

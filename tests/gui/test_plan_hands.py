@@ -74,7 +74,7 @@ def test_the_dragged_sensor_takes_the_prediction_along_and_one_undo_takes_both_b
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert stands(window) == before
     assert window.session.shown.scene.standing.name == "figure9"
-    assert not window.session.history.undo_label
+    assert not window.session.showing.history.undo_label
 
 
 def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
@@ -106,7 +106,7 @@ def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
     qtbot: QtBot, window: MainWindow, tool: Qt.Key, way: list[Point]
 ) -> None:
     drag_in_plan(qtbot, window, stands(window), (0.6, 0.3))
-    window.session.undo()  # it can be done again
+    window.session.showing.undo()  # it can be done again
     key(qtbot, window, tool)
     before, seen = window.session.shown.scene, window.plan.plotItem.vb.viewRange()
     box = window.plan.plotItem.vb
@@ -120,8 +120,8 @@ def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
     qtbot.mouseRelease(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=end)
     assert window.session.shown.scene is before
     assert box.viewRange() == seen
-    assert not window.session.history.undo_label
-    assert window.session.history.redo_label == "moving the sensor"
+    assert not window.session.showing.history.undo_label
+    assert window.session.showing.history.redo_label == "moving the sensor"
     assert not window.plan.ruler.label.isVisible()
 
 
@@ -184,7 +184,7 @@ def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: Ope
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     window.plan.zoom(0.5)
-    window.session.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
+    window.session.showing.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
     x, y = window.plan._marks.place_of(27)
     assert window.plan.plotItem.vb.viewRange()[1][0] > y
     key(qtbot, window, Qt.Key.Key_F)
@@ -221,7 +221,7 @@ def test_a_corner_is_dragged_with_both_its_walls_and_the_prediction_follows(qtbo
     assert window.plan.plotItem.vb.viewRange() == view  # the room stays where it is on the screen
     until(qtbot, lambda: predicted(window) and window.session.shown.outline is not outline)
     assert window.session.shown.outline.room is window.session.shown.scene.room
-    assert window.session.history.undo_label == "moving a corner"
+    assert window.session.showing.history.undo_label == "moving a corner"
 
 
 def test_a_wall_is_drawn_from_corner_to_corner_and_taken_out_again(qtbot: QtBot, window: MainWindow) -> None:
@@ -289,7 +289,7 @@ def test_where_nothing_is_taken_hold_of_the_paper_moves(qtbot: QtBot, window: Ma
 def test_the_loss_is_written_at_each_bounce(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    window.session.choose(27)  # bottom, top, bottom
+    window.session.showing.choose(27)  # bottom, top, bottom
     texts = [label.toPlainText() for label in window.plan.path._labels if label.isVisible()]
     assert texts == ["1  −0.4 dB\n3  −0.4 dB", "2  −0.4 dB"]
 
@@ -307,7 +307,7 @@ def test_the_beam_points_where_the_chosen_reading_looked(qtbot: QtBot, open_with
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     for chosen in (27, 5):
-        window.session.choose(chosen)
+        window.session.showing.choose(chosen)
         (x, y), end = stands(window), window.plan.sensor.handle_at
         apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
         assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
@@ -323,10 +323,10 @@ def test_a_reading_chosen_elsewhere_comes_into_sight_unless_a_hand_has_zoomed(
     nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(stands(window), drawn[k]))
     box = plan.plotItem.vb
     for by_hand in (True, False):
-        window.session.choose(nearest)
+        window.session.showing.choose(nearest)
         box.setRange(QRectF(drawn[nearest][0] - 0.05, drawn[nearest][1] - 0.05, 0.1, 0.1), padding=0)
         plan._by_hand = by_hand
-        window.session.choose(farthest)
+        window.session.showing.choose(farthest)
         assert box.viewRect().contains(QPointF(*drawn[farthest])) is not by_hand
 
 
@@ -339,7 +339,7 @@ def test_what_is_written_at_bounces_covers_neither_another_nor_the_sensor(
     sensor = box.mapViewToScene(QPointF(*stands(window)))
     most = 0
     for chosen in range(len(window.session.shown.readings)):
-        window.session.choose(chosen)
+        window.session.showing.choose(chosen)
         labels = [label for label in window.plan.path._labels if label.isVisible()]
         stand = [label.mapRectToScene(label.boundingRect()).adjusted(1, 1, -1, -1) for label in labels]
         most = max(most, len(stand))

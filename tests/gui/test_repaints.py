@@ -22,7 +22,7 @@ def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith,
 
     def repaint(times: int) -> None:
         for k in range(times):
-            window.session.choose(k % ORDER.readings)
+            window.session.showing.choose(k % ORDER.readings)
             for view in views:
                 view.viewport().repaint()
 

@@ -43,7 +43,7 @@ def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: 
     window.replay_bar.speed.setCurrentIndex(SPEEDS.index(2.0))
     window.replay_bar.speed.activated.emit(SPEEDS.index(2.0))
     counts = []
-    window.session.shown_changed.connect(lambda shown: counts.append(len(shown.readings)))
+    window.session.showing.changed.connect(lambda shown: counts.append(len(shown.readings)))
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
     assert window.replay_bar.play.text() == "Pause"
     until(qtbot, lambda: not window.session.replay.state.playing)
@@ -72,7 +72,7 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
     for part in (0.0, 0.5, 0.2, 1.0):
         replay.seek(part * replay.state.duration)
         assert marked(), part
-    window.session.choose(0)
+    window.session.showing.choose(0)
     with qtbot.waitSignal(window.session.recent_changed):
         window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.shown.chosen == ORDER.readings - 1)
@@ -211,7 +211,7 @@ def test_lost_are_the_readings_that_were_made_and_are_not_there(log: Log) -> Non
 
 def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: predicted(window))
-    window.session.choose(20)
+    window.session.showing.choose(20)
     QApplication.processEvents()
     window.session.replay.toggle()
     until(qtbot, lambda: len(window.session.shown.readings) >= ORDER.readings // 3)

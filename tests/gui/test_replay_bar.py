@@ -89,7 +89,7 @@ def test_scans_are_marked_and_gone_to(qtbot: QtBot, window: MainWindow) -> None:
 def test_the_mark_of_a_scan_is_drawn_where_its_slider_would_stand(
     qtbot: QtBot, window: MainWindow, colours: Palette
 ) -> None:
-    window.session.set_look(replace(window.session.shown.look, palette=colours))
+    window.session.showing.set_look(replace(window.session.shown.look, palette=colours))
     window.session.replay.seek(window.session.replay.state.duration)
     slider = window.replay_bar.slider
     image = slider.grab().toImage()
@@ -168,7 +168,7 @@ def test_the_way_out_leads_back_to_the_live_scan_in_its_own_place(
 ) -> None:
     window = open_with(source=fake("max"))
     until(qtbot, lambda: predicted(window))
-    window.session.set_place("figure7")
+    window.session.showing.set_place("figure7")
     window.commands.scan.trigger()
     until(qtbot, lambda: ended(window) and predicted(window))
     scanned = window.session.shown.readings

@@ -209,7 +209,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     until(qtbot, lambda: predicted(window))
     qtbot.keyClick(window, Qt.Key.Key_F8)
     before = window.session.shown
-    window.session.choose(27)
+    window.session.showing.choose(27)
     reflectance = window.room.materials.amounts["shelving"][0]
     drag_slider(qtbot, reflectance.slider, 50)
     until(qtbot, lambda: predicted(window) and window.session.shown.outline is not before.outline)

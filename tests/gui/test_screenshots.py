@@ -129,7 +129,7 @@ def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFact
 
 def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
     paper, size = look
-    window.session.set_look(replace(window.session.shown.look, palette=paper))
+    window.session.showing.set_look(replace(window.session.shown.look, palette=paper))
     window.resize(*size)
     return window
 
@@ -174,7 +174,7 @@ def test_pictures_of_the_demo_live_and_in_replay(
         until(qtbot, lambda: predicted(window))
         window.commands.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
-        window.session.choose(ASKED_LIVE)
+        window.session.showing.choose(ASKED_LIVE)
         until(qtbot, lambda: traced(window))
         album.keep(window, "live")
         assert window.status_bar.badge.text() == "● live"
@@ -194,7 +194,7 @@ def test_pictures_of_the_demo_live_and_in_replay(
 def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.replay.seek(0.75 * window.session.replay.state.duration)
-    window.session.choose(ASKED)
+    window.session.showing.choose(ASKED)
     window.session.replay.toggle()
     until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 5)
     until(qtbot, lambda: traced(window))
@@ -206,11 +206,11 @@ def test_pictures_of_every_view(
 ) -> None:
     window = dressed(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_way=nowhere), look)
     until(qtbot, lambda: predicted(window))
-    window.session.choose(ASKED)
+    window.session.showing.choose(ASKED)
     until(qtbot, lambda: traced(window))
     album.keep(window, "plan")
     show_large_views(qtbot, window, album)
-    window.session.choose(ASKED_OF_TRACE)
+    window.session.showing.choose(ASKED_OF_TRACE)
     until(qtbot, lambda: traced(window))
     for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
         share(window, sizes)

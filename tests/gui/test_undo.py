@@ -21,7 +21,7 @@ def moved(scene: Scene, by: float) -> Scene:
 
 def drag(window: MainWindow, scene: Scene, gesture: object) -> None:
     for k in range(1, 5):
-        window.session.edit(moved(scene, 0.02 * k), "moving the sensor", gesture)
+        window.session.showing.edit(moved(scene, 0.02 * k), "moving the sensor", gesture)
 
 
 def test_a_gesture_is_undone_at_once_and_done_again(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
@@ -46,9 +46,9 @@ def test_two_gestures_are_two_steps(open_with: OpenWith, scene: Scene) -> None:
     drag(window, scene, object())
     between = window.session.shown.scene
     drag(window, between, object())
-    window.session.undo()
+    window.session.showing.undo()
     assert window.session.shown.scene is between
-    window.session.undo()
+    window.session.showing.undo()
     assert window.session.shown.scene is scene
 
 
@@ -56,7 +56,7 @@ def test_whatever_moves_the_views_are_told_once_a_tick(open_with: OpenWith, scen
     window = open_with()
     window.session._timer.stop()
     told = []
-    window.session.shown_changed.connect(told.append)
+    window.session.showing.changed.connect(told.append)
     drag(window, scene, object())
     assert told == []
     window.session.tick()
