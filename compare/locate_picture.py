@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from compare.colours import MEASURED, PREDICTED
 from compare.locate import NEAR, Located, Pose
@@ -77,7 +78,10 @@ def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards:
     right, up = math.cos(towards), math.sin(towards)
     side = "center" if abs(right) < 0.5 else "left" if right > 0 else "right"
     shift = (_BESIDE * right, _ABOVE * up)
-    axes.annotate(text, position, shift, textcoords="offset points", color=color, ha=side, va="center")
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    axes.annotate(
+        text, position, shift, textcoords="offset points", color=color, ha=side, va="center", path_effects=halo
+    )
 
 
 def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
