@@ -259,7 +259,8 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     album.keep(window, "bscan")
     window.bscan.choices.actions()[0].trigger()
     window.bscan.polar.trigger()
-    qtbot.wait(400)
+    until(qtbot, lambda: window.session.shown.bscan.wish == window.bscan.wish and not window.bscan.note.text())
+    qtbot.wait(200)
     album.keep(window, "bscan-polar")
     plan.trigger()
 
