@@ -24,11 +24,14 @@ _NAMES = {
 
 
 def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
-    """Name, value, and its standard deviation, which is known for the best answer only, with their units."""
+    """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
+    values = found.answers[answer].values
+    if answer > 0:
+        return [(_name(one), _value(one, value, unit), "") for one, value in values.items()]
     estimates = found.result.estimates
     return [
-        (_name(one), _value(one, value, unit), _deviation(one, estimates[one.name], unit) if answer == 0 else "")
-        for one, value in found.answers[answer].values.items()
+        (_name(one), _as_known(one, value, estimates[one.name], unit), _deviation(one, estimates[one.name], unit))
+        for one, value in values.items()
     ]
 
 
@@ -73,6 +76,15 @@ def _value(one: "Parameter", value: float, unit: LengthUnit) -> str:
     return unit.text(value)
 
 
+def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
+    """A value with as many digits as it is known to; a position in the unit of its deviation."""
+    if one.kind.value not in ("x", "y"):
+        return _value(one, value, unit)
+    small = residual_unit(unit)
+    decimals = min(2, _decimals(estimate.deviation * small.per_metre))
+    return f"{value * small.per_metre:.{decimals}f} {small.label}"
+
+
 def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
     match one.kind.value:
         case "heading":
@@ -88,8 +100,12 @@ def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
 def _two_figures(deviation: float) -> str:
     if not math.isfinite(deviation):
         return "?"
-    decimals = max(0, 1 - math.floor(math.log10(deviation))) if deviation > 0 else 0
-    return f"{deviation:.{min(decimals, 4)}f}"
+    return f"{deviation:.{min(_decimals(deviation), 4)}f}"
+
+
+def _decimals(deviation: float) -> int:
+    """How many digits behind the point two figures of it take."""
+    return max(0, 1 - math.floor(math.log10(deviation))) if deviation > 0 and math.isfinite(deviation) else 0
 
 
 def _percent(share: float | None) -> str:

@@ -19,7 +19,7 @@ from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan
 from compare.fit.ridges import unending
 from compare.fit.warnings import warnings_of
 from compare.regions import mean_run
-from sim.board import Board
+from sim.board import Board, Receiver
 from sim.mount import Unit
 from sim.room import Room
 from sonarhw.errors import Cancelled, InputError
@@ -27,6 +27,7 @@ from sonarhw.readings import FloatArray
 
 _PROMISING = 25.0  # of the coarse likelihood's logarithm: what is worse by more is no other answer
 _OTHERS = 3  # answers beside the best that are climbed to
+_CLIMBS = 5  # more, at most, to the top of one answer
 _AS_GOOD = 6.0  # of the likelihood's logarithm: answers nearer than that to the best are told
 _NORMAL_REGION = 1.96  # standard deviations
 
@@ -108,14 +109,27 @@ def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[flo
     middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
     middling.sort(key=lambda one: -one.score)
     tops: list[Beginning] = []
+    count = len(problem.parameters)
     for done, one in enumerate(middling):
         tick(done / len(middling))
         if middling[0].score - one.score < _PROMISING and not any(
             is_same(problem, one.values, other.values) for other in tops
         ):
-            tops.append(_climbed(problem, one.values, (None,), lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
+            # readings err alike whatever the answer: so what a rough climb leaves out tells none from the others
+            begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
+            tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
     tops.sort(key=lambda one: -one.score)
     return [one for one in tops if tops[0].score - one.score < _AS_GOOD]
+
+
+def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Beginning:
+    """Climbed for as long as that brings something: where readings hardly err, one climb may end on a step."""
+    top = _climbed(problem, values, (None,), tick)
+    for _ in range(_CLIMBS):
+        before, top = top, _climbed(problem, top.values, (None,), tick)
+        if top.score - before.score < 1.0:
+            break
+    return max(before, top, key=lambda one: one.score)
 
 
 def _climbed(
@@ -178,13 +192,16 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         score=best.score,
         samples=samples[:, :count],
     )
-    return replace(result, warnings=warnings_of(result, unending(problem, best.values, covariance)))
+    lone = problem.prediction.receiver is Receiver.BOARD
+    return replace(result, warnings=warnings_of(result, unending(problem, best.values, covariance), lone))
 
 
 def _tempered(objective: Objective) -> Objective:
-    """The objective by which to say how sure a fit is: neighbours that a board rounds alike err alike."""
+    """The objective by which to say how sure a fit is: neighbours of one echo err alike where a board rounds it, or
+    where the model of its receiver is only about right.
+    """
     problem = objective.problem
-    if not problem.rounding:
+    if not problem.rounding and problem.prediction.receiver is Receiver.FIRST_ECHO:
         return objective
     alike = tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
     return replace(objective, problem=replace(problem, alike=alike))

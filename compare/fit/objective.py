@@ -31,6 +31,7 @@ MOST_ECHOES = 5  # of a ping, that scanners tell
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of what is rounded to 1
 # A path 10 dB under the threshold at its best heading is heard by no fit's board; `noticed` asks for 20. dB
 _LESS_NOTICED = 10.0
+_OVERLAPPING = 1.0  # dB, by which levels err at least where echoes that overlap are taken for lone ones
 STEPS = {  # by which a parameter changes the likelihood noticeably, in its unit
     Kind.X: 2e-3,
     Kind.Y: 2e-3,
@@ -108,6 +109,8 @@ class Problem:
         lower = [*(parameter.lower for parameter in self.parameters), *(math.log(n.lower) for n in self.noises)]
         upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in self.noises)]
         lower[len(self.parameters)] = math.log(max(NOISES[0].lower, self.rounding * _ROUNDED))
+        if self.prediction.receiver is Receiver.BOARD:
+            lower[len(self.parameters) + 1] = math.log(_OVERLAPPING)
         return np.array(lower), np.array(upper)
 
     def start(self) -> FloatArray:

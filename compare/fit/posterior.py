@@ -16,8 +16,12 @@ from compare.fit.objective import Objective
 from compare.fit.refine import directions_of
 from sonarhw.readings import FloatArray
 
-_BURN = 0.5  # of the samples more, thrown away at the beginning
 _WALKERS = 48  # at least: with fewer, differences span too little
+_WIDER = 1.2  # than the curvature at the top says: a narrow ensemble widens more slowly than a wide one narrows
+_LONGER = 1  # times at most that twice as many are drawn anew, where they have not settled
+_TELLING = 50  # steps: fewer do not tell whether they have settled
+_DRIFT = 0.4  # standard deviations from the mean of one half to that of the other, of draws that have settled
+_GROWTH = 1.5  # of the deviation, from one half to the other
 REGION = (2.5, 97.5)  # percent
 
 
@@ -26,6 +30,7 @@ def samples_of(
 ) -> FloatArray:
     """About `count` draws (m, size) from the posterior, the ensemble begun round `top` (size,).
 
+    As many are thrown away before; where it has not settled then, twice as many are drawn anew.
     `tick` is called with the share that is done.
     """
     import emcee  # here, for it takes half a second to load: the window offers a fit, few starts of it make one
@@ -36,17 +41,33 @@ def samples_of(
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
     sampler = emcee.EnsembleSampler(walkers, len(top), objective, moves=moves)
     state = emcee.State(begin, random_state=random.get_state())
-    burn, steps = math.ceil(_BURN * count / walkers), math.ceil(count / walkers)
-    for done, _ in enumerate(sampler.sample(state, iterations=burn + steps)):
-        tick(done / (burn + steps))
-    return np.asarray(sampler.get_chain(discard=burn, flat=True))
+    steps = math.ceil(count / walkers)
+    most = _LONGER if steps >= _TELLING else 0
+    parts = [steps, *(steps * 2**longer for longer in range(most + 1))]  # the first is thrown away in any case
+    for part, iterations in enumerate(parts):
+        sampler.reset()
+        for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
+            tick((part + done / iterations) / len(parts))
+        state = sampler.get_last_sample()
+        if part and _settled(sampler.get_chain()):
+            break
+    return np.asarray(sampler.get_chain(flat=True))
+
+
+def _settled(chain: FloatArray) -> bool:
+    """Whether both halves of a chain (steps, walkers, size) are about the same distribution."""
+    halves = [half.reshape(-1, chain.shape[2]) for half in np.array_split(chain, 2)]
+    (early, late), (narrow, wide) = ([of(half, axis=0) for half in halves] for of in (np.mean, np.std))
+    drift = np.abs(late - early) / np.maximum(np.maximum(narrow, wide), 1e-300)
+    growth = np.maximum(wide, 1e-300) / np.maximum(narrow, 1e-300)
+    return bool((drift < _DRIFT).all() and (growth < _GROWTH).all())
 
 
 def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: RandomState) -> FloatArray:
     """Where the ensemble begins, (walkers, size): about as wide as the posterior in each direction."""
     lower, upper = objective.problem.bounds
     spread = directions_of(objective, top)
-    begin = top + 0.7 * random.standard_normal((walkers, len(top))) @ spread
+    begin = top + _WIDER * random.standard_normal((walkers, len(top))) @ spread
     # walkers on one bound would span nothing
     inside = np.minimum(np.hypot.reduce(spread, axis=0), upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
     return np.asarray(np.clip(begin, lower + inside, upper - inside))

@@ -12,12 +12,20 @@ from compare.fit.result import Estimate, FitResult
 _INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
 _SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
 _AT_BOUND = 0.01  # of the range
+_BY_LEVELS = (Kind.HEADING, Kind.THRESHOLD, Kind.APERTURE, Kind.REFLECTANCE)  # known by which echoes come and go
+_ALONE = "the board's own receiver was taken to hear each echo alone, which may put a heading off by half a degree"
 _MANY_STRAYS = 0.3  # for every metre
 
 
-def warnings_of(result: FitResult, unending: Sequence[Parameter] = ()) -> tuple[str, ...]:
-    """One line for everything that the data do not tell; `unending` are parameters whose deviations are too small."""
+def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
+    """One line for everything that the data do not tell; `unending` are parameters whose deviations are too small.
+
+    `lone`: echoes were heard by a receiver that was modelled as if each came alone.
+    """
     lines = [*_several_answers(result)]
+    biased = [parameter.name for parameter in result.parameters if parameter.kind in _BY_LEVELS]
+    if lone and biased:
+        lines.append(f"± is too small for {', '.join(biased)}: {_ALONE}")
     if unending:
         several = ", ".join(parameter.name for parameter in unending)
         lines.append(f"± cannot be trusted: {several} can change together by far more; hold one, or say what is known")

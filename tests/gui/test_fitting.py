@@ -1,6 +1,7 @@
 """Find where I stood: from the panel, with mouse and keys; accepted, undone, cancelled, refused."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +44,8 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     panel, before = window.fit_panel, window.session.shown.scene
     find(qtbot, window)
     assert panel.accept.isVisible()
-    assert "± " in panel.table.text()
+    # a position in the unit of its error: m beside mm were read as one
+    assert len(re.findall(r"\d mm</td><td>&nbsp;&nbsp;± [\d.]+ mm", panel.table.text())) >= 2
     assert "within 5 cm: " in panel.told.text()
     assert window.session.shown.scene is before
     found = window.session.fitting.state.found
