@@ -4,9 +4,6 @@ Takes what is shown and a point; hands on one line.
 """
 
 import math
-from itertools import pairwise
-
-import numpy as np
 
 from gui.grips import Grip, Part, surface_at
 from gui.look import LengthUnit
@@ -15,7 +12,6 @@ from gui.room_edit import Point
 from gui.scene import Scene
 from gui.scene_edit import bearing
 from gui.shown import Shown
-from sim.enclosures import inside
 from sim.room import Room
 
 
@@ -55,15 +51,5 @@ def point_words(at: Point, unit: LengthUnit) -> str:
 def standing_words(scene: Scene, unit: LengthUnit) -> str:
     """Where the sensor stands and looks; said, too, where that is outside the walls."""
     place = scene.standing
-    outside = ", outside the walls" if scene.room and is_outside(scene.room, place.position) else ""
+    outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
     return f"{point_words(place.position, unit)}{outside}, step 0 at {math.degrees(place.heading) % 360:.1f}°"
-
-
-def is_outside(room: Room, at: Point) -> bool:
-    """Whether a room has closed walls and a point lies within none of them."""
-    chains = room.enclosures
-    if not len(chains.starts):
-        return False
-    point = np.array([at])
-    bounds = [*chains.starts.tolist(), len(chains.walls)]
-    return not any(inside(point, chains.walls[start:end])[0] for start, end in pairwise(bounds))

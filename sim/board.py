@@ -107,6 +107,16 @@ class BoardFile(TomlModel):
         return self
 
     @model_validator(mode="after")
+    def _hears_something(self) -> "BoardFile":
+        silent = Air().speed_of_sound / 2 * (self.blanking if self.blanking_inhibit is None else self.blanking_inhibit)
+        if self.max_range <= silent:
+            raise ValueError(
+                f"max_range: expected more than {silent:.3g} m, where blanking ends, got {self.max_range:g}; "
+                "it would hear nothing"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _adds_up(self) -> "BoardFile":
         cycles = sum(tone.cycles for tone in self.chirp)
         if self.chirp and cycles != self.transmit_cycles:

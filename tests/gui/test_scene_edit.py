@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from gui.grips import Grip, Part, room_grip, sensor_grip, surface_at
+from gui.look import LengthUnit
 from gui.plan_geometry import bounce_losses
-from gui.plan_words import is_outside, surface_words
+from gui.plan_words import standing_words, surface_words
 from gui.recording import start_recording
 from gui.room_edit import add_post
 from gui.scene import Scene, scene_of_log
 from gui.scene_edit import dragged, sensor_at, sensor_turned
 from sim.board import load_board
 from sim.prediction import predict_scan
-from sim.room import Room, load_room
+from sim.room import Place, Room, load_room
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
@@ -113,9 +114,13 @@ def test_over_a_low_post_a_high_sensor_may_stand() -> None:
 
 
 def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) -> None:
-    assert not is_outside(scene.room, (0.4, 0.4))
-    assert is_outside(scene.room, (1.4, 0.4))
-    assert not is_outside(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
+    def said(room: Room, at: tuple[float, float]) -> bool:
+        return "outside the walls" in standing_words(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
+
+    assert not said(scene.room, (0.4, 0.4))
+    assert said(scene.room, (1.4, 0.4))
+    assert not said(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
+    assert said(load_room(ROOM.with_name("arena.toml")), (3.0, 3.0))
 
 
 def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> None:

@@ -88,3 +88,9 @@ def test_wrong_receiver_is_refused_in_one_line(wrong: str, told: str) -> None:
         parse_board(PROFILE + wrong, "mine.toml")
     assert re.search(f"^mine.toml: {told}", str(refused.value))
     assert "\n" not in str(refused.value)
+
+
+def test_a_board_that_stops_listening_before_it_begins_is_refused() -> None:
+    with pytest.raises(InputError, match=r"max_range: expected more than 0\.409 m, where blanking ends, got 0\.4; it"):
+        parse_board(PROFILE.replace("10.7", "0.4"), "mine.toml")
+    assert parse_board(PROFILE.replace("10.7", "0.4\nblanking_inhibit = 0.001"), "mine.toml").max_range == 0.4
