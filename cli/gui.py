@@ -188,7 +188,7 @@ class _Ways:
 
 
 def _scene(wish: _Wish) -> "Scene":
-    from gui.scene import Scene
+    from gui.scene import scene_with
     from sim.board import load_board
     from sim.room import load_room
 
@@ -196,9 +196,9 @@ def _scene(wish: _Wish) -> "Scene":
     if wish.room is None:
         if wish.place is not None:
             raise InputError("--place needs --room: it is a place of a room file")
-        return Scene(None, None, board)
+        return scene_with(board)
     room = load_room(wish.room)
-    return Scene(room, room.place(wish.place), board, wish.room.name)
+    return scene_with(board, room, room.place(wish.place), wish.room.name)
 
 
 def _fake_scene(url: str, wish: _Wish) -> "Scene":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from compare.foreign_csv import Columns, guess_columns, likely_silence, read_foreign_scan
 from gui.notices import Notice
-from gui.scene import Scene, first_place, scene_of_log
+from gui.scene import Scene, first_place, scene_of_log, scene_with
 from sim.board import Board
 from sim.room import load_room
 from sonarhw.encode import write_scan
@@ -108,7 +108,7 @@ class OpenRoomRequest:
     def answer(self) -> RoomOpened:
         """Read it. Raises InputError."""
         room = load_room(self.path)
-        return RoomOpened(self.path, Scene(room, first_place(room), self.board, self.path.name))
+        return RoomOpened(self.path, scene_with(self.board, room, first_place(room), self.path.name))
 
 
 Opened = LogOpened | RoomOpened

@@ -45,6 +45,11 @@ class Scene:
         return f"{self.room.name} · place {self.standing.name}" if self.room else "no room"
 
 
+def scene_with(board: Board, room: Room | None = None, place: Place | None = None, room_file: str = "") -> Scene:
+    """A scene to begin with: heard by the receiver that the board's profile names, as every command does."""
+    return Scene(room, place, board, room_file, PredictionOptions(receiver=board.receiver))
+
+
 def room_name(scene: Scene) -> str:
     """What its room is called, whatever was done to it; empty where there is none."""
     return scene.room.name if scene.room else ""
@@ -61,7 +66,7 @@ def scene_of_log(metadata: LogMetadata) -> Scene:
     """The scene that a log carries inside. Raises InputError where its room or place cannot be understood."""
     board = board_of_log(metadata)
     if not metadata.room_text:
-        return Scene(None, None, board)
+        return scene_with(board)
     room = parse_room(metadata.room_text, f"the room in the log ({metadata.room_file or 'no name'})")
     place = room.place(metadata.place) if metadata.place else first_place(room)
-    return Scene(room, place, board, metadata.room_file)
+    return scene_with(board, room, place, metadata.room_file)

@@ -15,7 +15,7 @@ from gui.recording import start_recording
 from gui.room_edit import add_post
 from gui.scene import Scene, scene_of_log
 from gui.scene_edit import dragged, sensor_at, sensor_turned
-from sim.board import load_board
+from sim.board import Receiver, load_board, parse_board
 from sim.prediction import predict_scan
 from sim.room import Place, Room, load_room
 from sonarhw.errors import InputError
@@ -89,6 +89,13 @@ def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene:
     assert again.standing.position == (0.5, 0.5)
     assert math.degrees(again.standing.heading) == pytest.approx(30)
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
+
+
+def test_a_scan_is_heard_as_its_boards_profile_says(scene: Scene, tmp_path: Path) -> None:
+    profile = f'{scene.board.text}\nreceiver = "board"\n'
+    log, path = start_recording(tmp_path, replace(scene, board=parse_board(profile, "mine.toml")), warn=print)
+    log.close()
+    assert scene_of_log(read_log(path).metadata).options.receiver is Receiver.BOARD
 
 
 def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
