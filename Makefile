@@ -4,8 +4,12 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# windows want the keys for themselves: their tests run one after another; the others wait half the time, so three run at once
+# tests wait half the time, so several files run at once; wheel and notebook take longest, and begin
+AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
+WITHOUT_WINDOWS = $(wildcard tests/test_*.py) $(filter-out %/gui/ %/__pycache__/,$(wildcard tests/*/))
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24'
+# a window wants the keys for itself, so each of those processes has a screen of its own
+TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
 .PHONY: setup demo test soak firmware board clean
 
@@ -34,8 +38,8 @@ test: setup firmware
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(IN_XVFB) $(BIN)/pytest tests/gui
-	$(IN_XVFB) $(BIN)/pytest --ignore tests/gui --numprocesses 3 --max-worker-restart 0 --dist loadfile
+	$(BIN)/pytest tests/gui $(AT_ONCE) $(TWO_SCREENS)
+	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOWS) $(AT_ONCE) --numprocesses 3
 
 # the long tests in full, and the figures that name seconds: some hours
 soak: setup firmware
