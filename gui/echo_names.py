@@ -14,6 +14,7 @@ from PySide6.QtGui import QFont, QFontMetricsF
 from gui.chosen_trace import NamedEcho
 from gui.look import Look
 from gui.plot_look import cosmetic_pen
+from gui.spots import Spots
 from gui.trace_axes import EMPTY, Heights
 
 _ROWS = 5  # at most; where there is little room, fewer
@@ -46,7 +47,7 @@ class EchoNames:
         self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
         self._stems = pg.PlotCurveItem(connect="pairs")
-        self._heads = pg.ScatterPlotItem(size=7, symbol="t", pen=None, hoverable=True, tip=_told)
+        self._heads = Spots(size=7, symbol="t", pen=None, hoverable=True, tip=_told)
         for item in (self._stems, self._heads):
             view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)

@@ -16,6 +16,7 @@ from compare.match import Kind
 from gui.palette import MARKS, Palette, Unclassed
 from gui.plot_look import cosmetic_pen
 from gui.shown import ClassPoints
+from gui.spots import Spots
 from sonarhw.readings import FloatArray
 
 _SIZE = 9
@@ -30,15 +31,23 @@ Placed = tuple[ClassPoints, FloatArray]
 _NONE: Placed = (NO_POINTS, NOWHERE)
 
 
-def outline_item() -> pg.PlotDataItem:
+class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
     """What is predicted: points and a thin line, broken where no echo is predicted."""
-    return pg.PlotDataItem(symbol="o", symbolSize=3, symbolPen=None, connect="finite")
 
+    def __init__(self) -> None:
+        super().__init__(connect="finite")
+        self._points = Spots(size=3, symbol="o", pen=None)
+        self._points.setParentItem(self)
 
-def dress_outline(outline: pg.PlotDataItem, colours: Palette) -> None:
-    """Draw an outline in the colour of what is predicted."""
-    outline.setPen(cosmetic_pen(colours.predicted, width=1))
-    outline.setSymbolBrush(colours.predicted)
+    def dress(self, colours: Palette) -> None:
+        """Draw in the colour of what is predicted."""
+        self.setPen(cosmetic_pen(colours.predicted, width=1))
+        self._points.setBrush(colours.predicted)
+
+    def draw(self, places: FloatArray) -> None:
+        """Draw it there, (n, 2); NaN where no echo is predicted."""
+        self.setData(*places.T)
+        self._points.setData(*places[~np.isnan(places).any(axis=1)].T)
 
 
 class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
@@ -49,6 +58,7 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self._pen = pg.mkPen(None)
         self._polygon = QPolygonF()
         self._bounds = QRectF()
+        self.setVisible(False)
 
     def set_pen(self, pen: QPen) -> None:
         """Draw with this pen; its width is that of a dot."""
@@ -58,6 +68,7 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
 
     def set_places(self, places: FloatArray) -> None:
         """Draw dots there, (n, 2)."""
+        self.setVisible(len(places) > 0)  # empty ones still take time at every repaint
         if not len(places) and self._polygon.isEmpty():
             return
         self.prepareGeometryChange()
@@ -89,13 +100,14 @@ class ReadingMarks:
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Kind | Unclassed, Placed] = {}
         self.scatters = {kind: _scatter(kind, tip) for kind in MARKS}
-        self._ring = pg.ScatterPlotItem(size=_RING, symbol="o", brush=None)
+        self._ring = Spots(size=_RING, symbol="o", brush=None)
         self._dots = {kind: Dots() for kind in MARKS}
-        for z, scatter in enumerate((*self._dots.values(), *self.scatters.values(), self._ring)):
-            scatter.setZValue(10 + z)
-            plot.addItem(scatter)
+        items: tuple[pg.GraphicsObject, ...] = (*self._dots.values(), *self.scatters.values(), self._ring)
+        for z, item in enumerate(items):
+            item.setZValue(10 + z)
+            plot.addItem(item)
         for scatter in self.scatters.values():
-            scatter.setVisible(False)  # an empty one still takes time at every repaint
+            scatter.setVisible(False)
 
     def dress(self, colours: Palette) -> None:
         """Draw in these colours from now on."""
@@ -144,11 +156,11 @@ def _known(before: Placed, now: Placed) -> int:
     return count if same else 0
 
 
-def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> pg.ScatterPlotItem:
+def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> Spots:
     return _Scatter(size=_SIZE, symbol=MARKS[kind].symbol, hoverable=True, tip=lambda x, y, data: tip(data))
 
 
-class _Scatter(pg.ScatterPlotItem):  # type: ignore[misc]  # pyqtgraph has no types
+class _Scatter(Spots):
     """Looks for a mark under the hand before it makes an object of every mark, which takes milliseconds."""
 
     def hoverEvent(self, ev: HoverEvent) -> None:

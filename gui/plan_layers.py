@@ -17,6 +17,7 @@ from gui.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_pow
 from gui.plot_look import cosmetic_pen
 from gui.room_edit import Point, corners
 from gui.shown import Shown
+from gui.spots import Spots
 from gui.theme import text_font
 from sim.room import Room
 from sonarhw.readings import FloatArray
@@ -37,7 +38,7 @@ class RoomLayer:
         self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
         self._posts.setPen(pg.mkPen(None))
         self._chosen_wall = pg.PlotCurveItem()
-        self._corners = pg.ScatterPlotItem(size=8, symbol="s", brush=None)
+        self._corners = Spots(size=8, symbol="s", brush=None)
         self._corners.setZValue(20)  # over readings
         for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
             plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
@@ -74,8 +75,8 @@ class SensorLayer:
         self.handle_at: Point | None = None
         self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
         self._axis, self._turntable = pg.PlotCurveItem(), pg.PlotCurveItem()
-        self._handle = pg.ScatterPlotItem(size=11, symbol="o")
-        self._sensor = pg.ScatterPlotItem(size=_SENSOR, symbol="d")
+        self._handle = Spots(size=11, symbol="o")
+        self._sensor = Spots(size=_SENSOR, symbol="d")
         for z, item in (
             (-10, self._beam),
             (-9, self._axis),
@@ -163,7 +164,7 @@ class CursorLayer:
     """Where a hand points in another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
-        self._cross = pg.ScatterPlotItem(size=17, symbol="crosshair", brush=None)
+        self._cross = Spots(size=17, symbol="crosshair", brush=None)
         self._cross.setZValue(25)
         plot.addItem(self._cross, ignoreBounds=True)
 
@@ -185,7 +186,7 @@ class RulerLayer:
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._line = pg.PlotCurveItem()
-        self._ends = pg.ScatterPlotItem(size=13, symbol="crosshair", brush=None)
+        self._ends = Spots(size=13, symbol="crosshair", brush=None)
         self.label = pg.TextItem()
         for item in (self._line, self._ends, self.label):
             item.setZValue(40)

@@ -15,7 +15,7 @@ from PySide6.QtGui import QKeyEvent
 
 from compare.points import points_at
 from gui.look import Look
-from gui.marks import WHOLE, ReadingMarks, dress_outline, outline_item
+from gui.marks import NOWHERE, WHOLE, Outline, ReadingMarks
 from gui.pick import nearest_reading
 from gui.plan_geometry import outline_points, seen_bounds
 from gui.plan_hands import PlanHands
@@ -50,7 +50,7 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self.setAspectLocked(True)
         self.hideButtons()
         self.room, self.sensor = RoomLayer(self.plotItem), SensorLayer(self.plotItem)
-        self._outline = outline_item()
+        self._outline = Outline()
         self.addItem(self._outline)
         self.path, self.pointer = PathLayer(self.plotItem), CursorLayer(self.plotItem)
         self._marks = ReadingMarks(self.plotItem, self._tip)
@@ -161,13 +161,12 @@ class PlanView(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no types
             label_length(self.getAxis(side), what, look)
         for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler):
             layer.dress(look)
-        dress_outline(self._outline, look.palette)
+        self._outline.dress(look.palette)
         self._marks.dress(look.palette)
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:
-            points = outline_points(shown.outline) if shown.outline else np.empty((0, 2))
-            self._outline.setData(*points.T)
+            self._outline.draw(outline_points(shown.outline) if shown.outline else NOWHERE)
         if _differ(before, shown, "scene", "compared", "readings", "chosen", "look"):
             self.path.draw(shown)
 

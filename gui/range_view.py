@@ -13,7 +13,7 @@ from PySide6.QtGui import QFontMetrics
 
 from compare.match import TOLERANCE, Kind
 from gui.look import Look
-from gui.marks import WHOLE, Placed, ReadingMarks, dress_outline, outline_item
+from gui.marks import NOWHERE, WHOLE, Outline, Placed, ReadingMarks
 from gui.palette import Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
@@ -47,7 +47,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
-        self._outline = outline_item()
+        self._outline = Outline()
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
@@ -108,7 +108,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         label_length(self.ranges.getAxis("left"), "range", look)
         self._dress_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
-        dress_outline(self._outline, look.palette)
+        self._outline.dress(look.palette)
         for marks in self._marks:
             marks.dress(look.palette)
         for line in self._chosen:
@@ -151,10 +151,10 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
 
     def _draw_outline(self, shown: Shown) -> None:
         if shown.outline is None:
-            self._outline.setData([], [])
+            self._outline.draw(NOWHERE)
             return
         headings, ranges = outline_ranges(shown.outline).T
-        self._outline.setData(np.degrees(headings), ranges)
+        self._outline.draw(np.column_stack((np.degrees(headings), ranges)))
 
     def _tip(self, index: int) -> str:
         return reading_tip(self._shown, index) if self._shown else ""

@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
     QLineEdit,
-    QSizePolicy,
     QTableView,
     QToolButton,
     QVBoxLayout,
@@ -121,7 +120,6 @@ class ReadingTable(QWidget):
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
         button.setToolTip(f"{class_name(kind)}: {meaning}. Press to hide them or show them again")
-        button.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
         button.toggled.connect(self._filter)
         return button
 
@@ -148,11 +146,13 @@ class ReadingTable(QWidget):
             button.setIconSize(QSize(14, 14))
             if kind in MARKS and MARKS[kind] is not UNCLASSED:
                 button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
+            button.setFixedSize(button.sizeHint())
 
     def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
             button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
+            button.setFixedSize(button.sizeHint())  # or each count lays out the whole window anew
             waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # classed a moment later
             button.setVisible((count > 0 and not waiting) or not button.isChecked())
 

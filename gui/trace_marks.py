@@ -12,6 +12,7 @@ from PySide6.QtCore import Qt
 from gui.chosen_trace import ChosenTrace
 from gui.look import Look
 from gui.plot_look import cosmetic_pen
+from gui.spots import Spots
 from gui.trace_axes import GainAxis, Heights
 
 _FROM = 3e-4  # s: before it the gain of an ideal receiver falls to nothing
@@ -28,7 +29,7 @@ class TraceMarks:
         self._threshold = pg.PlotCurveItem(connect="pairs")
         self._gain = pg.PlotCurveItem()
         self._gain.setZValue(_BEHIND + 1)
-        self._reported = pg.ScatterPlotItem(size=9, symbol="t1", pen=None, hoverable=True, tip=_tip)
+        self._reported = Spots(size=9, symbol="t1", pen=None, hoverable=True, tip=_tip)
         self._reported.setZValue(5)
         self._items = (self._blanking, self._threshold, self._gain, self._reported)
         for item in self._items:
