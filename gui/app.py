@@ -16,6 +16,7 @@ from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
 from gui.display import check_display
+from gui.files import OpenLogRequest
 from gui.garbage import collected_between_events
 from gui.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
 from gui.look import Look
@@ -95,6 +96,8 @@ def open_window(start: WindowStart) -> MainWindow:
         Remembering(window, start.memory)
     if isinstance(begun.source, Log):
         window.session.show_log(begun.source, begun.source_name, begun.source_file)
+    elif begun.source_file is not None and begun is not start:
+        window.session.reopen(OpenLogRequest(begun.source_file, begun.scene))  # places found and edits come back too
     elif begun.source_file is not None:
         window.session.open_file(str(begun.source_file))
     elif begun.autostart:

@@ -23,7 +23,7 @@ _UNITS = {1.0: "metres", 0.01: "centimetres", 0.001: "millimetres", 0.3048: "fee
 
 @dataclass(frozen=True)
 class LogOpened:
-    """A log and the scene inside it; its room is None where it carries none."""
+    """A log and the scene that it is shown in; its room is None where the log carries none."""
 
     path: Path
     log: Log
@@ -37,11 +37,12 @@ class OpenLogRequest:
     """What is in this log?"""
 
     path: Path
+    seen_in: Scene | None = None  # as it was left the last time; None: the scene that it carries
 
     def answer(self) -> LogOpened:
         """Read it. Raises InputError."""
         log = read_log(self.path)
-        return LogOpened(self.path, log, scene_of_log(log.metadata))
+        return LogOpened(self.path, log, self.seen_in or scene_of_log(log.metadata))
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from gui.memory import LookMemory, Memory, SceneMemory, read_memory, write_memor
 from gui.palette import DARK
 from gui.scanner_choice import ScannerWay
 from gui.scene import Scene
+from gui.scene_edit import heard_by, in_air, sensor_at
 from gui.status import Source
-from sim.board import load_board
+from sim.board import load_board, parse_board
 from sim.mount import Unit
 from sonarhw.errors import InputError, OutputError
 from sonarhw.log import read_log
@@ -83,6 +84,28 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wishe
     assert window.session.shown.scene.options == options
     assert window.session.live.wish == wish
     assert window.session.shown.scene.room.text == shipped.room.text
+
+
+def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_log(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.replay.loaded)
+    moved, _ = sensor_at(window.session.shown.scene, (0.4, 0.3))
+    edited, _ = in_air(moved, temperature_c=3.0)
+    board = parse_board(f"range_offset = 0.02\n{edited.board.text}", "board")
+    edited = replace(heard_by(edited, unit=Unit.BLOCK)[0], board=board)
+    window.session.showing.edit(edited, "finding where I stood")
+    window.close()
+
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: window.session.replay.loaded)
+    there = window.session.shown.scene
+    assert (there.place, there.room.text, there.options) == (edited.place, edited.room.text, edited.options)
+    assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
+    assert len(window.session.shown.readings) == ORDER.readings
 
 
 def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothing(
