@@ -4,7 +4,10 @@ Takes a value to show; hands on the value that a hand set and the gesture it bel
 """
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
-from PySide6.QtWidgets import QDoubleSpinBox, QHBoxLayout, QSizePolicy, QSlider, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QSlider, QWidget
+
+from gui.number_field import NumberField
+from gui.wheel import take_the_wheel_with_the_focus_only
 
 
 class Amount(QWidget):
@@ -20,9 +23,8 @@ class Amount(QWidget):
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setRange(0, round((high - low) / self._step))
         self.slider.setPageStep(max(1, self.slider.maximum() // 10))
-        self.field = QDoubleSpinBox(decimals=decimals, suffix=suffix)
-        self.field.setKeyboardTracking(False)
-        self.field.setRange(low, high)
+        take_the_wheel_with_the_focus_only(self.slider)
+        self.field = NumberField(low, high, decimals, suffix)
         self.field.setSingleStep(self._step)
         self.field.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
         for part in (self.slider, self.field):

@@ -10,7 +10,6 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import (
     QCheckBox,
-    QDoubleSpinBox,
     QFormLayout,
     QGridLayout,
     QGroupBox,
@@ -34,8 +33,10 @@ from gui.device_words import (
 )
 from gui.live_scan import ScanWish
 from gui.look import Look
+from gui.number_field import NumberField
 from gui.shown import Shown
 from gui.status import Source, Status
+from gui.wheel import take_the_wheel_with_the_focus_only
 from sonarhw.readings import ScanOrder
 
 _FARTHEST = 720.0  # degrees the cable winds
@@ -43,7 +44,7 @@ _MOST_SWEEPS, _MOST_PINGS = 10_000, 100
 _LONGEST = 30.0  # m
 
 
-class _AngleField(QDoubleSpinBox):
+class _AngleField(NumberField):
     """An angle that is also entered: Qt's own field tells of leaving it, too."""
 
     entered = Signal()
@@ -83,8 +84,7 @@ class DevicePanel(QWidget):
         self.step = _degrees(5.0, "From one heading to the next", lowest=0.01, decimals=2)
         self.sweeps = _count(_MOST_SWEEPS, "How often the sector is scanned, to and fro")
         self.pings = _count(_MOST_PINGS, "Readings at each heading")
-        self.reach = QDoubleSpinBox(decimals=2)
-        self.reach.setKeyboardTracking(False)  # a number that is half typed is none
+        self.reach = NumberField(0.0, _LONGEST)
         self.reach.setToolTip("Listen no farther than this; at the lowest value: as far as the board hears")
         self.reach.setSpecialValueText("all it hears")
         self.traces = QCheckBox("Record traces")
@@ -273,9 +273,8 @@ def _button(action: QAction) -> QPushButton:
 
 
 def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
-    field = _AngleField(decimals=decimals, minimum=lowest, maximum=_FARTHEST, value=value)
-    field.setKeyboardTracking(False)
-    field.setSuffix("°")
+    field = _AngleField(lowest, _FARTHEST, decimals, "°")
+    field.setValue(value)
     field.setToolTip(tip)
     return field
 
@@ -284,4 +283,5 @@ def _count(most: int, tip: str) -> QSpinBox:
     field = QSpinBox(minimum=1, maximum=most)
     field.setKeyboardTracking(False)
     field.setToolTip(tip)
+    take_the_wheel_with_the_focus_only(field)
     return field

@@ -23,6 +23,7 @@ from gui.fit_words import answer_line, rows, share_line, warnings
 from gui.fitting import NEAR, FitState, FitWish
 from gui.room_groups import short_list
 from gui.shown import Shown
+from gui.wheel import take_the_wheel_with_the_focus_only
 from sonarhw.errors import InputError
 
 _LEAST_WIDTH = 290  # pixels
@@ -52,6 +53,7 @@ class FitPanel(QWidget):
         self.begin = QPushButton("Find where I stood")
         self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
         self.answers = QComboBox()
+        take_the_wheel_with_the_focus_only(self.answers)
         self.answers.setToolTip("Answers between which the scan hardly tells, the best first")
         self.table, self.told = QLabel(), QLabel(wordWrap=True)
         self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")

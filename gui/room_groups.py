@@ -10,7 +10,6 @@ from typing import Protocol
 from PySide6.QtCore import QSignalBlocker, Signal, Slot
 from PySide6.QtWidgets import (
     QComboBox,
-    QDoubleSpinBox,
     QFormLayout,
     QGroupBox,
     QHBoxLayout,
@@ -20,10 +19,12 @@ from PySide6.QtWidgets import (
 )
 
 from gui.look import LengthUnit
+from gui.number_field import NumberField
 from gui.plan_words import surface_words
 from gui.scene import Scene
 from gui.scene_edit import Edit, kept_place, of_material, sensor_at, sensor_facing, without_surface
 from gui.shown import Shown
+from gui.wheel import take_the_wheel_with_the_focus_only
 from sim.room import Place, Room
 from sim.room_writing import materials
 
@@ -87,9 +88,8 @@ class SensorGroup(Group):
             _show_number(field, unit.of(metres))
         _show_number(self.heading, math.degrees(place.heading) % 360)
 
-    def _field(self, low: float, high: float, changed: Callable[[], None]) -> QDoubleSpinBox:
-        field = QDoubleSpinBox(minimum=low, maximum=high)
-        field.setKeyboardTracking(False)
+    def _field(self, low: float, high: float, changed: Callable[[], None]) -> NumberField:
+        field = NumberField(low, high)
         field.valueChanged.connect(changed)
         field.editingFinished.connect(self._finish)
         return field
@@ -181,6 +181,7 @@ def short_list() -> QComboBox:
     field = QComboBox()
     field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     field.setMinimumContentsLength(_SHORT)
+    take_the_wheel_with_the_focus_only(field)
     return field
 
 
@@ -194,7 +195,7 @@ def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
         field.setCurrentIndex(wanted.index(current) if current in wanted else 0)
 
 
-def _show_number(field: QDoubleSpinBox, value: float) -> None:
+def _show_number(field: NumberField, value: float) -> None:
     if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
         with QSignalBlocker(field):
             field.setValue(value)

@@ -165,6 +165,18 @@ def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
     assert keeper.scene.standing.heading == pytest.approx(math.pi / 2)
 
 
+@pytest.mark.parametrize(("typed", "metres"), [("1,5", 1.5), ("1.5", 1.5), ("1,234.5", 1.234), ("1.234,5", 1.234)])
+def test_a_comma_is_a_decimal_point_and_nothing_groups_digits(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper, typed: str, metres: float
+) -> None:
+    x = panel.sensor.along_x
+    x.setFocus()
+    x.selectAll()
+    qtbot.keyClicks(x, typed)
+    qtbot.keyClick(x, Qt.Key.Key_Return)
+    assert keeper.scene.standing.position[0] == metres
+
+
 def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
     panel.sensor.along_y.setValue(0.6)
     qtbot.keyClicks(panel.sensor.name, "shelf")
