@@ -85,8 +85,11 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("step = 30.0", "from = 90.0\nto = 20.0", "headings: no angle lies from 90 below 20"),
     ],
 )
-def test_what_is_wrong_is_told_with_file_and_key(tmp_path: Path, old: str, new: str, told: str) -> None:
+def test_what_is_wrong_is_told_with_file_and_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, told: str
+) -> None:
     assert old in SPEC
+    monkeypatch.setattr("compare.free_space._TRIES", 1000)  # a place is not looked for as long as for a person
     with pytest.raises(InputError, match="^" + str(tmp_path)) as refused:
         study_of(tmp_path, SPEC.replace(old, new))
     assert told in str(refused.value)

@@ -62,7 +62,7 @@ def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
 
 @pytest.fixture(autouse=True, scope="module")
 def what_is_loaded_stays() -> None:
-    """So that the collector need not look through every library after every test: half of a second each time."""
+    """So that the collector need not look through every library after every test: a fifth of a second each time."""
     gc.collect()
     gc.freeze()
 

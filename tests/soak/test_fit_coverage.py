@@ -1,6 +1,7 @@
 """Over many scans with known truth, fits are right, and right about how right they are."""
 
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -14,9 +15,9 @@ TOLD = 0.95
 
 @pytest.mark.timeout(36_000)
 def test_regions_hold_the_truth_as_often_as_they_say(count: Count) -> None:
-    draws = count(4, 500)
+    draws, samples = count(4, 500), count(2000, 4000)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        drawn = list(pool.map(drawn_fit, range(draws)))
+        drawn = list(pool.map(partial(drawn_fit, samples=samples), range(draws)))
     held = np.array([list(one.covered.values()) for one in drawn])
     # 3 % for 500 draws; for few as much as chance allows
     allowed = max(0.03, 4 * np.sqrt(TOLD * (1 - TOLD) / held.size))
