@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gui.live_scan import ScannerOpener
     from gui.scanner_choice import ScannerWay
     from gui.scene import Scene
-    from sonarhw.log import Log, LogMetadata
+    from sonarhw.log import Log
     from sonarhw.scanner import Scanner
 
 
@@ -114,16 +114,13 @@ def _replay(path: Path, wish: _Wish) -> int:
 def _show_foreign(path: Path, wish: _Wish) -> int:
     from compare.foreign_csv import guess_columns, read_foreign_scan
 
-    scene = _scene(wish)
+    scene = _scene(_placed(wish))
     read_foreign_scan(path, *guess_columns(path))  # refused here where nothing can be meant
     return _show(scene, wish.room, path)
 
 
 def _show_room(path: Path, wish: _Wish) -> int:
-    from gui.scene import first_place
-    from sim.room import load_room
-
-    return _show(_scene(replace(wish, place=wish.place or first_place(load_room(path)).name)), path)
+    return _show(_scene(_placed(wish)), path)
 
 
 def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
@@ -218,8 +215,8 @@ def _log_scene(log: "Log", wish: _Wish) -> "Scene":
 
     board = board_of_log(log.metadata) if wish.board is None else load_board(wish.board)
     if wish.room is not None:
-        place = wish.place or _same_place(log.metadata, wish.room)
-        return replace(_scene(replace(wish, place=place, board=None)), board=board)
+        placed = _placed(wish, log.metadata.place)
+        return replace(_scene(replace(placed, board=None)), board=board)
     scene = replace(scene_of_log(log.metadata), board=board)
     if wish.place is None:
         return scene
@@ -228,8 +225,15 @@ def _log_scene(log: "Log", wish: _Wish) -> "Scene":
     return replace(scene, place=scene.room.place(wish.place))
 
 
-def _same_place(metadata: "LogMetadata", room_file: Path) -> str | None:
-    """The place that the log names, where the room that was given has it too."""
+def _placed(wish: _Wish, recorded_at: str = "") -> _Wish:
+    """The wish with a place of its room: the one asked for, else that of the log if the room has it, else the first.
+
+    A window shows what was measured from there and can look for the true one; a scan that is to come must be told.
+    """
+    from gui.scene import first_place
     from sim.room import load_room
 
-    return metadata.place if metadata.place in load_room(room_file).places else None
+    if wish.place is not None or wish.room is None:
+        return wish
+    room = load_room(wish.room)
+    return replace(wish, place=recorded_at if recorded_at in room.places else first_place(room).name)

@@ -14,6 +14,7 @@ from gui.app import WindowStart
 from sonarhw.log import read_log
 from tests.gui.conftest import ROOM
 
+MEANT = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
 SONARHW = [sys.executable, "-c", "from cli.entry import main; main()"]
 
 
@@ -114,6 +115,18 @@ def test_a_room_beside_a_scan_is_the_room_of_that_scan(
     assert run(["gui", str(scan), *way, "--place", "figure9", "--board", "paper"]) == 0
     (start,) = starts
     assert (start.source_file, start.scene.place.name, start.scene.board.name) == (scan, "figure9", "paper")
+
+
+@pytest.mark.parametrize("name", ["turret.csv", "turret.mcap"])
+def test_a_scan_that_names_no_place_is_shown_at_the_first_one_of_the_room(
+    starts: list[WindowStart], tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "turret.csv").write_text("deg,cm\n0,15.4\n90,65.7\n")
+    if name.endswith(".mcap"):
+        assert run(["import", str(tmp_path / "turret.csv"), *MEANT, "--out", str(tmp_path / name)]) == 0
+    assert run(["gui", str(tmp_path / name), str(ROOM)]) == 0
+    (start,) = starts
+    assert start.scene.place.name == "figure7"
 
 
 def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
