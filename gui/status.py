@@ -25,6 +25,7 @@ class Standing(StrEnum):
 
     NONE = "no scan"
     LIVE = "live"
+    RECORDED = "recorded"
     AWAY = "away"
     LOST = "lost"
     REPLAY = "replay"
@@ -52,7 +53,7 @@ class Status:
 
     @property
     def standing(self) -> Standing:
-        """What the badge says: live only while the scanner is there and at work, or its readings are shown."""
+        """What the badge says: live only while the scanner is there and at work."""
         if self.source is Source.REPLAY:
             return Standing.REPLAY
         if self.trouble:
@@ -60,7 +61,9 @@ class Status:
         if self.link is None:
             gone = Standing.LOST if self.phase is Phase.FAILED else Standing.AWAY
             return gone if self.readings else Standing.NONE
-        return Standing.LIVE if self.scanning or self.own_readings else Standing.NONE
+        if self.scanning:
+            return Standing.LIVE
+        return Standing.RECORDED if self.own_readings else Standing.NONE
 
     @property
     def scanning(self) -> bool:

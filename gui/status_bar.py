@@ -62,8 +62,7 @@ class StatusBar(QStatusBar):
 
 def badge(status: Status) -> str:
     """How it stands with what is shown."""
-    running = status.standing is Standing.LIVE and status.scanning
-    return f"● {status.standing}" if running else str(status.standing)
+    return f"● {status.standing}" if status.standing is Standing.LIVE else str(status.standing)
 
 
 def figures(status: Status) -> str:

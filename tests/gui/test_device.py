@@ -256,22 +256,22 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     assert len(log.readings) == LONG.readings
 
 
-def test_the_badge_is_live_only_beside_readings_of_the_connected_scanner_in_their_room(
+def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_its_room(
     qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack, scene: Scene
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
     seen = window.status_bar.badge
     until(qtbot, lambda: idle(window, Phase.DONE))
-    until(qtbot, lambda: seen.text() == "live")
+    until(qtbot, lambda: seen.text() == "recorded")
     window.session.set_scene(replace(scene, room=replace(scene.room, name="elsewhere")))
     assert seen.text() == "no scan"
     window.session.set_scene(scene)
-    assert seen.text() == "live"
+    assert seen.text() == "recorded"
     press(qtbot, window.device.hang_up_button)
     until(qtbot, lambda: seen.text() == "away")
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
-    until(qtbot, lambda: seen.text() == "live")
+    until(qtbot, lambda: seen.text() == "recorded")
     window.session.live.use(None)  # as another scanner is chosen
     until(qtbot, lambda: seen.text() == "away")
 

@@ -83,6 +83,7 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
     window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.STOPPED
+    assert window.status_bar.badge.text() == "recorded"
     assert window.banner.message == ""
     assert window.commands.scan.isEnabled()
     log = read_log(window.session.status.recording)
