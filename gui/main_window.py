@@ -5,7 +5,7 @@ Takes a session; owns nothing but its parts. Gestures go to the session, changes
 
 from typing import cast
 
-from PySide6.QtCore import QEvent, Qt, Signal, Slot
+from PySide6.QtCore import QEvent, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -50,6 +50,7 @@ from gui.trace_view import TraceView
 
 _SIZE = 1280, 800
 _PLAN_SHARE, _SIDE_SHARE = 690, 590
+_READ = 100  # ms: while a scan runs, text is written so often; it takes as long as the plots, and nobody reads faster
 
 
 class MainWindow(QMainWindow):
@@ -70,9 +71,11 @@ class MainWindow(QMainWindow):
         self.toolbar = ToolBar(self.commands)
         self.stage = QStackedWidget()
         self._views = (
-            *(self.plan, self.side_by_side, self.bscan, self.trace, self.ranges, self.table, self.sentence),
+            *(self.plan, self.side_by_side, self.bscan, self.trace, self.ranges),
             *(self.device, self.room, self.fit_panel, self.toolbar),
         )
+        self._to_write = QTimer(self, singleShot=True, interval=_READ)
+        self._to_write.timeout.connect(self._write)
         self.look_commands = LookCommands(self.commands, session, self)
         self.files = FileCommands(self.commands, session, self)
         large = self.plan, self.side_by_side, self.bscan
@@ -96,8 +99,8 @@ class MainWindow(QMainWindow):
         self._connect_commands()
         self._connect_views()
         self.resize(*_SIZE)
-        self._show_status(session.status)
         self._show(session.shown)
+        self._show_status(session.status)
         self.replay_bar.show_state(session.replay.state)
 
     def closeEvent(self, event: QCloseEvent) -> None:
@@ -228,6 +231,21 @@ class MainWindow(QMainWindow):
                 view.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.scene.title}")
         self._show_history()
+        self._write_soon()
+
+    def _write_soon(self) -> None:
+        if not self.session.status.scanning:
+            self._to_write.stop()
+            self._write()
+        elif not self._to_write.isActive():
+            self._to_write.start()
+
+    @Slot()
+    def _write(self) -> None:
+        for words in (self.table, self.sentence):
+            if words.isVisibleTo(self):
+                words.show_state(self.session.shown)
+        self.status_bar.show_state(self.session.status)
 
     @Slot()
     def _show_what_has_opened(self) -> None:
@@ -250,7 +268,7 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
-        self.status_bar.show_state(status)
+        self._write_soon()
         self.banner.show_state(status)
         self.device.show_status(status)
         commands = self.commands

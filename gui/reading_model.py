@@ -28,6 +28,10 @@ from gui.reading_rows import (
 from gui.shown import Shown
 
 Index = QModelIndex | QPersistentModelIndex
+_Role = Qt.ItemDataRole
+_ANSWERED = frozenset(
+    map(int, (_Role.DisplayRole, _Role.ToolTipRole, _Role.DecorationRole, _Role.TextAlignmentRole))
+)  # of the seven that Qt asks for at each paint of a cell
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
 
@@ -77,17 +81,17 @@ class ReadingModel(QAbstractTableModel):
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Text, mark, alignment and tooltip of a cell."""
-        if not index.isValid() or self._shown is None:
+        if role not in _ANSWERED or not index.isValid() or self._shown is None:
             return None
         row, column = int(self.order[index.row()]), Column(index.column())
         match role:
-            case Qt.ItemDataRole.DisplayRole:
+            case _Role.DisplayRole:
                 return self._text(self._shown, row, column)
-            case Qt.ItemDataRole.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
+            case _Role.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
                 return self._text(self._shown, row, column)
-            case Qt.ItemDataRole.DecorationRole if column is Column.CLASS:
+            case _Role.DecorationRole if column is Column.CLASS:
                 return self._marks[CLASSES[self.rows.classes[row]]]
-            case Qt.ItemDataRole.TextAlignmentRole if column in _AT_RIGHT:
+            case _Role.TextAlignmentRole if column in _AT_RIGHT:
                 return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
 
