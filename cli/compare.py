@@ -52,7 +52,7 @@ def compare(
 ) -> None:
     """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
     if explained and not as_json:
-        raise InputError("--explain: goes with --json; without it every reading is explained in a sentence anyway")
+        raise InputError("--explain: goes with --json; leave it out, and every reading is explained in a sentence")
     if plot is not None:
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
@@ -188,5 +188,9 @@ def summary_lines(summary: "Summary") -> list[str]:
             f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy); "
             f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
         )
-    lines.append(f"turntable step 0 at {summary.heading_deg:.1f}°, range offset {summary.offset_m * 1000:+.0f} mm")
+    heading = round(summary.heading_deg, 1) % 360
+    lines.append(
+        f"sensor at {summary.x_m:.4f}, {summary.y_m:.4f} m, turntable step 0 at {heading:.1f}°, "
+        f"range offset {summary.offset_m * 1000:+.0f} mm"
+    )
     return lines

@@ -123,7 +123,14 @@ def _signed(millimetres: int) -> str:
 def _heading(heading: float, deviation: float | None) -> str:
     if deviation is None:
         return "a heading that the scan does not tell"
-    return f"{round(heading, 1) % 360:.1f}° (± {deviation:.1f}°)"
+    return f"{round(heading, 1) % 360:.1f}° (± {_leading(deviation, 1)}°)"
+
+
+def _leading(deviation: float, digits: int) -> str:
+    """A deviation with so many digits behind the point, or with as many as show that it is not nought."""
+    if deviation > 0:
+        digits = max(digits, -math.floor(math.log10(deviation)))
+    return f"{deviation:.{digits}f}"
 
 
 def _named(place: str | None) -> str:
@@ -132,9 +139,10 @@ def _named(place: str | None) -> str:
 
 def _tell(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
+        along_x, along_y = (_leading(pose[key] * 1000, 0) for key in ("x_deviation_m", "y_deviation_m"))
         typer.echo(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
-            f"(± {pose['x_deviation_m'] * 1000:.0f}, {pose['y_deviation_m'] * 1000:.0f} mm), turntable step 0 at "
+            f"(± {along_x}, {along_y} mm), turntable step 0 at "
             f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )

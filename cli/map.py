@@ -55,8 +55,6 @@ def map_logs(
 
     if out is not None:
         checked_out(out, (".png",), force, room_file, board, *log_files)
-    elif not as_json:
-        raise InputError("nothing to leave: give --out FILE.png, --json, or both")
     room = None if room_file is None else load_room(room_file)
     logs = [open_log(file) for file in log_files]
     chosen = load_board(board) if board else board_of_log(logs[0].metadata)

@@ -68,6 +68,8 @@ class Summary:
     explained: float | None  # share of n_echo with some predicted echo within 5 cm
     heading_deg: float  # of turntable step 0 in the room
     offset_m: float
+    x_m: float  # of the sensor in the room
+    y_m: float
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,8 @@ class Comparison:
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
             heading_deg=round(math.degrees(self.heading), 9) % 360,
             offset_m=self.offset,
+            x_m=self.prediction.place.position[0],
+            y_m=self.prediction.place.position[1],
         )
 
 

@@ -5,6 +5,7 @@ Takes bytes to write; hands on the bytes that have come. One thread may read whi
 
 import errno
 import os
+import re
 import select
 import socket
 import time
@@ -199,7 +200,8 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return LinkForbidden(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:
-        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are")
+        meant = f"; did you mean socket://{url}?" if re.fullmatch(r"[\w.-]+:\d+", url) else ""
+        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are{meant}")
     if code == errno.EISDIR or "Inappropriate ioctl" in text:
         return LinkError(f"{url}: is no serial port; `sonarhw ports` lists those there are")
     if "Name or service not known" in text or "getaddrinfo" in text or "nodename nor servname" in text:

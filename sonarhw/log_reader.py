@@ -55,7 +55,10 @@ def read_log(path: Path) -> Log:
         if not file.size:
             raise NotALog(f"{path}: is empty; a log of this project was expected")
         if not is_mcap(file):
-            raise NotALog(f"{path}: is not an MCAP file; a log of this project was expected")
+            raise NotALog(
+                f"{path}: is not an MCAP file; a log of this project was expected"
+                "; a scan in CSV becomes one by `sonarhw import`"
+            )
         head = _Head(path)
         ending = read_ending(file)
         index = _closed(file, head, ending) if ending else None

@@ -53,6 +53,8 @@ def test_a_scan_from_coordinates_is_held_against_the_prediction_there(
     assert run(["simulate", ROOM, "--place", "0.5,0.4", "--step", "30", "--out", scan]) == 0
     capsys.readouterr()
     assert run(["compare", scan, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["classes"]["match"] == 12
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["classes"]["match"] == 12
+    assert (figures["x_m"], figures["y_m"]) == (0.5, 0.4)
     assert run(["report", scan, "--out", str(page)]) == 0
     assert "0.5,0.4" in page.read_text()

@@ -320,6 +320,8 @@ def test_a_closed_port_and_a_missing_file_are_named() -> None:
         Scanner.open(f"socket://127.0.0.1:{port}")
     with pytest.raises(LinkError, match="no such port"):
         Scanner.open("no/such/port")
+    with pytest.raises(LinkError, match=r"did you mean socket://localhost:4000\?"):
+        Scanner.open("localhost:4000")
 
 
 def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
