@@ -3,6 +3,7 @@
 Takes paths; hands on logs and rooms as they have been read.
 """
 
+import os
 from pathlib import Path
 
 from gui.files import LogOpened, Opened, OpenRequest, request_for
@@ -21,8 +22,20 @@ class Documents:
         """`folder`: where scans that are imported are kept as logs."""
         self.recent: tuple[str, ...] = ()
         self.messages: list[str] = []
+        self.saved_in: Path | None = None
         self._folder = folder
         self._worker = Worker("open files")
+
+    def folder(self, shown: str = "") -> Path:
+        """Where to offer to save: where one did so last, else where the file that is shown or was opened last lies.
+
+        Recordings lie where nobody looks, and some rooms where nobody may write: then it is home.
+        """
+        if self.saved_in is not None:
+            return self.saved_in
+        folders = (Path(name).parent for name in (shown, *self.recent) if name)
+        fit = (folder for folder in folders if folder != self._folder and os.access(folder, os.W_OK))
+        return next(fit, Path.home())
 
     @property
     def busy(self) -> bool:
@@ -63,6 +76,7 @@ class Documents:
             self.messages.append(str(error))
             return False
         self.recent = with_newest(self.recent, str(path.absolute()))
+        self.saved_in = path.absolute().parent
         return True
 
     def close(self) -> None:

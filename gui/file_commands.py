@@ -24,7 +24,6 @@ class FileCommands(QMenu):
         super().__init__("Open recent", window)
         self._window = window
         self._session = session
-        self._room_folder = str(Path.home())  # rooms that came with something else stay as they are
         commands.open_log.triggered.connect(self._ask_log)
         commands.open_room.triggered.connect(self._ask_room)
         self.recordings: RecordingsDialog | None = None
@@ -93,19 +92,14 @@ class FileCommands(QMenu):
 
     @Slot()
     def _ask_where_to_save_room(self) -> None:
-        room = self._session.shown.scene.room
-        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._save_room)
+        room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_to_keep)
+        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setDefaultSuffix("toml")
-        dialog.setDirectory(self._room_folder)
+        dialog.setDirectory(str(folder))
         if room is not None:
-            dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), self._room_folder))
+            dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), folder))
         dialog.show()
-
-    @Slot(str)
-    def _save_room(self, path: str) -> None:
-        self._room_folder = str(Path(path).parent)
-        self._session.save_room(path)
 
     def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
         recent = self._session.documents.recent
@@ -115,11 +109,11 @@ class FileCommands(QMenu):
         return dialog
 
 
-def _new_name(file: Path, folder: str) -> str:
+def _new_name(file: Path, folder: Path) -> str:
     """A name for an edited room that no file of that folder has."""
     stem = file.stem.partition("-edited")[0]
     names = (f"{stem}-edited{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
-    return next(name for name in names if not (Path(folder) / name).exists())
+    return next(name for name in names if not (folder / name).exists())
 
 
 def _paths(dropped: QMimeData) -> list[Path]:

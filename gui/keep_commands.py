@@ -54,7 +54,6 @@ class KeepCommands(QObject):
         self._commands, self._session, self._window = commands, session, window
         self._stage, self._large, self._trace, self._ranges = stage, large, trace, ranges
         self._subject = Subject("", ())
-        self._folder = str(Path.home())
         self.dialog: QFileDialog | None = None
         commands.keep_view.triggered.connect(self._keep_view)
         commands.keep_trace.triggered.connect(self._keep_trace)
@@ -102,7 +101,8 @@ class KeepCommands(QObject):
         if self.dialog is not None:
             self.dialog.destroyed.disconnect(self._forget)
             self.dialog.close()
-        self.dialog = dialog = QFileDialog(self._window, f"Keep {subject.name.lower()}", self._folder)
+        folder = self._session.documents.folder(self._session.log_to_keep)
+        self.dialog = dialog = QFileDialog(self._window, f"Keep {subject.name.lower()}", str(folder))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setNameFilters([_FILTERS[ending] for ending in subject.endings])
@@ -130,7 +130,7 @@ class KeepCommands(QObject):
     @Slot(str)
     def _write(self, name: str) -> None:
         path = Path(name)
-        self._folder = str(path.parent)
+        self._session.documents.saved_in = path.parent
         content = self._content(path.suffix.lower())
         if content is not None:
             self._session.keeping.write(content, path, overwrite=True)  # the dialog has asked

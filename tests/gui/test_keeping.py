@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QDialogButtonBox, QLineEdit, QMessageBox
+from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLineEdit, QMessageBox
 from pytestqt.qtbot import QtBot
 
 from cli.app import run
+from gui.documents import Documents
 from gui.keeping import Data, KeepRequest
 from gui.main_window import MainWindow
 from gui.scene import Scene
@@ -30,8 +31,7 @@ CTRL, SHIFT, ALT = (
 
 
 @pytest.fixture
-def window(qtbot: QtBot, open_with: OpenWith, recorded: Path, monkeypatch: pytest.MonkeyPatch) -> MainWindow:
-    monkeypatch.setattr(Path, "home", lambda: recorded.parent)
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     window = open_with(source=read_log(recorded), source_name=recorded.name, source_file=recorded)
     until(qtbot, lambda: predicted(window))
     return window
@@ -72,6 +72,34 @@ def test_a_view_is_kept_as_pixels_and_as_a_drawing(
     texts = [text for element in drawing.iter() if (text := (element.text or "").strip())]
     assert any("Simple room · place figure9" in text for text in texts)
     assert window.status_bar.currentMessage() == f"kept in {tmp_path / 'view.svg'}"
+
+
+def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
+    qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
+) -> None:
+    window.commands.save_room.trigger()
+    asked = window.findChild(QFileDialog)
+    assert asked.directory().absolutePath() == str(recorded.parent)
+    asked.reject()
+    window.commands.keep_data.trigger()
+    assert window.keep.dialog.directory().absolutePath() == str(recorded.parent)
+    keep(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
+    window.commands.report.trigger()
+    assert window.keep.dialog.directory().absolutePath() == str(tmp_path)
+
+
+def test_a_live_scan_is_kept_where_one_opened_something_last_not_among_the_recordings(tmp_path: Path) -> None:
+    recordings, rooms = tmp_path / "recordings", tmp_path / "rooms"
+    for folder in (recordings, rooms):
+        folder.mkdir()
+    documents = Documents(recordings)
+    scan = str(recordings / "scan.mcap")
+    try:
+        assert documents.folder(scan) == Path.home()
+        documents.recent = (scan, str(tmp_path / "gone" / "a.toml"), str(rooms / "b.toml"))
+        assert documents.folder(scan) == rooms
+    finally:
+        documents.close()
 
 
 def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
