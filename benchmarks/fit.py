@@ -94,7 +94,7 @@ class Drawn:
     deviations: dict[str, float]
 
 
-def drawn_fit(seed: int, samples: int = 4000) -> Drawn:
+def drawn_fit(seed: int, samples: int = 8000) -> Drawn:
     """The fit of draw number `seed`: a room in turn, a place and everything free as they come."""
     random = np.random.default_rng((seed, 6))
     name = ROOMS[seed % len(ROOMS)]

@@ -57,7 +57,7 @@ def fit(
     ] = None,
     samples: Annotated[
         int, typer.Option(help="Drawn to learn how sure the fit is; 0: by its curvature alone.", min=0, max=1_000_000)
-    ] = 4000,
+    ] = 8000,
     seed: Annotated[int, typer.Option(help="Of those samples.", min=0, max=2**32 - 1)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
     out: Annotated[

@@ -15,7 +15,7 @@ TOLD = 0.95
 
 @pytest.mark.timeout(36_000)
 def test_regions_hold_the_truth_as_often_as_they_say(count: Count) -> None:
-    draws, samples = count(4, 500), count(2000, 4000)
+    draws, samples = count(4, 500), count(2000, 8000)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         drawn = list(pool.map(partial(drawn_fit, samples=samples), range(draws)))
     held = np.array([list(one.covered.values()) for one in drawn])
