@@ -27,7 +27,7 @@ class FitOptions:
 
     prediction: PredictionOptions = field(default_factory=PredictionOptions)
     seed: int = 0  # of the sampler that finds the uncertainties; same seed, same result
-    samples: int = 8000  # drawn from the posterior, half as many tell a ± 5 % too small; 0: none, uncertainties come from its curvature
+    samples: int = 8000  # from the posterior; of half as many a ± is some 5 % too small. 0: curvature tells it
     all_echoes: bool = True  # False: only the first echo of each reading
     global_search: bool = True  # False: begin where places, room and board say
 
