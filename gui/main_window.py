@@ -84,6 +84,7 @@ class MainWindow(QMainWindow):
         self.help = HelpCommands(self.commands, session, self)
         self.setAcceptDrops(True)
         self._look: Look | None = None
+        self._shown: Shown | None = None
         self.addToolBar(self.toolbar)
         self.setCentralWidget(self._arranged())
         self.setStatusBar(self.status_bar)
@@ -171,6 +172,7 @@ class MainWindow(QMainWindow):
         for cancelled in (self.plan, self.side_by_side):
             cancelled.cancelled.connect(session.showing.cancel)
         self.plan.surface_chosen.connect(self.room.choose_surface)
+        self.room.hearing.board_file_wanted.connect(self.files.ask_board)
         self.room.surface_chosen.connect(self.plan.hands.choose_surface)
         self.fit_panel.wanted.connect(session.find_place)
         self.fit_panel.put_away.connect(session.fitting.forget)
@@ -223,7 +225,9 @@ class MainWindow(QMainWindow):
     def _show(self, shown: Shown) -> None:
         if shown.look != self._look:
             self._show_look(shown.look)
-        for plot in (self.plan, self.trace.plot, self.ranges):
+        before, self._shown = self._shown, shown
+        still = before is not None and before.trace is shown.trace and before.cursor == shown.cursor
+        for plot in (self.plan, self.ranges) if still else (self.plan, self.ranges, self.trace.plot):
             plot.scene().update()  # a scene that knows of parts only has the window painted by itself at once
             plot.viewport().update()
         for view in self._views:

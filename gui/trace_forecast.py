@@ -4,6 +4,7 @@ Takes what is shown; hands on the chosen trace and the B-scan. Of what is asked 
 is answered; what belongs to another scan is dropped.
 """
 
+import time
 from dataclasses import dataclass
 
 from gui.bscan_picture import BScanWish
@@ -14,6 +15,8 @@ from gui.shown import Shown
 from gui.worker import Failure, Worker
 from sim.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
+
+_PAUSE = 0.05  # s between two traces: of fifty readings a second nobody sees every one
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ class TraceForecast:
         self._shown: Shown | None = None
         self._wish: BScanWish | None = None
         self._asked_trace: tuple[object, ...] = ()
+        self._asked_at = -_PAUSE
         self._asked_bscan: tuple[object, ...] = ()
         self._drawing = False  # one B-scan at a time: the next goes on from it
         # two, so that a trace never waits for a B-scan
@@ -59,7 +63,7 @@ class TraceForecast:
     def begin_scan(self) -> None:
         """Forget traces and B-scan; what is shown from now on belongs to another scan."""
         self._generation += 1
-        self.trace, self.bscan = None, None
+        self.trace, self.bscan, self._shown = None, None, None
         self._asked_trace, self._asked_bscan = (), ()
 
     def wish(self, wish: BScanWish | None) -> None:
@@ -76,6 +80,8 @@ class TraceForecast:
     def take(self) -> bool:
         """Take in what has been worked out since the last call; whether anything has changed."""
         changed = False
+        if self._shown is not None:
+            self._ask_trace(self._shown)  # what came too soon after the one before
         for answer in (*self._tracer.take(), *self._drawer.take()):
             match answer:
                 case Failure(request=BScanRequest()):
@@ -103,8 +109,9 @@ class TraceForecast:
             return
         prediction, index = (shown.prediction, row.index) if row is not None else (None, 0)
         subject = (shown.scene, reading, prediction, index)
-        if not _same(subject, self._asked_trace):
-            self._asked_trace = subject
+        now = time.monotonic()
+        if not _same(subject, self._asked_trace) and now - self._asked_at >= _PAUSE:
+            self._asked_trace, self._asked_at = subject, now
             self._tracer.ask(TraceRequest(self._generation, shown.scene, reading, prediction, index))
 
     def _ask_bscan(self) -> None:
