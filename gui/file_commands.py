@@ -59,11 +59,16 @@ class FileCommands(QMenu):
 
     @Slot()
     def _ask_log(self) -> None:
-        self._ask_file("Open log", "Logs and scans (*.mcap *.csv)")
+        self._ask_file("Open log", "Logs and scans (*.mcap *.csv)", self._session.open_file)
 
     @Slot()
     def _ask_room(self) -> None:
-        self._ask_file("Open room", "Rooms (*.toml)")
+        self._ask_file("Open room", "Rooms (*.toml)", self._session.open_file)
+
+    @Slot()
+    def ask_board(self) -> None:
+        """Ask for the profile of a board, to predict with."""
+        self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.take_board)
 
     @Slot()
     def _show_recordings(self) -> None:
@@ -85,8 +90,8 @@ class FileCommands(QMenu):
     def _forget_recordings(self) -> None:
         self.recordings = None
 
-    def _ask_file(self, title: str, pattern: str) -> None:
-        dialog = self._dialog(title, pattern, self._session.open_file)
+    def _ask_file(self, title: str, pattern: str, chosen: Callable[[str], None]) -> None:
+        dialog = self._dialog(title, pattern, chosen)
         dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
         dialog.show()
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from enum import Enum
 from functools import partial
 
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QComboBox, QLabel
 
 from gui.amount import Amount
@@ -72,13 +72,19 @@ _MEANINGS: dict[Enum, tuple[str, str]] = {
 }
 
 
+_FROM_FILE = "From file…"
+
+
 class HearingGroup(Group):
     """Which board sends and hears, and how echoes are followed and received."""
+
+    board_file_wanted = Signal()
 
     def __init__(self, change: Change) -> None:
         super().__init__("Hearing", change)
         self._boards = {name: load_board(name) for name in board_names()}
         self._own: dict[str, Board] = {}  # what the scan or the command line brought, beside those that ship
+        self._named = ""  # the board shown, as the list has it
         self.board = short_list()
         self.board.setToolTip("The profile of the ranging board that is predicted; a log brings its own")
         self.rows.addRow("Board", self.board)
@@ -115,10 +121,15 @@ class HearingGroup(Group):
         if self._boards.get(name) != board:
             name = f"{name}, changed" if name in self._boards else name
             self._own = {name: board}
-        show_names(self.board, (*self._own, *self._boards), name)
+        self._named = name
+        show_names(self.board, (*self._own, *self._boards, _FROM_FILE), name)
 
     @Slot(str)
     def _take_board(self, name: str) -> None:
+        if name == _FROM_FILE:
+            self.board.setCurrentText(self._named)  # until there is another one
+            self.board_file_wanted.emit()
+            return
         self._change(partial(with_board, board={**self._boards, **self._own}[name]))
 
     @Slot()

@@ -19,9 +19,12 @@ from gui.live_scan import ScannerOpener, ScanWish
 from gui.look import Look
 from gui.scanner_choice import ScannerChoice, ScannerWay, WayFinder
 from gui.scene import Scene, room_name
+from gui.scene_edit import with_board
 from gui.showing import Showing
 from gui.shown import Shown
 from gui.status import Status
+from sim.board import load_board
+from sonarhw.errors import InputError
 from sonarhw.log import Log
 
 TICK = 30  # ms
@@ -123,6 +126,14 @@ class Session(QObject):
     def open_file(self, path: str) -> None:
         """Show a log, in its own room if it has one, or the readings there are in another room, or a scan as CSV."""
         self.documents.open(Path(path), self.shown.scene.board)
+
+    @Slot(str)
+    def take_board(self, path: str) -> None:
+        """Predict with the board of that profile; a wrong one is told, and all stays as it is."""
+        try:
+            self.showing.edit(*with_board(self.shown.scene, load_board(path)))
+        except InputError as error:
+            self.warned.emit(str(error))
 
     @Slot(object)
     def reopen(self, request: OpenRequest) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtWidgets import QSlider, QStyle, QStyleOptionSlider
+from PySide6.QtWidgets import QFileDialog, QSlider, QStyle, QStyleOptionSlider
 from pytestqt.qtbot import QtBot
 
 from gui.app import open_application
@@ -129,6 +129,32 @@ def test_a_board_is_chosen_by_key_brings_its_receiver_and_the_scans_own_can_be_h
     assert keeper.labels == ["board lego-nxt"]
     qtbot.keyClick(board, Qt.Key.Key_Home)
     assert keeper.scene.board == own
+
+
+def test_a_board_of_ones_own_is_taken_from_its_file_and_a_wrong_file_is_told(
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, tmp_path: Path
+) -> None:
+    window = open_with()
+    window.docks.show("Room")
+    board = window.room.hearing.board
+
+    def take(text: str) -> None:
+        (tmp_path / "own.toml").write_text(text)
+        board.setFocus()
+        qtbot.keyClick(board, Qt.Key.Key_End)
+        dialog = next(dialog for dialog in window.findChildren(QFileDialog) if dialog.isVisible())
+        dialog.fileSelected.emit(str(tmp_path / "own.toml"))
+        dialog.reject()
+
+    take(f"nonsense = 1\n{scene.board.text}")
+    assert window.banner.message.startswith(f"⚠ {tmp_path / 'own.toml'}: nonsense")
+    assert window.session.shown.scene is scene
+    assert board.currentText() == f"{scene.board.name}, changed"
+    own = scene.board.text.replace(f'name = "{scene.board.name}"', 'name = "mine"')
+    take(own)
+    assert (board.currentText(), window.session.shown.scene.board.text) == ("mine", own)
+    window.session.showing.undo()
+    assert window.session.shown.scene is scene
 
 
 def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
