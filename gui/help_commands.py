@@ -3,8 +3,10 @@
 Takes the menu bar; opens at most one page.
 """
 
-from PySide6.QtCore import QObject, QSize, Slot
-from PySide6.QtGui import QAction
+from typing import cast
+
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, Slot
+from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import QMainWindow, QMenu
 
 from gui.commands import Commands
@@ -34,11 +36,22 @@ class HelpCommands(QObject):
         room = self._window.screen().availableSize() - _FRAME
         self.page = HelpPage(groups, self._session.shown.look, self._window, room)
         self.page.destroyed.connect(self._forget)
+        self._window.installEventFilter(self)
         self.page.show()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Esc in the window closes the page that stands open beside it; only then has it its usual meaning."""
+        asked = event.type() is QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if not asked or self.page is None:
+            return False
+        self.page.close()
+        event.accept()
+        return True
 
     @Slot()
     def _forget(self) -> None:
         self.page = None
+        self._window.removeEventFilter(self)
 
 
 def _with_keys(menu: QMenu) -> list[QAction]:

@@ -1,5 +1,7 @@
 """The help page: every command of the menus with its key, on one screen of 1280 × 800, open and closed with F1."""
 
+from pathlib import Path
+
 import pytest
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QLabel
@@ -8,7 +10,9 @@ from pytestqt.qtbot import QtBot
 from gui.help_page import HelpPage
 from gui.look import Look
 from gui.main_window import MainWindow
+from sonarhw.log import read_log
 from tests.gui.conftest import OpenWith
+from tests.gui.driving import until
 
 
 def told(window: MainWindow) -> str:
@@ -25,6 +29,21 @@ def test_f1_shows_every_key_on_one_screen_and_puts_it_away(qtbot: QtBot, open_wi
         assert f"<b>{action.shortcut().toString()}" in told(window), action.text()
     page.close()
     assert window.help.page is None or not window.help.page.isVisible()
+
+
+def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: window.session.shown.chosen is not None)
+    window.session.showing.choose(3)
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert window.help.page is None or not window.help.page.isVisible()
+    assert window.session.shown.chosen == 3
+    until(qtbot, lambda: window.help.page is None)
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert window.session.shown.chosen != 3
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
