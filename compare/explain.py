@@ -118,6 +118,8 @@ def _account(row: Matched, prediction: PredictedScan, text: LengthText, *, nearl
             return f"a later echo, {describe_path(prediction, row.path)}; the model expects the first at {predicted}"
         case Kind.EXTRA if nearly:
             return "no path of the model is quite loud enough here"
+        case Kind.EXTRA if prediction.room.is_outside(prediction.place.position):
+            return "no path of the model is heard here; the sensor stands outside the walls"
         case Kind.EXTRA:
             return "no path of the model is heard here; something may stand in the room that the file does not know"
         case _:

@@ -85,6 +85,12 @@ def test_figures_are_null_where_nothing_was_measured() -> None:
     assert (summary.within_5cm, summary.median_abs_error_m, summary.no_echo_agreement, summary.explained) == (None,) * 4
 
 
+def test_a_sensor_outside_the_walls_is_said_to_stand_there() -> None:
+    outside = replace(PLACE, position=(-1.0, 0.3))
+    said = explain(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
+    assert said.endswith("no path of the model is heard here; the sensor stands outside the walls")
+
+
 def sentence(angle_deg: float, distance: float | None) -> str:
     comparison = compare_readings([reading(0, math.radians(angle_deg), distance)], ROOM, PLACE, PAPER)
     return explain(comparison, 0)
