@@ -13,6 +13,7 @@ from gui.residual_unit import residual_unit
 if TYPE_CHECKING:
     from compare.fit import Estimate, Parameter  # what they load takes half a second
 
+_SLIGHT = 1.0  # degrees
 _NAMES = {
     "x": "x",
     "y": "y",
@@ -27,7 +28,7 @@ def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, st
     """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
     values = found.answers[answer].values
     if answer > 0:
-        return [(_name(one), _value(one, value, unit), "") for one, value in values.items()]
+        return [(_name(one), in_words(one, value, unit), "") for one, value in values.items()]
     estimates = found.result.estimates
     return [
         (_name(one), _as_known(one, value, estimates[one.name], unit), _deviation(one, estimates[one.name], unit))
@@ -44,7 +45,7 @@ def share_line(found: Found, answer: int) -> str:
 def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
     """An answer in a few words: its pose."""
     values = found.answers[answer].values
-    pose = {one.kind.value: _value(one, value, unit) for one, value in values.items()}
+    pose = {one.kind.value: in_words(one, value, unit) for one, value in values.items()}
     place = ", ".join(pose[kind] for kind in ("x", "y", "heading") if kind in pose)
     return f"{answer + 1}: {place or 'no other place'}"
 
@@ -62,27 +63,28 @@ def _name(one: "Parameter") -> str:
     return f"{_NAMES[one.kind]} {one.of}".strip()
 
 
-def _value(one: "Parameter", value: float, unit: LengthUnit) -> str:
+def in_words(one: "Parameter", value: float, unit: LengthUnit) -> str:
+    """A value as people read it, with its unit."""
     match one.kind.value:
         case "heading":
-            return f"{round(math.degrees(value), 2) % 360:.2f}°"
+            return _signed(f"{_near_zero(math.degrees(value)):z.2f}°")
         case "offset":
             small = residual_unit(unit)
-            return f"{value * small.per_metre:+.{small.decimals + 1}f} {small.label}"
+            return _signed(f"{value * small.per_metre:+z.{small.decimals + 1}f} {small.label}")
         case "temperature":
-            return f"{value:.1f} °C"
+            return _signed(f"{value:z.1f} °C")
         case "reflectance":
             return f"{value:.3f}"
-    return unit.text(value)
+    return _signed(unit.text(value))
 
 
 def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
     """A value with as many digits as it is known to; a position in the unit of its deviation."""
     if one.kind.value not in ("x", "y"):
-        return _value(one, value, unit)
+        return in_words(one, value, unit)
     small = residual_unit(unit)
     decimals = min(2, _decimals(estimate.deviation * small.per_metre))
-    return f"{value * small.per_metre:.{decimals}f} {small.label}"
+    return _signed(f"{value * small.per_metre:z.{decimals}f} {small.label}")
 
 
 def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
@@ -95,6 +97,16 @@ def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
             return f"± {_two_figures(estimate.deviation)}"
     small = residual_unit(unit)
     return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
+
+
+def _near_zero(degrees: float) -> float:
+    """A heading from 0 to 360, but just below a whole turn as what it lacks: 359.99 ± 0.03 reads as far off."""
+    turned = round(degrees, 2) % 360
+    return turned - 360 if turned > 360 - _SLIGHT else turned
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
 
 
 def _two_figures(deviation: float) -> str:

@@ -33,7 +33,7 @@ class LengthUnit(Enum):
 
     def text(self, metres: float) -> str:
         """A length as people read it, with its unit."""
-        return f"{self.of(metres):.{self.decimals}f} {self.label}"
+        return f"{self.of(metres):z.{self.decimals}f} {self.label}"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from pytestqt.qtbot import QtBot
 
 from compare.fit import free_parameters
 from gui.fit_scene import fitted
+from gui.fit_words import in_words
+from gui.look import LengthUnit
 from gui.main_window import MainWindow
 from gui.scene import Scene
 from gui.scene_edit import sensor_at
@@ -127,6 +129,22 @@ def test_nothing_free_is_nothing_to_find(qtbot: QtBot, open_with: OpenWith, reco
         if box.isChecked():
             qtbot.keyClick(box, Qt.Key.Key_Space)
     assert not panel.begin.isEnabled()
+
+
+def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene) -> None:
+    found = {"heading": math.radians(-0.01), "offset": -0.00001, "temperature": -5.04, "x": -0.00001}
+    free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
+    values = {one: found.get(one.name, 0.5) for one in free}
+    told = {one.name: in_words(one, value, LengthUnit.M) for one, value in values.items()}
+    assert told == {
+        "x": "0.000 m",
+        "y": "0.500 m",
+        "heading": "−0.01°",
+        "offset": "+0.0 mm",
+        "temperature": "−5.0 °C",
+    }
+    heading = next(one for one in free if one.name == "heading")
+    assert in_words(heading, math.radians(-90), LengthUnit.M) == "270.00°"
 
 
 def test_what_was_found_stands_in_room_and_profile(scene: Scene) -> None:
