@@ -82,7 +82,9 @@ def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: floa
 def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.fillRect(QRectF(0, 1, _SIZE, _SIZE - 2), QColor(getattr(colours, colour)))
+        painter.setPen(QColor(colours.faint))  # the patch alone is hardly seen on dark paper
+        painter.setBrush(QColor(getattr(colours, colour)))
+        painter.drawRect(QRectF(0.5, 1.5, _SIZE - 1, _SIZE - 3))
     return picture
 
 

@@ -9,6 +9,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
+from gui.app import open_application
+from gui.legend import Legend
 from gui.look import LengthUnit, Look
 from gui.main_window import MainWindow
 from gui.palette import DARK, LIGHT, MARKS
@@ -44,6 +46,16 @@ def test_ctrl_d_makes_all_views_dark_and_light_again(qtbot: QtBot, window: MainW
     assert share_of(window, LIGHT.paper) < 0.05  # what is chosen is white
     qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
     assert share_of(window, LIGHT.paper) > 0.3
+
+
+def test_every_picture_of_the_legend_is_seen_on_dark_paper() -> None:
+    open_application()
+    legend = Legend()
+    legend.show_look(Look(DARK))
+    for label, _ in legend._pictures:
+        image = label.pixmap().toImage()
+        pixels = [image.pixelColor(x, y) for x in range(image.width()) for y in range(image.height())]
+        assert max(contrast(one.name(), DARK.window) for one in pixels if one.alpha() == 255) > 3
 
 
 def test_ctrl_2_writes_the_axes_in_centimetres_and_ctrl_3_in_feet(qtbot: QtBot, window: MainWindow) -> None:
