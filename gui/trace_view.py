@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
+from gui.elided import ElidedLabel
 from gui.look import Look
 from gui.marks import WHOLE
 from gui.plot_look import cosmetic_pen, dress_plot, label_axis
@@ -49,7 +50,8 @@ class TraceView(QWidget):
             self.forms.addAction(form)
         self.envelope.setChecked(True)
         self.cursors_shown = view_action(self, "Cursors", "C", "Two cursors that read time and range; drag them")
-        self.title, self.readout = QLabel(), QLabel()
+        self.title, self.readout = ElidedLabel(), QLabel()
+        self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
         self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
         axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
@@ -157,7 +159,6 @@ class TraceView(QWidget):
         shown = self._shown
         due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
         self.title.setText(_title(self._trace, self.rf.isChecked(), due))
-        self.title.setToolTip(self.title.text())
 
     @Slot()
     def fit(self) -> None:
@@ -233,7 +234,7 @@ def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str
     """What the trace is of; `due`: the heading that all other views are about already."""
     if trace is None:
         return "Trace: no reading yet"
-    told = [f"<b>Trace at {_degrees(trace.heading)}</b>"]
+    told = [f"Trace at {_degrees(trace.heading)}"]
     if due is not None and _degrees(due) != _degrees(trace.heading):
         told.append(f"{_degrees(due)} follows")
     if trace.measured is None:

@@ -97,6 +97,17 @@ def test_the_key_for_rf_shows_the_carrier_and_back(qtbot: QtBot, view: TraceView
     assert view._predicted.getOriginalDataset()[1].max() <= 0
 
 
+def test_a_title_that_is_too_long_ends_in_dots_and_is_told_whole_to_a_hand_held_over_it(view: TraceView) -> None:
+    whole, title = "Trace at 355.0° · no trace recorded · no prediction", view.title
+    title.resize(160, 24)
+    title.setText(whole)
+    assert title.toolTip() == whole
+    drawn = title.grab().toImage()
+    title.setText(title.fontMetrics().elidedText(whole, Qt.TextElideMode.ElideRight, 160))
+    assert title.text().endswith("…")
+    assert title.grab().toImage() == drawn
+
+
 def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
     assert not view.readout.isVisible()
     qtbot.keyClick(view, Qt.Key.Key_C)
