@@ -30,6 +30,14 @@ def scan_that_loses_steps(plugged: Plugged, order: StartScan) -> tuple[list[Read
     return [*job.readings], str(told.value)
 
 
+def whole_torn_and_copied(log: Path) -> list[Path]:
+    """The log, the same torn, and that copied into a whole one."""
+    torn, copied = log.with_name("torn.mcap"), log.with_name("copied.mcap")
+    torn.write_bytes(log.read_bytes()[:-30])
+    copy_log(read_log(torn), copied)
+    return [log, torn, copied]
+
+
 @pytest.mark.parametrize("faults", FAULTS)
 def test_steps_lost_in_a_single_sweep_are_told_behind_its_last_reading(faults: str) -> None:
     readings, told = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
@@ -45,10 +53,7 @@ def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(fau
     with LogWriter(path, METADATA) as log:
         plugged.session.record(log)
         scan_that_loses_steps(plugged, WHOLE_TURN)
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(path.read_bytes()[:-30])
-    copy_log(read_log(torn), tmp_path / "copied.mcap")
-    for file in (path, torn, tmp_path / "copied.mcap"):
+    for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
         assert scan.doubt == "the turntable lost steps; all 72 angles may be off, from 0° on"
@@ -117,10 +122,7 @@ def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_i
         job = plugged.do(plugged.session.scanning(WHOLE_TURN), within=600)
     assert len(job.readings) == 72
     assert job.unchecked == f"{count} {UNCHECKED}"
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(path.read_bytes()[:-30])
-    copy_log(read_log(torn), tmp_path / "copied.mcap")
-    for file in (path, torn, tmp_path / "copied.mcap"):
+    for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
         assert scan.doubt == f"{count} {UNCHECKED}"
