@@ -7,7 +7,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # tests wait half the time, so several files run at once; wheel and notebook take longest, and begin
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 WITHOUT_WINDOWS = $(wildcard tests/test_*.py) $(filter-out %/gui/ %/__pycache__/,$(wildcard tests/*/))
-IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24'
+# -noreset: a screen whose last window closes begins anew, and turns away whoever comes meanwhile
+IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
 # a window wants the keys for itself, so each of those processes has a screen of its own
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 

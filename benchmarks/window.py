@@ -23,7 +23,7 @@ from importlib.metadata import version
 from benchmarks.window_jobs import Figure, dragging, first_window, live, long_log, repaints
 from gui.display import NoDisplay, check_display
 
-_XVFB = ("xvfb-run", "--auto-servernum", "--server-args=-screen 0 1920x1080x24")
+_XVFB = ("xvfb-run", "--auto-servernum", "--server-args=-screen 0 1920x1080x24 -noreset")
 _LIBRARIES = ("PySide6-Essentials", "pyqtgraph", "numpy", "numba")
 _FULL_HOUR = 3600.0  # s
 
