@@ -130,10 +130,13 @@ def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
 
 def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
     """By how much paths grow for every metre that a wall moves towards the sensor, (rows, walls)."""
-    from compare.fit.echo_paths import echo_paths  # what comes along takes half a second, at the start of the window
+    from compare.fit.echo_paths import (
+        echo_paths,
+        growth_by_wall,
+    )  # what comes along takes half a second, at the start of the window
     from compare.fit.walls import left_normals
 
     room = prediction.room
-    by_wall = echo_paths(prediction.paths.select(rows), room, [], list(room.names[: len(room.walls)])).by_wall
+    paths = echo_paths(prediction.paths.select(rows), room, [], list(room.names[: len(room.walls)]))
     away = np.array(prediction.place.position) - room.walls[:, :2]
-    return np.asarray(by_wall * np.where((left_normals(room.walls) * away).sum(axis=1) > 0, 1.0, -1.0))
+    return np.asarray(growth_by_wall(paths) * np.where((left_normals(room.walls) * away).sum(axis=1) > 0, 1.0, -1.0))

@@ -4,24 +4,22 @@ Takes `Paths` found at one position; hands on `EchoPaths`, which know what every
 away. Sound that leaves by walls alone runs in the unfolded room straight to the listener's image, and that image moves
 as the listener does, turned or mirrored: with departure u and arrival direction a, known from the path itself, the
 mirrored or turned a is -u. So a path's length and directions at another position are exact as long as it meets
-the same walls; its gradient there is -(u + a). Past a post it is right to first order.
+the same walls; its gradient there is -(u + a). A wall that moves takes the images behind it along by twice as much.
+Past a post all this is right to first order.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.fit.walls import left_normals
+from compare.fit.walls import corner_moves, left_normals
 from sim.compiled import compiled
 from sim.paths import Paths
 from sim.room import Room
 from sonarhw.readings import FloatArray
 
 Point = tuple[float, float]
-
-_NO_LEG = 1e-7  # m
 
 EVEN, ODD, BENT = 0, 1, 2  # reflections, or an edge on the way
 
@@ -36,7 +34,8 @@ class EchoPaths(NamedTuple):
     kind: NDArray[np.int8]  # (k,): EVEN, ODD or BENT
     gain_db: FloatArray  # (k,)
     touches: FloatArray  # (k, materials): how often each material reflects it
-    by_wall: FloatArray  # (k, walls): by how much it grows for every metre that a wall moves to its left
+    out_by_wall: FloatArray  # (k, 2, walls): by how much `out` changes for every metre that a wall moves to its left
+    back_by_wall: FloatArray  # (k, 2, walls): and `back`
 
 
 def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:
@@ -56,7 +55,7 @@ def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str])
         kind,
         20 * np.log10(np.maximum(paths.gains, 1e-12)),
         _touches(paths, room, materials),
-        _by_wall(paths, room, walls),
+        *_image_moves(paths, room, walls),
     )
 
 
@@ -79,33 +78,66 @@ def _touches(paths: Paths, room: Room, materials: list[str]) -> FloatArray:
     return np.ascontiguousarray(rows[paths.surfaces].sum(axis=1))
 
 
-def _by_wall(paths: Paths, room: Room, walls: list[str]) -> FloatArray:
-    """2 × (unit way in) · normal, summed over a path's touches of each wall."""
-    grown = np.zeros((len(paths), len(walls)))
+def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray, FloatArray]:
+    """By how much `out` and `back` change for every metre that a wall moves to its left, both (k, 2, walls)."""
+    out, back = np.zeros((2, len(paths), 2, len(walls)))
     if not walls:
-        return grown
-    normals, columns = left_normals(room.walls), {room.names.index(name): column for column, name in enumerate(walls)}
-    for path in range(len(paths)):
-        for surface, way in _touched_walls(paths, path, normals):
-            if surface in columns:
-                grown[path, columns[surface]] += 2 * way @ normals[surface]
-    return grown
+        return out, back
+    columns = {room.names.index(name): column for column, name in enumerate(walls)}
+    corners = [corner_moves(room, point, walls) for point in room.edges.points]
+    for path, edge in enumerate(paths.edges.tolist()):
+        mirrors = _mirrors(paths, path, left_normals(room.walls))
+        if edge < 0:
+            out[path] = _image_move(mirrors, columns, np.zeros((2, len(walls))))
+        else:
+            bend = int(paths.bends[path])
+            out[path] = _image_move(mirrors[:bend], columns, corners[edge])
+            back[path] = _image_move(mirrors[bend:][::-1], columns, corners[edge])
+    return out, back
 
 
-def _touched_walls(paths: Paths, path: int, normals: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    """The walls that a path reflects off, and the unit vector along which it comes to each."""
-    legs = np.diff(paths.outline(path), axis=0)
-    lengths = np.hypot(*legs.T)
-    bend = int(paths.bends[path]) if paths.edges[path] >= 0 else -1
-    way, leg = legs[0] / max(float(lengths[0]), 1e-300), 0
-    for bounce, surface in enumerate(paths.surfaces[path][paths.surfaces[path] >= 0].tolist()):
-        for at in range(leg, leg + 1 + (bounce == bend)):
-            # through a vertex two touches are one point, and there is no leg between them
-            way = legs[at] / lengths[at] if lengths[at] > _NO_LEG else way
-        leg += 1 + (bounce == bend)
-        if surface < len(normals):
-            yield surface, way
-            way = way - 2 * (way @ normals[surface]) * normals[surface]
+def _mirrors(paths: Paths, path: int, normals: FloatArray) -> list[tuple[int, FloatArray]]:
+    """The surfaces that a path reflects off, in order, each with its normal there."""
+    surfaces, bent = paths.surfaces[path][paths.surfaces[path] >= 0].tolist(), paths.edges[path] >= 0
+    mirrors = []
+    for touch, surface in enumerate(surfaces):
+        at = 1 + touch + int(bent and touch >= paths.bends[path])
+        post = surface >= len(normals)
+        mirrors.append((surface, _halving(paths.points[path, at - 1 : at + 2]) if post else normals[surface]))
+    return mirrors
+
+
+def _halving(points: FloatArray) -> FloatArray:
+    """The unit normal at the second of three points (3, 2) of a reflection."""
+    come, go = np.diff(points, axis=0) / np.hypot(*np.diff(points, axis=0).T)[:, None]
+    return np.asarray((go - come) / np.hypot(*(go - come)))
+
+
+def _image_move(mirrors: list[tuple[int, FloatArray]], columns: dict[int, int], end: FloatArray) -> FloatArray:
+    """How a point's image behind mirrors moves, first to last, where the point moves by `end`; both (2, walls)."""
+    moves, unfolded = np.zeros(end.shape), np.eye(2)
+    for surface, normal in mirrors:
+        if surface in columns:
+            moves[:, columns[surface]] += 2 * unfolded @ normal
+        unfolded = unfolded @ (np.eye(2) - 2 * np.outer(normal, normal))
+    return np.asarray(moves + unfolded @ end)
+
+
+def growth_by_wall(paths: EchoPaths) -> FloatArray:
+    """By how much paths grow for every metre that a wall moves to its left, (k, walls)."""
+    return np.asarray(
+        sum(
+            np.einsum("ki,kiw->kw", _unit(vectors, rise), moves)
+            for vectors, rise, moves in zip(
+                (paths.out, paths.back), paths.rise.T, (paths.out_by_wall, paths.back_by_wall), strict=True
+            )
+        )
+    )
+
+
+def _unit(vectors: FloatArray, rise: FloatArray) -> FloatArray:
+    lengths = np.sqrt((vectors**2).sum(axis=1) + rise**2)
+    return np.asarray(vectors / np.maximum(lengths, 1e-300)[:, None])
 
 
 @compiled
@@ -122,12 +154,12 @@ def displaced(
 
 @compiled
 def moved(
-    out: FloatArray, back: FloatArray, turn: FloatArray, kind: NDArray[np.int8], by: Point, stretch: FloatArray
+    out: FloatArray, back: FloatArray, turn: FloatArray, kind: NDArray[np.int8], by: Point
 ) -> tuple[FloatArray, FloatArray]:
-    """`out` and `back` (k, 2) of paths from a place `by` m away, each stretched by a factor (k,)."""
+    """`out` and `back` (k, 2) of paths from a place `by` m away."""
     new_out, new_back = np.empty_like(out), np.empty_like(back)
     for k in range(out.shape[0]):
-        x, y, bx, by_ = displaced(out[k], back[k], turn[k], kind[k], by, by)
-        new_out[k, 0], new_out[k, 1] = x * stretch[k], y * stretch[k]
-        new_back[k, 0], new_back[k, 1] = bx * stretch[k], by_ * stretch[k]
+        new_out[k, 0], new_out[k, 1], new_back[k, 0], new_back[k, 1] = displaced(
+            out[k], back[k], turn[k], kind[k], by, by
+        )
     return new_out, new_back

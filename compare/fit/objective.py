@@ -240,25 +240,28 @@ class Objective:
         paths, place = self.paths[scan], self.places[scan]
         x = self._value(values, Kind.X, scan, place.position[0])
         y = self._value(values, Kind.Y, scan, place.position[1])
-        level, stretch = self._levels(values, scan)
-        out, back = moved(
-            paths.out, paths.back, paths.turn, paths.kind, (x - place.position[0], y - place.position[1]), stretch
-        )
-        return Known(out, back, paths.rise, paths.turn, paths.kind, level)
+        by = x - place.position[0], y - place.position[1]
+        out, back = moved(*self._images(values, scan), paths.turn, paths.kind, by)
+        return Known(out, back, paths.rise, paths.turn, paths.kind, self._levels(values, scan))
 
-    def _levels(self, values: FloatArray, scan: int) -> tuple[FloatArray, FloatArray]:
-        """Level of each path before the beam, dB, and by what factor moved walls stretch it."""
+    def _images(self, values: FloatArray, scan: int) -> tuple[FloatArray, FloatArray]:
+        """`out` and `back` of paths, where walls have moved."""
+        paths = self.paths[scan]
+        if not self._wall_rows:
+            return paths.out, paths.back
+        shifts = values[self._wall_rows] - self.values[self._wall_rows]
+        return paths.out + paths.out_by_wall @ shifts, paths.back + paths.back_by_wall @ shifts
+
+    def _levels(self, values: FloatArray, scan: int) -> FloatArray:
+        """Level of each path before the beam, dB, (k,)."""
         paths, lengths = self.paths[scan], self._lengths[scan]
-        level, stretch = paths.gain_db + self._gained[scan] - self._lost[scan], np.ones(len(lengths))
+        level = paths.gain_db + self._gained[scan] - self._lost[scan]
         if self.problem.told_speed is not None:
             level += self._lost[scan] - lost_db(lengths, self.problem.board, self._air(values))
         if len(self._reflectance_rows):
             ratio = values[self._reflectance_rows] / self._reflectances
             level = level + paths.touches @ (20 * np.log10(np.maximum(ratio, 1e-9)))
-        if len(self._wall_rows):
-            grown = paths.by_wall @ (values[self._wall_rows] - self.values[self._wall_rows])
-            stretch = 1 + grown / np.maximum(lengths, 1e-9)
-        return level, stretch
+        return level
 
     @cached_property
     def _lengths(self) -> tuple[FloatArray, ...]:

@@ -3,7 +3,7 @@
 Takes a room and by how much named walls move; hands on the room with walls and edges as they then are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,17 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
             ends[wall, end] = corner
     walls = np.ascontiguousarray(ends.reshape(-1, 4))
     return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)]))
+
+
+def corner_moves(room: Room, point: FloatArray, names: Sequence[str]) -> FloatArray:
+    """By how much a corner (2,) moves for every metre that each of those walls moves to its left, (2, names) float."""
+    rows = np.flatnonzero((room.walls.reshape(-1, 2, 2) == point).all(axis=2).any(axis=1))
+    moves = np.zeros((2, len(names)))
+    for column, name in enumerate(names):
+        by = np.array([float(room.names[row] == name) for row in rows])
+        if by.any():
+            moves[:, column] = _corner(point, left_normals(room.walls[rows]), by) - point
+    return moves
 
 
 def _corner(point: FloatArray, normals: FloatArray, by: FloatArray) -> FloatArray:

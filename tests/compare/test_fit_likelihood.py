@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compare.fit import PlacedScan, free_parameters
-from compare.fit.echo_paths import displaced, echo_paths, moved
+from compare.fit.echo_paths import displaced, echo_paths, growth_by_wall, moved
 from compare.fit.likelihood import Noise
 from compare.fit.objective import Objective, make_problem
 from compare.fit.walls import with_shifted_walls
@@ -24,29 +24,18 @@ BY = (0.012, -0.009)
 SEARCH = search_for(ARENA, BOARD, PredictionOptions(max_bounces=5))
 
 
-def by_way(paths: Paths) -> dict[tuple[tuple[int, ...], int, int], int]:
-    """Rows of paths, by what they touch."""
-    return {
-        (tuple(paths.surfaces[row]), int(paths.edges[row]), int(paths.bends[row])): row for row in range(len(paths))
-    }
-
-
-def same_ways(some: Paths, others: Paths) -> list[tuple[int, int]]:
-    """Rows of either that touch the same."""
-    width = max(some.surfaces.shape[1], others.surfaces.shape[1])
-    rows = [by_way(_wide(paths, width)) for paths in (some, others)]
+def same_ways(some: Paths, others: Paths, there: Room = ARENA) -> list[tuple[int, int]]:
+    """Rows of either that touch the same; the others are of the room `there`."""
+    rows = [
+        {paths.via(row, room): row for row in range(len(paths))} for paths, room in ((some, ARENA), (others, there))
+    ]
     return [(row, rows[1][way]) for way, row in rows[0].items() if way in rows[1]]
-
-
-def _wide(paths: Paths, width: int) -> Paths:
-    more = width - paths.surfaces.shape[1]
-    return replace(paths, surfaces=np.pad(paths.surfaces, ((0, 0), (0, more)), constant_values=-1))
 
 
 def test_paths_moved_are_the_paths_that_a_search_finds_there() -> None:
     here, there = find_paths(ARENA, HERE, SEARCH), find_paths(ARENA, THERE, SEARCH)
     one = echo_paths(here, ARENA, [], [])
-    out, back = moved(one.out, one.back, one.turn, one.kind, BY, np.ones(len(here)))
+    out, back = moved(one.out, one.back, one.turn, one.kind, BY)
     pairs = same_ways(here, there)
     assert len(pairs) > 0.9 * len(there)
     for row, other in pairs:
@@ -62,13 +51,26 @@ def test_paths_to_a_listener_aside_are_those_that_a_search_finds() -> None:
         assert math.hypot(x, y) + math.hypot(bx, by) == pytest.approx(aside.lengths[other], abs=1e-12)
 
 
+def test_paths_whose_walls_have_moved_are_the_paths_that_a_search_finds_there() -> None:
+    shifts = {"divider": 0.013, "east": -0.021, "south": 0.017}
+    room = with_shifted_walls(ARENA, shifts)
+    here, there = find_paths(ARENA, HERE, SEARCH), find_paths(room, HERE, SEARCH)
+    one, by = echo_paths(here, ARENA, [], list(shifts)), np.array(list(shifts.values()))
+    out, back = one.out + one.out_by_wall @ by, one.back + one.back_by_wall @ by
+    pairs = same_ways(here, there, room)
+    assert len(pairs) > 0.7 * len(there)
+    assert {0, 1} <= {int(here.bends[row]) for row, _ in pairs if here.edges[row] >= 0}
+    for row, other in pairs:
+        assert np.hypot(*out[row]) + np.hypot(*back[row]) == pytest.approx(there.lengths[other], abs=1e-12)
+        assert out[row] / np.hypot(*out[row]) == pytest.approx(there.leaving[other], abs=1e-12)
+
+
 def test_paths_grow_with_a_wall_as_they_do_where_it_has_moved() -> None:
     step = 1e-4
-    here, moved_wall = (
-        find_paths(room, HERE, SEARCH) for room in (ARENA, with_shifted_walls(ARENA, {"divider": step}))
-    )
-    grown = echo_paths(here, ARENA, [], ["divider"]).by_wall[:, 0]
-    pairs = [(row, other) for row, other in same_ways(here, moved_wall) if here.edges[row] < 0]
+    room = with_shifted_walls(ARENA, {"divider": step})
+    here, moved_wall = find_paths(ARENA, HERE, SEARCH), find_paths(room, HERE, SEARCH)
+    grown = growth_by_wall(echo_paths(here, ARENA, [], ["divider"]))[:, 0]
+    pairs = same_ways(here, moved_wall, room)
     assert np.abs(grown[[row for row, _ in pairs]]).max() > 1
     for row, other in pairs:
         assert (moved_wall.lengths[other] - here.lengths[row]) / step == pytest.approx(grown[row], abs=1e-2)
