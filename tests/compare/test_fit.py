@@ -148,6 +148,11 @@ def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None
     (told,) = (warning for warning in warnings if "cannot be trusted" in warning)
     assert {"x", "y"} & set(told.replace(",", "").split())
     assert not any("cannot be trusted" in warning for warning in free["walls"])
+    # drawn for long enough the ± are those of the bounds: uniform from -10 to 10 cm
+    drawn = fit_scans([scan], room, BOARD, freed, options=replace(options, samples=4000))
+    assert not any("cannot be trusted" in warning for warning in drawn.warnings)
+    for estimate in drawn.estimates.values():
+        assert estimate.deviation == pytest.approx(0.1 / math.sqrt(3), rel=0.15)
 
 
 def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are() -> None:
