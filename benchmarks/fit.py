@@ -12,18 +12,20 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
 
 from compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
 from compare.fit.parameters import OF_PLACE
-from sim.board import Board, load_board
+from sim.board import Board, Receiver, load_board
 from sim.enclosures import inside
+from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room, load_room
 from sim.truth import Disturbance, RoomEchoes
 from sonarhw.echo_source import Ping
-from sonarhw.readings import Reading
+from sonarhw.readings import FloatArray, Reading
 
 READINGS = 120
 TIMING = 6e-6  # s, 1 mm of range
@@ -45,26 +47,46 @@ def board_of(room: Room) -> Board:
 
 
 def synthetic_scan(
-    room: Room, place: Place, board: Board, seed: int, readings: int = READINGS, echoes: int = 1, warmer: float = 0.0
+    room: Room,
+    place: Place,
+    board: Board,
+    seed: int,
+    readings: int = READINGS,
+    echoes: int = 1,
+    warmer: float = 0.0,
+    receiver: Receiver = Receiver.FIRST_ECHO,
 ) -> list[Reading]:
     """A scan all round with the errors above; every reading has its first `echoes` echoes.
 
-    Ranges are told by a thermometer that shows `warmer` K too much.
+    Ranges are told by a thermometer that shows `warmer` K too much. The board's own receiver tells one echo.
     """
-    source = RoomEchoes(room, place, board, seed, ERRORS)
     random = np.random.default_rng((seed, 5))
     listen = 2 * board.max_range / room.air.speed_of_sound
     speed = replace(room.air, temperature_c=room.air.temperature_c + warmer).speed_of_sound
+    angles = np.arange(readings) * math.tau / readings
+    if receiver is Receiver.BOARD:
+        heard = _heard_by_board(room, place, board, angles, random)
+    else:
+        source = RoomEchoes(room, place, board, seed, ERRORS)
+        heard = [source.hear(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
     made = []
-    for number in range(readings):
-        angle = math.tau * number / readings
-        times = source.hear(Ping(angle, 0, 0, listen, trace=False)).echo_times[:echoes]
+    for number, (angle, times) in enumerate(zip(angles.tolist(), heard, strict=True)):
         if random.random() < LOST:
             times = ()
         if random.random() < ANYWHERE:
             times = (float(random.uniform(board.listens_from, listen)),)
         made.append(Reading(number, 0, 0, angle, 0.1 * number, times, speed))
     return made
+
+
+def _heard_by_board(
+    room: Room, place: Place, board: Board, angles: FloatArray, random: np.random.Generator
+) -> list[tuple[float, ...]]:
+    """First echo times by the board's own receiver, off as the others are; all that a ping hears is taken together."""
+    headings = np.array([board.heading_at(float(angle), place.heading) for angle in angles])
+    options = PredictionOptions(receiver=Receiver.BOARD)
+    told = 2 * predict_scan(room, place, board, headings, options).ranges / room.air.speed_of_sound
+    return [() if math.isnan(time) else (float(time + random.normal(0, TIMING)),) for time in told]
 
 
 def place_in(room: Room, random: np.random.Generator, apart: float = 0.12) -> Place:
@@ -94,7 +116,7 @@ class Drawn:
     deviations: dict[str, float]
 
 
-def drawn_fit(seed: int, samples: int = 8000) -> Drawn:
+def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO) -> Drawn:
     """The fit of draw number `seed`: a room in turn, a place and everything free as they come."""
     random = np.random.default_rng((seed, 6))
     name = ROOMS[seed % len(ROOMS)]
@@ -108,9 +130,11 @@ def drawn_fit(seed: int, samples: int = 8000) -> Drawn:
         "threshold": board.threshold_db + float(random.uniform(-3, 3)),
     }
     real = replace(board, range_offset=-truth["offset"], threshold_db=truth["threshold"])
-    readings = synthetic_scan(room, place, real, seed, warmer=float(random.normal(0, THERMOMETER)))
+    warmer = float(random.normal(0, THERMOMETER))
+    readings = synthetic_scan(room, place, real, seed, warmer=warmer, receiver=receiver)
     near = [_near(parameter, truth, random) for parameter in free_parameters(FREE, ["drawn"], room, board)]
-    result = fit_scans([PlacedScan(readings, place)], room, board, near, options=FitOptions(seed=seed, samples=samples))
+    options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
+    result = fit_scans([PlacedScan(readings, place)], room, board, near, options=options)
     return Drawn(
         name,
         {key: _error(result, key, truth[key]) for key in truth},
@@ -204,6 +228,9 @@ def main() -> None:
     print(f"whole room as prior, {READINGS} readings, 8 walls: {min(timed_fit(k) for k in range(1, 4)):.1f} s a fit")
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
+        own = partial(drawn_fit, receiver=Receiver.BOARD)
+        print("by the board's own receiver, both in the scan and in the fit:")
+        print("\n".join(coverage_table(list(pool.map(own, range(max(1, draws // 5)), chunksize=4)))))
         for several in pool.map(reflectance_fit, range(max(1, draws // 50))):
             for true, found, stated in several:
                 print(f"reflectance {true:.3f}: found {found:.3f} ± {stated:.3f}, off by {found - true:+.3f}")
