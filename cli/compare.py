@@ -21,6 +21,7 @@ from cli.options import (
 )
 from cli.output import whole_file
 from cli.simulate import ModelChoice
+from compare.headings import heading_text
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -168,8 +169,7 @@ def region_lines(comparison: "Comparison") -> list[str]:
 
 
 def _told(region: "Region") -> str:
-    bearing, width = round(math.degrees(region.bearing)) % 360, round(math.degrees(region.width))
-    return f"{region.range:.3f} m at {bearing}° over {width}°"
+    return f"{region.range:.3f} m at {heading_text(region.bearing, 0)} over {math.degrees(region.width):.0f}°"
 
 
 def summary_lines(summary: "Summary") -> list[str]:
@@ -188,9 +188,9 @@ def summary_lines(summary: "Summary") -> list[str]:
             f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy); "
             f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
         )
-    heading = round(summary.heading_deg, 1) % 360
+    heading = heading_text(math.radians(summary.heading_deg))
     lines.append(
-        f"sensor at {summary.x_m:.4f}, {summary.y_m:.4f} m, turntable step 0 at {heading:.1f}°, "
-        f"range offset {summary.offset_m * 1000:+.0f} mm"
+        f"sensor at {summary.x_m:.4f}, {summary.y_m:.4f} m, turntable step 0 at {heading}, "
+        f"range offset {summary.offset_m * 1000:+z.0f} mm"
     )
     return lines

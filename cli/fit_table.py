@@ -55,8 +55,11 @@ def _row(parameter: "Parameter", estimate: "Estimate") -> str:
     deviation = shown["deviation"]
     digits = min(_DIGITS, max(0, 1 - math.floor(math.log10(deviation)))) if deviation > 0 else _DIGITS
     unit = _unit(parameter)
-    value, error = (f"{shown[key]:.{digits}f} {unit}".rstrip() for key in ("value", "deviation"))
-    return f"{value:>12}  {error:>10}  {shown['lower']:.{digits}f} to {shown['upper']:.{digits}f}"
+    # a heading that rounds to 360 is told as 0, and its region about that
+    turn = 360 if parameter.kind == "heading" and round(shown["value"], digits) == 360 else 0
+    value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
+    error = f"{deviation:.{digits}f} {unit}".rstrip()
+    return f"{f'{value} {unit}'.rstrip():>12}  {error:>10}  {lower} to {upper}"
 
 
 def _noise_line(noise: dict[str, float]) -> str:
@@ -69,7 +72,7 @@ def _noise_line(noise: dict[str, float]) -> str:
 
 def _stretch(noise: dict[str, float]) -> str:
     # where the air was free there is none
-    return f"; ranges {noise['stretch'] - 1:+.2%} by the speed of sound" if "stretch" in noise else ""
+    return f"; ranges {noise['stretch'] - 1:+z.2%} by the speed of sound" if "stretch" in noise else ""
 
 
 def _scaled(parameter: "Parameter", estimate: "Estimate") -> dict[str, float]:

@@ -11,6 +11,7 @@ from cli.log_input import LogFile, open_log, recorded_room
 from cli.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_receiver
 from cli.output import whole_file
 from cli.progress import progress_of_share
+from compare.headings import heading_text, in_degrees
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _figures_of(pose: "Pose", place: str | None) -> dict[str, float | str | None
     return {
         "x_m": round(pose.position[0], 6),
         "y_m": round(pose.position[1], 6),
-        "heading_deg": round(math.degrees(pose.heading), 6) % 360,
+        "heading_deg": in_degrees(pose.heading, 6),
         "offset_m": round(pose.offset, 6),
         "probability": round(pose.probability, 6),
         "place": place,
@@ -123,7 +124,7 @@ def _signed(millimetres: int) -> str:
 def _heading(heading: float, deviation: float | None) -> str:
     if deviation is None:
         return "a heading that the scan does not tell"
-    return f"{round(heading, 1) % 360:.1f}° (± {_leading(deviation, 1)}°)"
+    return f"{heading_text(math.radians(heading))} (± {_leading(deviation, 1)}°)"
 
 
 def _leading(deviation: float, digits: int) -> str:

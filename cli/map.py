@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cli.log_input import open_log, recorded_room
-from cli.numbers import bearing, counted
+from cli.numbers import counted
 from cli.options import Force, checked_out
 from cli.output import whole_file
+from compare.headings import in_degrees
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
                     {
                         "start_m": _rounded(wall.start),
                         "end_m": _rounded(wall.end),
-                        "normal_deg": round(bearing(wall.normal), 3),
+                        "normal_deg": in_degrees(wall.normal, 3),
                         "regions": len(wall.arcs),
                     }
                     for wall in layer.features.walls

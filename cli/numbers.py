@@ -20,12 +20,6 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def bearing(angle: float) -> float:
-    """An angle (rad) as a direction in degrees, 0 up to but never 360."""
-    # rounded first: a hair below zero would become 360
-    return round(math.degrees(angle), 9) % 360
-
-
 def write_csv(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
     """Write a header and rows as CSV with plain line ends."""
     out.write(header + "\n")

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cli.numbers import bearing, write_csv
+from cli.numbers import write_csv
 from cli.options import (
     DEFAULT_BOARD,
     STDOUT,
@@ -17,6 +17,7 @@ from cli.options import (
     chosen_place,
 )
 from cli.output import text_output
+from compare.headings import in_degrees
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 
@@ -65,8 +66,8 @@ def paths(
         rows = (
             (
                 float(found.lengths[k]),
-                bearing(float(found.departures[k])),
-                bearing(float(found.arrivals[k])),
+                in_degrees(float(found.departures[k])),
+                in_degrees(float(found.arrivals[k])),
                 float(found.gains[k]),
                 int(found.bounces[k]),
                 ">".join(found.via(k, room)),

@@ -11,6 +11,7 @@ from typing import Any
 from compare.assign import assigned_echoes, echo_statistics
 from compare.contest import Step, change_for, contest, wall_change
 from compare.explain import explain
+from compare.headings import in_degrees
 from compare.match import Comparison
 from compare.region_match import RegionPair, compare_regions
 from compare.regions import Region
@@ -34,7 +35,7 @@ def reading_details(comparison: Comparison, index: int) -> Details:
     found, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     return {
         "turntable_deg": _degrees(row.reading.angle),
-        "heading_deg": _degrees(row.heading) % 360,
+        "heading_deg": in_degrees(row.heading),
         "measured_m": row.measured,
         "predicted_m": row.predicted,
         "class": row.kind.value,
@@ -83,8 +84,12 @@ def _pair(pair: RegionPair) -> Details:
 
 
 def _region(region: Region) -> Details:
-    bearing, width = _degrees(region.bearing) % 360, _degrees(region.width)
-    return {"range_m": region.range, "bearing_deg": bearing, "width_deg": width, "readings": len(region)}
+    return {
+        "range_m": region.range,
+        "bearing_deg": in_degrees(region.bearing),
+        "width_deg": _degrees(region.width),
+        "readings": len(region),
+    }
 
 
 def _who(prediction: PredictedScan, echo: Step | Echo | None) -> Details | None:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 
 from compare.contest import WallChange, change_for, contest, wall_change
+from compare.headings import heading_text
 from compare.match import Comparison, Kind, Matched
 from sim.board import Receiver
 from sim.predicted_scan import PredictedScan
@@ -34,7 +35,7 @@ def explain(comparison: Comparison, index: int, text: LengthText = in_metres) ->
     """
     row, prediction = comparison.rows[index], comparison.prediction
     room = prediction.room
-    at = f"at {math.degrees(row.heading) % 360:.1f}°"
+    at = f"at {heading_text(row.heading)}"
     heard = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
     change = _slight_change(row, prediction)
     parts = [f"{heard}: {_account(row, prediction, text, nearly=change is not None)}"]

@@ -11,6 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from compare.headings import in_degrees
 from compare.silence import roc_area
 from sim.board import Board
 from sim.models import Model, predict_with
@@ -97,7 +98,7 @@ class Comparison:
             no_echo_roc_area=roc_area(self.prediction.over_threshold, [row.measured is not None for row in self.rows]),
             classes={kind.value: kinds[kind] for kind in Kind},
             explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
-            heading_deg=round(math.degrees(self.heading), 9) % 360,
+            heading_deg=in_degrees(self.heading),
             offset_m=self.offset,
             x_m=self.prediction.place.position[0],
             y_m=self.prediction.place.position[1],

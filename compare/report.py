@@ -13,6 +13,7 @@ from html import escape
 from importlib.metadata import version
 
 from compare.explain import explain
+from compare.headings import heading_text, in_degrees
 from compare.match import Comparison, Kind, Summary, compare_readings
 from compare.report_pictures import bscan_png, plan_svg, ranges_svg
 from sim.board import Board
@@ -125,9 +126,9 @@ def _figures(summary: Summary) -> Facts:
         facts.append(("area under the ROC curve of predicted levels", f"{summary.no_echo_roc_area:.2f}"))
     if summary.median_abs_error_m is not None:
         facts.append(("median error", f"{summary.median_abs_error_m * 1000:.1f} mm"))
-    facts.append(("turntable step 0 at", f"{summary.heading_deg:.1f}°"))
+    facts.append(("turntable step 0 at", heading_text(math.radians(summary.heading_deg))))
     if summary.offset_m:
-        facts.append(("range offset", f"{summary.offset_m * 1000:+.1f} mm"))
+        facts.append(("range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
     return facts
 
 
@@ -215,7 +216,7 @@ def _readings(report: Report) -> Iterator[str]:
     for row in comparison.rows:
         cells = (
             str(row.reading.number),
-            f"{math.degrees(row.heading) % 360:.1f}",
+            f"{in_degrees(row.heading, 1):.1f}",
             _metres(row.measured),
             _metres(row.predicted),
             "" if row.residual is None else f"{round(row.residual * 1000):+d}".replace("+0", "0"),

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from cli.app import run
-from cli.numbers import bearing
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray
 
@@ -277,11 +276,6 @@ def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.Capture
     assert run(["simulate", "rooms/laboratory.toml", "--place", "bench", "--step", "0.2"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 1801
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400e3  # kB; whole matrices took 1.5 GB
-
-
-def test_a_direction_is_never_360_degrees() -> None:
-    assert bearing(-1e-17) == 0.0
-    assert bearing(-math.pi / 2) == 270.0
 
 
 def test_place_with_a_height_hears_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
