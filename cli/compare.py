@@ -146,29 +146,24 @@ def _more_lines(comparison: "Comparison") -> list[str]:
 
 def region_lines(comparison: "Comparison") -> list[str]:
     """How many regions of constant depth there are in both scans, and a line for each, counter-clockwise."""
-    from compare.explain import describe_path
     from compare.region_match import compare_regions
-
-    def way(region: "Region") -> str:
-        path = int(comparison.prediction.winners[region.rows[len(region) // 2]])
-        return "" if path < 0 else f": {describe_path(comparison.prediction, path)}"
+    from compare.region_words import heard_from, how_many
 
     found = compare_regions(comparison)
-    told = [
-        (pair.measured, f"measured {_told(pair.measured)}, predicted {_told(pair.predicted)}{way(pair.predicted)}")
-        for pair in found.pairs + found.parts
-    ]
-    told += [(region, f"measured {_told(region)}, not predicted") for region in found.only_measured]
-    told += [(region, f"predicted {_told(region)}, not measured{way(region)}") for region in found.only_predicted]
-    parts = f", {counted(len(found.parts), 'more part')} of these" if found.parts else ""
-    return [
-        f"regions of constant depth: {len(found.pairs)} in both{parts}, {len(found.only_measured)} only measured, "
-        f"{len(found.only_predicted)} only predicted",
-        *(f"  {line}" for _, line in sorted(told, key=lambda one: one[0].bearing)),
-    ]
+    lines = [f"regions of constant depth: {how_many(found)}"]
+    for measured, predicted in found.in_turn():
+        way = "" if predicted is None else heard_from(comparison, predicted)
+        lines.append(f"  {_beside(measured, predicted)}{way}")
+    return lines
 
 
-def _told(region: "Region") -> str:
+def _beside(measured: "Region | None", predicted: "Region | None") -> str:
+    both = (("measured", measured), ("predicted", predicted))
+    there = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
+    return ", ".join(there + [f"not {scan}" for scan, region in both if region is None])
+
+
+def _depth(region: "Region") -> str:
     return f"{region.range:.3f} m at {heading_text(region.bearing, 0)} over {math.degrees(region.width):.0f}°"
 
 

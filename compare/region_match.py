@@ -47,6 +47,14 @@ class RegionMatch:
     only_measured: tuple[Region, ...]
     only_predicted: tuple[Region, ...]
 
+    def in_turn(self) -> list[tuple[Region | None, Region | None]]:
+        """Each region as measured and as predicted, None where it is in one scan only, counter-clockwise."""
+        told: list[tuple[float, Region | None, Region | None]] = []
+        told += [(pair.measured.bearing, pair.measured, pair.predicted) for pair in self.pairs + self.parts]
+        told += [(region.bearing, region, None) for region in self.only_measured]
+        told += [(region.bearing, None, region) for region in self.only_predicted]
+        return [(measured, predicted) for _, measured, predicted in sorted(told, key=lambda one: one[0])]
+
 
 def compare_regions(comparison: Comparison) -> RegionMatch:
     """The regions of a measured scan and of its prediction, both at the headings of the readings.

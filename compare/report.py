@@ -16,6 +16,7 @@ from compare.explain import explain
 from compare.headings import heading_text, in_degrees
 from compare.match import Comparison, Kind, Summary, compare_readings
 from compare.report_pictures import bscan_png, plan_svg, ranges_svg
+from compare.report_regions import millimetres, regions_table
 from sim.board import Board
 from sim.prediction import PredictionOptions
 from sim.room import Place, Room
@@ -31,7 +32,9 @@ body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 68em; marg
 h1 { margin-bottom: 0; } h2 { margin-top: 1.8em; border-bottom: 1px solid #ccc; }
 img { max-width: 100%; } table { border-collapse: collapse; } .facts td:first-child { color: #555; }
 td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; }
-.readings td:nth-child(-n+5) { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+:is(.readings, .regions) td:nth-child(-n+5) {
+  text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.regions th { border-bottom: 1px solid #ccc; }
 .readings th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #ccc; }
 pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 1.15em; }
 @media print { .readings th { position: static; } }
@@ -101,6 +104,8 @@ def _body(report: Report) -> Iterator[str]:
         yield _picture("png", bscan, "Traces side by side, measured and predicted, heading by range")
     yield "<h2>Figures</h2>"
     yield _facts(_figures(summary))
+    yield "<h2>Regions of constant depth</h2>"
+    yield from regions_table(comparison)
     yield from _settings(report)
     yield from _readings(report)
 
@@ -219,7 +224,7 @@ def _readings(report: Report) -> Iterator[str]:
             f"{in_degrees(row.heading, 1):.1f}",
             _metres(row.measured),
             _metres(row.predicted),
-            "" if row.residual is None else f"{round(row.residual * 1000):+d}".replace("+0", "0"),
+            "" if row.residual is None else millimetres(row.residual),
             row.kind.value.replace("_", " "),
             explain(comparison, row.index),
         )

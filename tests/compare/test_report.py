@@ -13,8 +13,10 @@ import pytest
 
 from cli.app import run
 from compare import report as report_module
+from compare.details import region_details
 from compare.explain import explain
 from compare.report import Report, report_html, report_of
+from compare.report_regions import regions_table
 from sim.board import load_board
 from sim.prediction import PredictionOptions
 from sim.room import load_room, parse_room
@@ -87,6 +89,55 @@ def test_every_reading_has_its_row_class_and_sentence(report: Report) -> None:
         assert cells[1] == f"{math.degrees(row.heading) % 360:.1f}"
         assert cells[5] == row.kind.value.replace("_", " ")
         assert cells[6] == explain(comparison, row.index)
+
+
+def regions_told(report: Report) -> list[list[str]]:
+    return Page("".join(regions_table(report.comparison))).rows[1:]
+
+
+def test_regions_of_constant_depth_stand_beside_the_predicted_ones(report: Report) -> None:
+    told = [row for row in Page(report_html(report)).rows if len(row) == 6][1:]
+    found = region_details(report.comparison)
+    assert found["pairs"]
+    assert found["only_measured"]
+    for pair in found["pairs"]:
+        row = next(row for row in told if row[0] == span(pair["measured"]) and row[1] == metres(pair["measured"]))
+        assert row[2:4] == [span(pair["predicted"]), metres(pair["predicted"])]
+        assert float(row[4]) == round(pair["farther_m"] * 1000)
+        assert row[5].startswith("in both: ")
+    alone = [row for row in told if row[5] == "only measured"]
+    assert [row[:2] for row in alone] == [[span(one), metres(one)] for one in found["only_measured"]]
+    assert all(row[2:5] == ["", "", ""] for row in alone)
+    assert len(told) == sum(map(len, found.values()))
+
+
+def test_a_false_wall_is_a_region_and_one_that_fell_silent_is_only_predicted(report: Report, log: Path) -> None:
+    prediction, readings = report.comparison.prediction, read_log(log).readings
+    room = prediction.room
+    scene = (room, room.place("figure9"), prediction.board, PredictionOptions())
+    way = "three reflections, bottom, top, bottom"
+    row = ["260.0 to 280.0", "0.827", "260.0 to 280.0", "0.827", "0", f"in both: {way}"]
+    assert row in regions_told(report_of("x", readings, *scene))
+    silent = [replace(one, echo_times=()) if 255 < math.degrees(one.angle) < 285 else one for one in readings]
+    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in regions_told(report_of("x", silent, *scene))
+
+
+def test_a_scan_too_short_for_a_region_says_so(report: Report, log: Path) -> None:
+    prediction = report.comparison.prediction
+    scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
+    short = report_of("x", read_log(log).readings[:1], *scene)
+    told = "".join(regions_table(short.comparison))
+    assert "0 in both, 0 only measured, 0 only predicted" in told
+    assert "<table" not in told
+
+
+def span(region: dict[str, float]) -> str:
+    first, last = (region["bearing_deg"] + side * region["width_deg"] / 2 for side in (-1, 1))
+    return f"{round(first, 1) % 360:.1f} to {round(last, 1) % 360:.1f}"
+
+
+def metres(region: dict[str, float]) -> str:
+    return f"{region['range_m']:.3f}"
 
 
 def test_pictures_are_pictures_and_a_scan_without_traces_has_no_bscan(report: Report, log: Path) -> None:
