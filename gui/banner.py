@@ -15,7 +15,7 @@ from gui.status import Status
 class Banner(QFrame):
     """Hidden where there is nothing to say."""
 
-    taken = Signal(object)  # the answer of an offer
+    taken = Signal(object)  # the answer of an offer, or of its refusal
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,6 +27,8 @@ class Banner(QFrame):
         self._behind = QLabel()
         self.offer_button = QPushButton()
         self.offer_button.clicked.connect(self._take)
+        self.refusal_button = QPushButton()
+        self.refusal_button.clicked.connect(self._refuse)
         self.close_button = QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Put this message away")
@@ -35,6 +37,7 @@ class Banner(QFrame):
         row.setContentsMargins(10, 4, 6, 4)
         row.addWidget(self._label)
         row.addWidget(self.offer_button)
+        row.addWidget(self.refusal_button)
         row.addWidget(self._behind)
         row.addWidget(self.close_button)
         self.hide()
@@ -78,6 +81,12 @@ class Banner(QFrame):
         self.taken.emit(answer)
 
     @Slot()
+    def _refuse(self) -> None:
+        refused = self._notices.first.refused
+        self._put_away()
+        self.taken.emit(refused)
+
+    @Slot()
     def _put_away(self) -> None:
         self._notices.put_away()
         self._show()
@@ -85,7 +94,8 @@ class Banner(QFrame):
     def _show(self) -> None:
         notice, behind = self._notices.first, self._notices.behind
         self._label.setText(f"⚠ {notice.text}" if notice.text else "")
-        self.offer_button.setText(notice.offer)
-        self.offer_button.setVisible(bool(notice.offer))
+        for button, says in ((self.offer_button, notice.offer), (self.refusal_button, notice.refusal)):
+            button.setText(says)
+            button.setVisible(bool(says))
         self._behind.setText(f"{behind} more" if behind else "")
         self.setVisible(bool(notice.text))

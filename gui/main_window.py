@@ -190,7 +190,7 @@ class MainWindow(QMainWindow):
         session.status_changed.connect(self._show_status)
         session.warned.connect(self.banner.tell)
         session.offered.connect(self.banner.offer)
-        self.banner.taken.connect(session.reopen)
+        self.banner.taken.connect(session.take_up)
         session.keeping.kept.connect(self.status_bar.tell)
 
     @Slot(QAction)

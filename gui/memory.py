@@ -113,12 +113,17 @@ def read_memory(path: Path) -> Memory:
 
 def write_memory(path: Path, memory: Memory) -> None:
     """Remember it: the whole file, or the one before. Raises OutputError."""
-    fresh = path.with_suffix(".new")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(memory.model_dump_json(indent=1), encoding="utf-8")
-        os.replace(fresh, path)
+        write_whole(path, memory.model_dump_json(indent=1))
     except OSError as error:
         raise OutputError(
             f"{path}: cannot be written: {error.strerror}; the window will not open as it was left"
         ) from error
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file, all of it or nothing, in a folder that need not exist yet. Raises OSError."""
+    fresh = path.with_suffix(".new")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh.write_text(text, encoding="utf-8")
+    os.replace(fresh, path)

@@ -16,6 +16,8 @@ class Notice:
     text: str
     offer: str = ""  # what a button beside it says
     answer: object = None  # what is handed on where somebody takes the offer
+    refusal: str = ""  # what a second button says
+    refused: object = None  # what is handed on there
 
 
 NOTHING = Notice("")

@@ -23,8 +23,9 @@ from gui.scene_edit import with_board
 from gui.showing import Showing
 from gui.shown import Shown
 from gui.status import Status
+from gui.unsaved import BringBack, ThrowAway, UnsavedRooms
 from sim.board import load_board
-from sonarhw.errors import InputError
+from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
 
 TICK = 30  # ms
@@ -45,7 +46,9 @@ class Session(QObject):
         wish: ScanWish,
         look: Look | None = None,
         find_way: WayFinder | None = None,
+        unsaved: Path | None = None,
     ) -> None:
+        """`unsaved`: the folder of rooms that were changed and not saved; None: they are kept nowhere."""
         super().__init__()
         self._ticking = False
         self.status = Status(can_scan=opener is not None, wish=wish)
@@ -56,7 +59,9 @@ class Session(QObject):
         self._before_replay: Scene | None = None
         self._scanned_in = self._scanner_in = scene  # when the last scan began; where the scanner is known to be
         self.showing = Showing(scene, look or Look(), self._intake, self)
-        self.showing.edited.connect(self._tell_status)
+        self.unsaved = UnsavedRooms(unsaved)
+        self.unsaved.open(scene)
+        self.showing.edited.connect(self._follow_edit)
         self.documents = Documents(wish.folder)
         self.scanners = ScannerChoice(find_way, self)
         self.scanners.chosen.connect(self._use)
@@ -111,10 +116,14 @@ class Session(QObject):
                 self.set_scene(self._before_replay)
             self.showing.follow(self.live.readings)
 
-    def set_scene(self, scene: Scene) -> None:
-        """Put the readings into another room; what was done to the one before cannot be undone any more."""
+    def set_scene(self, scene: Scene, left_in: Path | None = None) -> None:
+        """Put the readings into another room; what was done to the one before cannot be undone any more.
+
+        `left_in`: the file of a room that was not saved, where it was brought back from there.
+        """
         self.fitting.forget()
         self.showing.put(scene)
+        self.unsaved.open(scene, left_in)
         self._tell_status()
 
     @Slot(object)
@@ -140,11 +149,26 @@ class Session(QObject):
         """Open a file in the other way that was offered."""
         self.documents.ask(request)
 
+    @Slot(object)
+    def take_up(self, answer: BringBack | ThrowAway | OpenRequest) -> None:
+        """Do what was offered."""
+        try:
+            match answer:
+                case BringBack():
+                    self.set_scene(self.unsaved.brought_back(answer, self.shown.scene), answer.path)
+                case ThrowAway():
+                    self.unsaved.throw_away(answer)
+                case _:
+                    self.reopen(answer)
+        except SonarError as error:
+            self.warned.emit(str(error))
+
     @Slot(str)
     def save_room(self, path: str) -> None:
         """Write the room as it is now, with the sensor's place; the dialog has asked about overwriting."""
         if self.documents.save_room(self.shown.scene.written_room, Path(path)):
             self.showing.name_room(Path(path).name)
+            self.unsaved.saved(self.shown.scene)
 
     @Slot(object)
     def _use(self, way: ScannerWay) -> None:
@@ -176,6 +200,7 @@ class Session(QObject):
     def close(self) -> None:
         """Stop the board, close the log, end every thread; twice does no harm."""
         self._timer.stop()
+        self.unsaved.write()
         self.live.close()
         self.documents.close()
         self.scanners.close()
@@ -201,10 +226,14 @@ class Session(QObject):
         heard = self._take_heard()
         self.showing.tick(heard)
         traces = self.showing.traces
-        for messages in (self.showing.forecast.failures, self.documents.messages):
+        self.unsaved.tick(now)
+        for messages in (self.showing.forecast.failures, self.documents.messages, self.unsaved.messages):
             for message in messages:
                 self.warned.emit(message)
             messages.clear()
+        for notice in self.unsaved.notices:
+            self.offered.emit(notice)
+        self.unsaved.notices.clear()
         for message in traces.failures:
             (self.replay.give_up_traces if self.replay.loaded else self.warned.emit)(message)
         traces.failures.clear()
@@ -265,6 +294,11 @@ class Session(QObject):
             self.showing.tell_soon()  # with whatever else this tick brings
         else:
             self.showing.refresh()
+
+    @Slot()
+    def _follow_edit(self) -> None:
+        self.unsaved.change(self.shown.scene, time.monotonic())
+        self._tell_status()
 
     @Slot()
     def _tell_status(self) -> None:
