@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import platform
+import shutil
 from dataclasses import dataclass
 from importlib.metadata import version
 from io import BytesIO
@@ -113,6 +114,11 @@ class StudyFolder:
             _write_whole(self._path("scans", part.number), part.scans)
         except OSError as error:
             raise _unwritable(self.unfinished, error) from error
+
+    def drop_if_empty(self) -> None:
+        """Remove the unfinished folder where no part was made: there is nothing to go on with."""
+        if not any(self.unfinished.glob("scans/part-*.parquet")):
+            shutil.rmtree(self.unfinished, ignore_errors=True)
 
     def finish(self) -> None:
         """Give the folder its name: all its parts are there. Raises OutputError."""

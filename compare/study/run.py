@@ -35,8 +35,11 @@ def run_study(
         return
     workers = core_count() if workers is None else workers
     made = parts_on_cluster(study, numbers, scheduler) if scheduler else parts_here(study, numbers, workers)
-    with closing(made) as parts:
-        for part in parts:
-            place.write(part)
-            progress()
+    try:
+        with closing(made) as parts:
+            for part in parts:
+                place.write(part)
+                progress()
+    finally:
+        place.drop_if_empty()
     place.finish()

@@ -233,6 +233,15 @@ def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[
     for key, axis in vary.options.items():
         for value in axis.extremes:
             checked({key: value}, f"{where}: vary.options", OptionValues)
+    _check_noise(vary.options, where, boards)
+
+
+def _check_noise(options: dict[str, Axis], where: str, boards: tuple[Board, ...]) -> None:
+    """Raise InputError where there is noise and no scan has a receiver that hears it."""
+    noisy = "noise" in options and any(options["noise"].extremes)
+    named = options["receiver"].extremes if "receiver" in options else [board.receiver.value for board in boards]
+    if noisy and "board" not in named:
+        raise InputError(f'{where}: vary.options: noise: nobody would hear it; add receiver = "board"')
 
 
 def board_with(profile: str, values: dict[str, Value], where: str) -> Board:

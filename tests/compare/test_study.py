@@ -81,6 +81,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("threshold_db = [", "treshold_db = [", "vary.board: treshold_db: unknown key"),
         ("max_bounces = 4", "max_bounces = [4, 4]", "vary.options.max_bounces: expected every value once"),
         ("max_bounces = 4", 'receiver = "ear"', "vary.options: receiver: expected 'first-echo' or 'board', got 'ear'"),
+        ("max_bounces = 4", "noise = [0.0, 0.1]", 'vary.options: noise: nobody would hear it; add receiver = "board"'),
         ("max_bounces = 4", "[vary.materials.felt]\nscatter = 0.1", "vary.materials.felt: no room has anything"),
         ("step = 30.0", "from = 90.0\nto = 20.0", "headings: no angle lies from 90 below 20"),
     ],
@@ -295,6 +296,16 @@ def test_without_dask_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"sonarhw\[study\]"):
         run_study(study_of(tmp_path), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
+
+
+def test_a_study_that_found_no_cluster_leaves_nothing_that_stands_in_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("compare.study.workers._ANSWER_WITHIN", 0.2)  # nobody is at that port
+    command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
+    assert run([*command, "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "no Dask scheduler answers there" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["spec.toml"]
 
 
 @contextmanager
