@@ -144,6 +144,7 @@ def follow_fan(
     Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
     target, row of the target; each sequence of surfaces to a target once.
     """
+    # in one piece: lists that grow, handed to and fro between compiled functions, cost 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, hearing = audible
     faintest, max_length, max_return = least.min(), longest.max(), _longest_there_and_on(targets, longest)
