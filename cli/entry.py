@@ -32,7 +32,26 @@ class Interrupt:
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
         _thread.start_new_thread(_end_later, ())
+        _thread.start_new_thread(_end_at_next, (_next_signal(),))
         raise KeyboardInterrupt
+
+
+def _next_signal() -> int:
+    """A descriptor that has a byte when the next signal comes.
+
+    The handler is called between two steps of Python only: not while a library is busy, and not in a sleep that begins
+    just as the signal comes.
+    """
+    told, tell = os.pipe()
+    if hasattr(os, "set_blocking"):  # Windows asks for it from Python 3.12 on, and does not need it
+        os.set_blocking(tell, False)
+    signal.set_wakeup_fd(tell)
+    return told
+
+
+def _end_at_next(told: int) -> None:
+    os.read(told, 1)
+    os._exit(INTERRUPTED)
 
 
 def _end_later() -> None:

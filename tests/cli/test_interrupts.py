@@ -70,6 +70,8 @@ finally:
     print("tidying", flush=True)
     time.sleep(60)
 """
+# one long step of compiled code, amid which no handler is called
+BUSY = "import hashlib" + TIDYING.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
 
 
 @contextmanager
@@ -137,8 +139,9 @@ def test_ctrl_c_ends_a_command_soon_and_quietly_whatever_a_library_makes_of_it(
     assert process.returncode == INTERRUPTED
 
 
-def test_a_second_ctrl_c_ends_it_at_once(tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, TIDYING, folder=tmp_path, environment=environment) as process:
+@pytest.mark.parametrize("tidying", [TIDYING, BUSY], ids=["asleep", "busy"])
+def test_a_second_ctrl_c_ends_it_at_once(tidying: str, tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, tidying, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
         assert process.stdout is not None
         assert process.stdout.readline() == "tidying\n"
