@@ -23,6 +23,7 @@ from sonarhw.readings import FloatArray, Reading
 
 OUTLINE_HEADINGS = 360
 MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
+LATE = 0.15  # s that figures of the scene before may stand without a sign: a shorter one would only flicker
 REST = 0.2  # s without a movement, after which a hand is taken to stand still
 
 
@@ -78,6 +79,7 @@ class Compared:
     comparison: Comparison
     first: int  # which reading of the scan row 0 is
     draft: bool
+    scene_generation: int = 0
 
     @property
     def end(self) -> int:
@@ -106,7 +108,7 @@ class CompareRequest:
         comparison = compare_readings(
             self.readings, room, scene.standing, scene.board, options=found.options, paths=found.paths
         )
-        return Compared(self.generation, comparison, self.first, found.draft)
+        return Compared(self.generation, comparison, self.first, found.draft, found.generation)
 
 
 class Forecast:
@@ -115,6 +117,7 @@ class Forecast:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
         self.compared: Compared | None = None
+        self.behind = False  # whether the comparison has belonged to a scene before for a while
         self.failures: list[str] = []
         self._clock = clock
         self._effort = EffortChoice()
@@ -122,6 +125,7 @@ class Forecast:
         self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
         self._generation = 0  # of the scene; every change of it counts
+        self._changed_at: dict[int, float] = {}  # when each scene after the one compared came to be shown
         self._oldest = 0  # what is older belongs to another room
         self._scan_generation = 0
         self._search_at: float | None = None  # when to seek the rest of the paths
@@ -149,6 +153,7 @@ class Forecast:
         """
         self._scene = scene
         self._generation += 1
+        self._changed_at[self._generation] = self._clock()
         self._search_at = None
         if scene.room is None:
             return
@@ -173,12 +178,22 @@ class Forecast:
         changed = False
         for answer in (*self._drafter.take(), *self._finder.take(), *self._comparer.take()):
             changed = self._take_in(answer) or changed
-        return changed
+        return self._look_behind() or changed
 
     def close(self) -> None:
         """End the threads."""
         for worker in (self._drafter, self._finder, self._comparer):
             worker.close()
+
+    def _look_behind(self) -> bool:
+        """Whether it has changed that the comparison is behind; once it is, only that of the newest scene helps."""
+        was, compared = self.behind, self.compared
+        if compared is None or compared.scene_generation >= self._generation:
+            self.behind = False
+        else:
+            since = self._changed_at.get(compared.scene_generation + 1, self._clock())
+            self.behind = was or self._clock() - since >= LATE
+        return self.behind is not was
 
     def _search_when_due(self) -> None:
         if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
@@ -196,6 +211,7 @@ class Forecast:
                 return self._take_found(answer)
             case Compared(generation=self._scan_generation):
                 self.compared = answer
+                self._forget_changes(answer.scene_generation)
                 return True
         return False
 
@@ -205,8 +221,13 @@ class Forecast:
         if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
             return False
         self._found, self.outline = found, found.outline
+        if self.compared is None:
+            self._forget_changes(found.generation)
         self._ask()
         return True
+
+    def _forget_changes(self, done: int) -> None:
+        self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}
 
     def _ask(self) -> None:
         if self._found is None or not self._readings:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt
-from PySide6.QtGui import QPixmap
+from PySide6.QtGui import QBrush, QColor, QPixmap
 
 from gui.legend import mark_picture
 from gui.look import Look
@@ -30,8 +30,15 @@ from gui.shown import Shown
 Index = QModelIndex | QPersistentModelIndex
 _Role = Qt.ItemDataRole
 _ANSWERED = frozenset(
-    map(int, (_Role.DisplayRole, _Role.ToolTipRole, _Role.DecorationRole, _Role.TextAlignmentRole))
+    map(
+        int,
+        (
+            *(_Role.DisplayRole, _Role.ToolTipRole, _Role.DecorationRole),
+            *(_Role.TextAlignmentRole, _Role.ForegroundRole),
+        ),
+    )
 )  # of the seven that Qt asks for at each paint of a cell
+_PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
 
@@ -46,6 +53,7 @@ class ReadingModel(QAbstractTableModel):
         self._shown: Shown | None = None
         self._sentences: dict[int, str] = {}
         self._marks: dict[Class, QPixmap] = {}
+        self._faint: QBrush | None = None  # what is predicted, while that belongs to a scene before
 
     def show_state(self, shown: Shown) -> None:
         """Take in other readings, classes or another look."""
@@ -58,6 +66,9 @@ class ReadingModel(QAbstractTableModel):
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
             self._change(shown.rows, order_of(shown.rows, self.wanted))
+        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+            self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
+            self._tell_all()
 
     def want(self, wanted: Wanted) -> None:
         """Show these rows in this order from now on."""
@@ -80,7 +91,7 @@ class ReadingModel(QAbstractTableModel):
         return 0 if parent.isValid() else len(Column)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Text, mark, alignment and tooltip of a cell."""
+        """Text, mark, alignment, tooltip and colour of a cell."""
         if role not in _ANSWERED or not index.isValid() or self._shown is None:
             return None
         row, column = int(self.order[index.row()]), Column(index.column())
@@ -93,6 +104,8 @@ class ReadingModel(QAbstractTableModel):
                 return self._marks[CLASSES[self.rows.classes[row]]]
             case _Role.TextAlignmentRole if column in _AT_RIGHT:
                 return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+            case _Role.ForegroundRole if column in _PREDICTED:
+                return self._faint
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:

@@ -6,7 +6,16 @@ Takes what is shown; hands on which reading was picked.
 from dataclasses import replace
 
 from PySide6.QtCore import QItemSelectionModel, QModelIndex, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QFontMetrics, QGuiApplication, QIcon, QKeyEvent, QKeySequence, QResizeEvent, QShortcut
+from PySide6.QtGui import (
+    QFontMetrics,
+    QGuiApplication,
+    QIcon,
+    QKeyEvent,
+    QKeySequence,
+    QPalette,
+    QResizeEvent,
+    QShortcut,
+)
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
@@ -87,6 +96,8 @@ class ReadingTable(QWidget):
         self._following = False
         if before is None or not shown.same_readings(before):
             self._count(shown)
+        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+            self._fade_counts(shown)
         self._follow(shown.chosen)
 
     @Slot()
@@ -155,6 +166,14 @@ class ReadingTable(QWidget):
             button.setFixedSize(button.sizeHint())  # or each count lays out the whole window anew
             waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # classed a moment later
             button.setVisible((count > 0 and not waiting) or not button.isChecked())
+
+    def _fade_counts(self, shown: Shown) -> None:
+        """Grey while they belong to the prediction before."""
+        colours = QPalette()
+        if shown.outdated:
+            colours.setColor(QPalette.ColorRole.ButtonText, shown.look.palette.faint)
+        for button in self.classes.values():
+            button.setPalette(colours)
 
     @Slot()
     def _filter(self) -> None:

@@ -6,7 +6,7 @@ Takes what is shown; hands on nothing.
 from math import ceil
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent, QTextLayout
+from PySide6.QtGui import QFont, QFontMetricsF, QPalette, QResizeEvent, QTextLayout
 from PySide6.QtWidgets import QLabel
 
 from gui.look import Look
@@ -32,7 +32,8 @@ class Sentence(QLabel):
         self.setMinimumWidth(1)
 
     def show_state(self, shown: Shown) -> None:
-        """Say the sentence of the chosen reading."""
+        """Say the sentence of the chosen reading; faintly while it is that of the prediction before."""
+        self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
             self.setFont(text_font(shown.look, _SIZE))

@@ -304,6 +304,7 @@ class Session(QObject):
     def _tell_status(self) -> None:
         searching = self.showing.forecast.searching
         status = self._intake.status(time.monotonic(), searching, room_name(self.shown.scene))
+        status = replace(status, outdated=self.shown.outdated)
         if status != self.status:
             self.status = status
             self.status_changed.emit(status)

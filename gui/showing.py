@@ -175,6 +175,7 @@ class Showing(QObject):
             self.shown,
             outline=self.forecast.outline,
             compared=compared,
+            outdated=self.forecast.behind,
             readings=readings,
             earlier=self.shown.known_rows,
             chosen=self._choice.among(len(readings), compared.end if compared else 0),

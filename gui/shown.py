@@ -53,6 +53,7 @@ class Shown:
     bscan: BScans | None = None  # as it was when somebody looked at it last
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
+    outdated: bool = False  # whether what is compared belongs to a scene before, for longer than one would notice
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # from which `rows` are made sooner
 
     @property

@@ -45,6 +45,7 @@ class Status:
     recording: Path | None = None
     log_name: str = ""  # of the log that is replayed
     predicting: bool = False
+    outdated: bool = False  # whether the figures shown belong to the prediction before
     wish: ScanWish | None = None  # what the next scan does
     link: LinkSeen | None = None  # the connection to a scanner
     trouble: str = ""  # what is being done about a scanner that is away

@@ -83,7 +83,9 @@ def doing(status: Status) -> str:
         parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
     if status.source is Source.REPLAY:
         parts.append(f"replaying {status.log_name}")
-    if status.predicting:
+    if status.outdated:
+        parts.append("predicting … what is grey belongs to the prediction before")
+    elif status.predicting:
         parts.append("predicting …")
     return " · ".join(parts)
 

@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 
 from compare.match import compare_readings
 from gui.effort import Effort, EffortChoice
-from gui.forecast import REST, Compared, CompareRequest, Forecast, PathsFound, PathsRequest
+from gui.forecast import LATE, REST, Compared, CompareRequest, Forecast, PathsFound, PathsRequest
 from gui.scene import Scene
 from gui.worker import Failure, Worker
 from sim.prediction import predict_scan
@@ -236,6 +236,49 @@ def test_what_was_known_stands_until_the_changed_scene_is_predicted(
     finished(qtbot, forecast)
     assert forecast.outline is not outline
     assert forecast.compared.comparison.prediction.place.position == moved(scene, 0.1).place.position
+
+
+def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notice_and_until_the_new_ones_come(
+    qtbot: QtBot, scene: Scene, recorded: Path
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    forecast.set_scene(scene)
+    forecast.follow(read_log(recorded).readings)
+    finished(qtbot, forecast)
+    gate, begun = threading.Event(), threading.Event()
+    forecast._comparer.ask(Waiting(gate, begun))  # so that nothing comes
+    assert begun.wait(10)
+    forecast.change_scene(moved(scene, 0.1))
+    for now, behind in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
+        clock.now = now
+        forecast.take()
+        assert forecast.behind is behind
+    gate.set()
+    finished(qtbot, forecast)
+    assert not forecast.behind
+    forecast.close()
+
+
+@pytest.mark.parametrize(("late", "behind"), [(0.5 * LATE, False), (LATE, True)])
+def test_figures_that_follow_a_moving_hand_are_behind_when_they_come_late_and_then_until_it_rests(
+    scene: Scene, recorded: Path, late: float, behind: bool
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    readings = read_log(recorded).readings[:3]
+    found = PathsRequest(1, scene, Effort(1, 720, 36).limit(scene.options)).answer()
+    forecast.set_scene(scene)
+    said = []
+    for generation in range(2, 12):  # a hand that moves again as soon as the draft of its last move has come
+        forecast.change_scene(moved(scene, 0.001 * generation), moving=True)
+        clock.now += late
+        compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
+        forecast._take_in(compared.answer())
+        forecast._look_behind()
+        said.append(forecast.behind)
+    assert said == [behind] * len(said)
+    forecast.close()
 
 
 def test_slow_drafts_become_shallow_and_quick_ones_deep() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtGui import QColor, QGuiApplication
 from pytestqt.qtbot import QtBot
 
 from compare.match import Kind, compare_readings
@@ -245,6 +245,22 @@ def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, 
     qtbot.keyClick(table.view, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
     copied = list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
     assert [row["number"] for row in copied] == listed(table)[:3]
+
+
+def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_not(
+    table: ReadingTable, shown: Shown
+) -> None:
+    def inks() -> list[str]:
+        cells = [table.model.index(0, column) for column in Column]
+        brushes = [table.model.data(cell, Qt.ItemDataRole.ForegroundRole) for cell in cells]
+        return ["" if brush is None else brush.color().name() for brush in brushes]
+
+    grey = QColor(shown.look.palette.faint).name()
+    count = table.classes[Kind.MATCH]
+    for outdated, ink in ((True, grey), (False, "")):
+        table.show_state(replace(shown, outdated=outdated))
+        assert inks() == [""] * Column.PREDICTED + [ink] * (len(Column) - Column.PREDICTED)
+        assert (count.palette().buttonText().color().name() == grey) is outdated
 
 
 def test_units_follow_the_look(table: ReadingTable, shown: Shown) -> None:
