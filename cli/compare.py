@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
-from cli.log_input import LogFile, open_log, recorded_place, recorded_room
+from cli.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
 from cli.numbers import counted
 from cli.options import (
     Force,
@@ -20,6 +20,7 @@ from cli.options import (
     chosen_receiver,
 )
 from cli.output import whole_file
+from cli.room_input import open_room
 from cli.simulate import ModelChoice
 from compare.headings import heading_text
 from sonarhw.errors import InputError
@@ -78,17 +79,15 @@ def compare_log(
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from compare.fit.plain import fit_scan
     from compare.match import compare_readings
-    from compare.recorded_board import board_of_log
     from sim.board import load_board
     from sim.models import Model
     from sim.prediction import PredictionOptions
-    from sim.room import load_room
 
-    room = None if room_file is None else load_room(room_file)
+    room = None if room_file is None else open_room(room_file)
     log = open_log(log_file)
     room = room or recorded_room(log_file, log.metadata)
     here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
-    chosen = load_board(board) if board else board_of_log(log.metadata)
+    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))

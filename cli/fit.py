@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli.fit_table import figures, lines_of
-from cli.log_input import open_log, recorded_place, recorded_room
+from cli.log_input import open_log, recorded_board, recorded_place, recorded_room
 from cli.numbers import counted
 from cli.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
 from cli.output import whole_file
 from cli.progress import progress_of_share
+from cli.room_input import open_room
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,13 +113,12 @@ def fit_logs(
     from compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
     from sim.board import load_board
     from sim.prediction import PredictionOptions
-    from sim.room import load_room
 
     if places and len(places) != len(log_files):
         raise InputError(f"--place: expected one for each of {counted(len(log_files), 'log')}, got {len(places)}")
     words = [word for word in free.split(",") if word.strip()]
     _check_typed(words, priors)
-    room = None if room_file is None else load_room(room_file)
+    room = None if room_file is None else open_room(room_file)
     wanted = [] if room is None else [chosen_place(room, place) for place in places]
     given = load_board(board) if board else None
     logs = [_open(file) for file in log_files]
@@ -214,9 +214,7 @@ def _common_room(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Room":
 
 def _common_board(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Board":
     """The board of the logs. Raises InputError where they have different ones."""
-    from compare.recorded_board import board_of_log
-
-    boards = [board_of_log(log.metadata) for log in logs]
+    boards = [recorded_board(file, log.metadata) for file, log in zip(log_files, logs, strict=True)]
     for file, board in zip(log_files, boards, strict=True):
         if board != boards[0]:
             raise InputError(
@@ -243,10 +241,8 @@ def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "P
         return Place("", _middle(room))
     if len(room.places) == 1:
         return room.place(None)
-    raise InputError(
-        f"{file}: nobody knows where it was recorded, and {' and '.join(held)} held fixed; "
-        "give --place X,Y, or --free position"
-    )
+    fixed = f"{' and '.join(held)} {'is' if len(held) == 1 else 'are'} held fixed"
+    raise InputError(f"{file}: nobody knows where it was recorded, and {fixed}; give --place X,Y, or --free position")
 
 
 def _middle(room: "Room") -> tuple[float, float]:
@@ -284,10 +280,9 @@ def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
         value, deviation = normal[0] * unit, normal[1] * unit
         if deviation > 0 and parameter.lower <= value <= parameter.upper:
             return replace(parameter, expected=value, deviation=deviation)
-        raise InputError(
-            f"--prior {prior}: expected a deviation over 0 and a value from {parameter.lower / unit:g} to "
-            f"{parameter.upper / unit:g}"
-        )
+        bounded = math.isfinite(parameter.lower) and math.isfinite(parameter.upper)
+        where = f" and a value from {parameter.lower / unit:g} to {parameter.upper / unit:g}" if bounded else ""
+        raise InputError(f"--prior {prior}: expected a deviation over 0{where}")
     raise _unlike_a_prior(prior)
 
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.log_input import LogFile, open_log, recorded_room
+from cli.log_input import LogFile, open_log, recorded_board, recorded_room
 from cli.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_receiver
 from cli.output import whole_file
 from cli.progress import progress_of_share
+from cli.room_input import open_room
 from compare.headings import heading_text, in_degrees
 from sonarhw.errors import InputError
 
@@ -66,15 +67,13 @@ def locate_log(
 ) -> "Located":
     """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
     from compare.locate import locate
-    from compare.recorded_board import board_of_log
     from sim.board import load_board
     from sim.prediction import PredictionOptions
-    from sim.room import load_room
 
-    room = None if room_file is None else load_room(room_file)
+    room = None if room_file is None else open_room(room_file)
     log = open_log(log_file)
     room = room or recorded_room(log_file, log.metadata)
-    chosen = load_board(board) if board else board_of_log(log.metadata)
+    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be located")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))

@@ -9,6 +9,7 @@ from cli.numbers import counted
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
+    from sim.board import Board
     from sim.room import Room
     from sonarhw.log import Log, LogMetadata
 
@@ -45,6 +46,15 @@ def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
     if not metadata.room_text:
         raise InputError(f"{log_file}: holds no room; give one with --room")
     return parse_room(metadata.room_text, f"room inside {log_file}")
+
+
+def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
+    """The board that a log was recorded with; where it says of none, the default, with a line of warning."""
+    from compare.recorded_board import DEFAULT_BOARD, board_of_log
+
+    if not metadata.board_text and not metadata.board:
+        typer.echo(f"sonarhw: warning: {log_file}: names no board, taken for {DEFAULT_BOARD}; give --board", err=True)
+    return board_of_log(metadata)
 
 
 def recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:

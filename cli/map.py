@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cli.log_input import open_log, recorded_room
+from cli.log_input import open_log, recorded_board, recorded_room
 from cli.numbers import counted
 from cli.options import Force, checked_out
 from cli.output import whole_file
+from cli.room_input import open_room
 from compare.headings import in_degrees
 from sonarhw.errors import InputError
 
@@ -50,15 +51,13 @@ def map_logs(
     Beside it, the same without readings that came by several reflections, as sound is followed round the room.
     """
     from compare.map import map_scans
-    from compare.recorded_board import board_of_log
     from sim.board import load_board
-    from sim.room import load_room
 
     if out is not None:
         checked_out(out, (".png",), force, room_file, board, *log_files)
-    room = None if room_file is None else load_room(room_file)
+    room = None if room_file is None else open_room(room_file)
     logs = [open_log(file) for file in log_files]
-    chosen = load_board(board) if board else board_of_log(logs[0].metadata)
+    chosen = load_board(board) if board else recorded_board(log_files[0], logs[0].metadata)
     scans = _placed(log_files, logs, room, places or [], poses or [])
     found = map_scans(scans, replace(chosen, range_offset=chosen.range_offset - offset), room)
     if out is not None:

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli.log_input import LogFile, open_log, recorded_place, recorded_room
+from cli.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
 from cli.options import Force, PlaceName, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
 from cli.output import whole_file
+from cli.room_input import open_room
 
 if TYPE_CHECKING:
     from compare.report import Report
@@ -39,16 +40,14 @@ def report_on(
     log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: ReceiverName | None
 ) -> "Report":
     """The report on a log; what is not given is taken from the log, InputError where that says nothing."""
-    from compare.recorded_board import board_of_log
     from compare.report import report_of
     from sim.board import load_board
     from sim.prediction import PredictionOptions
-    from sim.room import load_room
 
-    room = None if room_file is None else load_room(room_file)
+    room = None if room_file is None else open_room(room_file)
     log = open_log(log_file)
     room = room or recorded_room(log_file, log.metadata)
     here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
-    chosen = load_board(board) if board else board_of_log(log.metadata)
+    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     return report_of(log_file.name, log.readings, room, here, chosen, options, log=log)

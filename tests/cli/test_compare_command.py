@@ -46,6 +46,24 @@ def test_explain_without_json_is_refused(log: str, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err.startswith("sonarhw: --explain: goes with --json")
 
 
+HERE = ("--place", "figure9")
+
+
+@pytest.mark.parametrize(
+    "command", [("compare", *HERE), ("map", *HERE), ("fit", *HERE, "--free", "heading", "--samples", "0")]
+)
+def test_a_log_that_names_no_board_is_not_silently_taken_for_one(
+    log: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, *options = command
+    warning = f"sonarhw: warning: {log}: names no board, taken for polaroid-6500; give --board\n"
+    capsys.readouterr()
+    assert run([name, log, "--room", ROOM, *options]) == 0
+    assert capsys.readouterr().err == warning
+    assert run([name, log, "--room", ROOM, *options, "--board", "paper"]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_a_scan_from_coordinates_is_held_against_the_prediction_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
