@@ -13,6 +13,7 @@ from urllib.parse import parse_qsl
 import typer
 
 from cli.options import DEFAULT_BOARD, chosen_place
+from cli.room_input import open_room
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -80,9 +81,8 @@ def fake_device(
     Raises InputError where room, place or board is wrong.
     """
     from sim.board import load_board
-    from sim.room import load_room
 
-    room = load_room(room_file)
+    room = open_room(room_file)
     here, profile = chosen_place(room, place), load_board(board)
     from sim.truth import RoomEchoes
     from sonarhw.board import Board, BoardIdentity

@@ -17,6 +17,7 @@ from cli.options import (
     chosen_place,
 )
 from cli.output import text_output
+from cli.room_input import open_room
 from compare.headings import in_degrees
 
 HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
@@ -46,11 +47,10 @@ def paths(
     from sim.bends import EdgeStrength
     from sim.board import load_board
     from sim.paths import PathSearch
-    from sim.room import load_room
     from sim.sections import paths_from
 
     checked_out(out, (".csv", STDOUT), force, room_file)
-    room = load_room(room_file)
+    room = open_room(room_file)
     here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
     search = PathSearch(

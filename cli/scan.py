@@ -30,6 +30,7 @@ from cli.options import (
 )
 from cli.output import standard_output
 from cli.progress import progress
+from cli.room_input import open_room
 from sonarhw.errors import InputError, LinkError, NoAnswer
 from sonarhw.readings import Reading, ScanOrder
 
@@ -118,9 +119,7 @@ def _metadata(room_file: Path | None, place: str | None) -> "LogMetadata":
         if place is not None:
             raise InputError("--place needs --room: it is a place of a room file")
         return LogMetadata(made_by="scan", started=time.time())
-    from sim.room import load_room
-
-    room = load_room(room_file)
+    room = open_room(room_file)
     here = chosen_place(room, place)
     return LogMetadata(
         made_by="scan", started=time.time(), room_file=room_file.name, room_text=room.text, place=here.name

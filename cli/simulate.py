@@ -39,6 +39,7 @@ from cli.predicted_files import (
     write_npz,
     write_picture,
 )
+from cli.room_input import open_room
 from sonarhw.errors import InputError
 
 if TYPE_CHECKING:
@@ -113,12 +114,11 @@ def simulate(
     """
     from sim.board import load_board
     from sim.models import Model, predict_with
-    from sim.room import load_room
 
     kind = checked_out(out, _FORMATS, force, room_file, board)
     wish = trace_wish(traces, rate, kind)
     order = scan_order(start, stop, step)
-    room = load_room(room_file)
+    room = open_room(room_file)
     here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, wish)
