@@ -28,7 +28,9 @@ NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
 _MOST_MARKS = 2000  # of one class; more are dots, for each mark takes time at every repaint
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
-_NONE: Placed = (NO_POINTS, NOWHERE)
+_LOWEST = 10  # of the marks one upon the other: dots, scatters, ring
+ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # and below the ring
+NO_MARKS: Placed = (NO_POINTS, NOWHERE)
 
 
 class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
@@ -104,7 +106,7 @@ class ReadingMarks:
         self._dots = {kind: Dots() for kind in MARKS}
         items: tuple[pg.GraphicsObject, ...] = (*self._dots.values(), *self.scatters.values(), self._ring)
         for z, item in enumerate(items):
-            item.setZValue(10 + z)
+            item.setZValue(_LOWEST + z)
             plot.addItem(item)
         for scatter in self.scatters.values():
             scatter.setVisible(False)
@@ -120,7 +122,7 @@ class ReadingMarks:
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
         """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
         for kind, scatter in self.scatters.items():
-            before, (points, places) = self.placed.get(kind, _NONE), placed.get(kind, _NONE)
+            before, (points, places) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
             known = _known(before, (points, places))
             if known == len(places) == len(before[1]):
                 continue

@@ -9,11 +9,11 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QPointF, Qt, Signal
-from PySide6.QtGui import QFontMetrics
+from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF
 
 from compare.match import TOLERANCE, Kind
 from gui.look import Look
-from gui.marks import NOWHERE, WHOLE, Outline, Placed, ReadingMarks
+from gui.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, WHOLE, Outline, Placed, ReadingMarks
 from gui.palette import Unclassed
 from gui.pick import is_plain_click, nearest_reading
 from gui.plan_geometry import outline_ranges
@@ -21,10 +21,13 @@ from gui.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from gui.reading_tip import reading_tip
 from gui.residual_unit import residual_unit
 from gui.shown import Cursor, Shown
+from gui.spots import Spots
 from gui.theme import text_font
 from sonarhw.readings import FloatArray
 
-_MOST_RESIDUAL = 0.25  # m; what is farther off is drawn at the edge
+_MOST_RESIDUAL = 0.25  # m; what is farther off is an arrow at the edge
+_BEYOND = 18  # pixels of an arrow, which covers the mark of its reading
+_ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
 _WIDEST = "-000.0"  # figure on a left axis
 _ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
 
@@ -51,6 +54,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
+        self.beyond = {Kind.SHORT: self._add_arrows(1), Kind.LONG: self._add_arrows(-1)}  # by what the scale ends
         self._chosen = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer.append(self._add_line(self.ranges, 0))
@@ -68,6 +72,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         if before is None or not shown.same_readings(before):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
+            self._draw_beyond(shown)
         self._reach(shown)
         for marks in self._marks:
             marks.ring(shown.chosen)
@@ -111,6 +116,9 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self._outline.dress(look.palette)
         for marks in self._marks:
             marks.dress(look.palette)
+        for kind, arrows in self.beyond.items():
+            arrows.setPen(cosmetic_pen(look.palette.paper, width=1))
+            arrows.setBrush(look.palette.of(kind))
         for line in self._chosen:
             line.setPen(cosmetic_pen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
         for line in self._pointer:
@@ -122,7 +130,7 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         axis.setScale(unit.per_metre)
         label_axis(axis, f"residual ({unit.label})")
         edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
-        self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is drawn at the edge")
+        self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is an arrow at the edge")
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
             line.setPen(cosmetic_pen(look.palette.tolerance))
@@ -142,6 +150,24 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         band.setZValue(-20)
         self.residuals.addItem(band, ignoreBounds=True)
         return band
+
+    def _add_arrows(self, down: int) -> Spots:
+        polygon = QPolygonF([QPointF(x, down * y) for x, y in _ARROW])
+        arrow = QPainterPath()
+        arrow.addPolygon(polygon)
+        arrow.closeSubpath()
+        arrows = Spots(size=_BEYOND, symbol=arrow)
+        arrows.setZValue(ABOVE_MARKS)
+        self.residuals.addItem(arrows, ignoreBounds=True)
+        return arrows
+
+    def _draw_beyond(self, shown: Shown) -> None:
+        residuals = shown.rows.residuals
+        for kind, arrows in self.beyond.items():
+            points, places = self._marks[1].placed.get(kind, NO_MARKS)
+            beyond = np.abs(residuals[list(points.readings)]) > _MOST_RESIDUAL
+            arrows.setVisible(bool(beyond.any()))
+            arrows.setData(*places[beyond].T)
 
     def _add_line(self, plot: pg.PlotItem, angle: float) -> pg.InfiniteLine:
         line = pg.InfiniteLine(angle=angle)

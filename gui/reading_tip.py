@@ -1,4 +1,4 @@
-"""What hovers over a reading: number, heading, measured, predicted, class.
+"""What hovers over a reading: number, heading, measured, predicted, what lies between, class.
 
 Takes what is shown and the index of a reading; hands on a few short lines.
 """
@@ -7,6 +7,7 @@ import math
 
 from gui.look import LengthUnit
 from gui.palette import MARKS
+from gui.residual_unit import residual_unit
 from gui.shown import Shown
 
 
@@ -17,6 +18,9 @@ def reading_tip(shown: Shown, index: int) -> str:
     lines.append(f"measured {_length(reading.range, shown.look.unit)}")
     if row is not None:
         lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")
+        if row.residual is not None:
+            unit = residual_unit(shown.look.unit)
+            lines.append(f"residual {unit.text(row.residual)} {unit.label}")
         if row.kind in MARKS:
             lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
     return "\n".join(lines)

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF
+from PySide6.QtCore import QPoint, QPointF
+from PySide6.QtGui import QColor
 from pytestqt.qtbot import QtBot
 
 from compare.match import Kind, compare_readings
@@ -48,6 +49,37 @@ def test_residuals_are_measured_less_predicted_and_kept_on_the_plot(view: RangeV
             heading, residual = place_of(view._marks[1], row.index)
             assert heading == pytest.approx(90 * row.index)
             assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
+
+
+def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how_far_off_it_is(
+    qtbot: QtBot, view: RangeView, shown: Shown
+) -> None:
+    heard = (shown.row(0).predicted, None, shown.row(2).predicted + 0.4, shown.row(3).predicted - 0.2)
+    readings = tuple(
+        replace(reading, echo_times=() if far is None else (2 * far / SPEED,))
+        for reading, far in zip(shown.readings, heard, strict=True)
+    )
+    room = shown.scene
+    comparison = compare_readings(readings, room.room, room.standing, room.board)
+    view.show_state(replace(shown, readings=readings, compared=Compared(0, comparison, 0, draft=False)))
+    points = {kind: [(spot.pos().x(), spot.pos().y()) for spot in view.beyond[kind].points()] for kind in view.beyond}
+    assert points == {Kind.SHORT: [], Kind.LONG: [(pytest.approx(180), pytest.approx(0.25))]}
+    assert view.beyond[Kind.LONG].isVisible()
+    assert colour_at(view, (180, 0.25)) == QColor(shown.look.palette.long).name()
+
+    at = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(180, 0.25)))
+    for pixel in (at - QPoint(40, 40), at):
+        qtbot.mouseMove(view.viewport(), pixel)
+        qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+    qtbot.waitUntil(lambda: "residual +400 mm" in view.residuals.vb.toolTip())
+    view.show_state(replace(shown, compared=None))
+    assert not view.beyond[Kind.LONG].isVisible()
+
+
+def colour_at(view: RangeView, at: tuple[float, float]) -> str:
+    """What is seen at a point of the residuals."""
+    pixel = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(*at)))
+    return view.grab().toImage().pixelColor(pixel).name()
 
 
 def test_both_plots_share_their_headings(view: RangeView) -> None:
