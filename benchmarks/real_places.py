@@ -1,22 +1,29 @@
 """Which place each real scan was taken at, nothing known of it: `python -m benchmarks.real_places [FOLDER]`.
 
 Takes the folder of real scans; locates each in the whole arena, heading unknown, and prints which of the arena's places
-it was, how probable that is, and the most probable pose of all.
+it was, how probable that is, and the most probable pose of all. `--elsewhere` besides locates them in rooms where they
+were not taken, and with boards that they were not taken with, and prints what share of the echoes is explained there
+(some minutes).
 """
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
 from benchmarks.real_scans import DEFAULT_FOLDER, RealScan, load_scans
 from compare.locate import Located, locate
 from sim.board import load_board
 from sim.room import load_room
 
+OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
+OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
-def locate_scan(scan: RealScan, board_name: str = "lego-nxt") -> Located:
-    """Where in the arena a scan may have been taken."""
-    return locate(scan.readings, load_room("rooms/arena.toml"), load_board(board_name))
+
+def locate_scan(scan: RealScan, board_name: str = "lego-nxt", room_name: str = "arena") -> Located:
+    """Where in a room, the arena unless said otherwise, a scan may have been taken."""
+    return locate(scan.readings, load_room(f"rooms/{room_name}.toml"), load_board(board_name))
 
 
 def true_place(scan: RealScan) -> str:
@@ -27,7 +34,8 @@ def true_place(scan: RealScan) -> str:
 
 def main() -> None:
     """Print a row a scan, and how many places are right."""
-    scans = load_scans(Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FOLDER)
+    given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
+    scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
     print("scan  place  found   most probable pose           probability   from the place")
     right = at_best = 0
     for scan in scans:
@@ -43,6 +51,17 @@ def main() -> None:
             f"{math.degrees(best.heading):5.1f}° {best.probability:12.0%} {away * 100:12.0f} cm"
         )
     print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
+    if "--elsewhere" in sys.argv:
+        tell_elsewhere(scans)
+
+
+def tell_elsewhere(scans: Sequence[RealScan]) -> None:
+    """Print what share of the echoes the most probable pose explains, with the true room and board and with others."""
+    print("\nroom        board          echoes within 5 cm at the best pose: least, median, most of the scans")
+    others = [("arena", board) for board in OTHER_BOARDS] + [(room, "lego-nxt") for room in OTHER_ROOMS]
+    for room, board in [("arena", "lego-nxt"), *others]:
+        shares = [locate_scan(scan, board, room).explained for scan in scans]
+        print(f"{room:11} {board:14} {min(shares):5.0%} {median(shares):5.0%} {max(shares):5.0%}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,14 +2,16 @@
 
 Takes the folder of real scans (scans.csv and a CSV a scan); imports each as a user would, lets heading, range offset
 and a position within 3 cm be found for every model alike, and prints the share of echoes within 5 cm of the prediction
-and the ROC area of silence. `--cross-validation` besides tunes the board without a place or a recording and judges it
-there (minutes; `benchmarks.tune_lego_nxt`).
+and the ROC area of silence, and how much two recordings of one place agree. `--cross-validation` besides tunes the
+board without a place or a recording and judges it there, and prints what every candidate explains (minutes;
+`benchmarks.tune_lego_nxt`).
 """
 
 import csv
 import math
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 
 from cli.app import run
 from compare.fit.plain import fit_scan
-from compare.match import Comparison, Kind, compare_readings
+from compare.match import TOLERANCE, Comparison, Kind, compare_readings
 from compare.silence import roc_area
 from sim.board import Board, load_board
 from sim.models import Model
@@ -125,6 +127,34 @@ def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
     return {(scans[k].name, int(row)) for k, row in np.argwhere(shares >= _OWN_SHARE)}
 
 
+def repeated(scans: Sequence[RealScan]) -> tuple[float, float]:
+    """How much of earlier recordings agrees with later ones of the same place, and how much of later with earlier.
+
+    Shares of the echoes within 5 cm, each pair turned and its ranges shifted by up to 6 cm as agrees best.
+    """
+    pairs = [(a, b) for k, a in enumerate(scans) for b in scans[k + 1 :] if a.spot == b.spot]
+    forward, back = ([_agreement(*pair) for pair in some] for some in (pairs, [(b, a) for a, b in pairs]))
+    return _pooled(forward), _pooled(back)
+
+
+def _agreement(one: RealScan, other: RealScan) -> tuple[int, int]:
+    """How many echoes of one scan another has as well, and how many there are."""
+    here, there = _ranges(one), _ranges(other)
+    turned = np.stack([np.roll(there, k) for k in range(len(there))])
+    offsets = np.arange(-0.06, 0.061, 0.005)
+    near = np.abs(here - turned[:, None] - offsets[:, None]) <= TOLERANCE
+    return int(near.sum(axis=2).max()), int(np.isfinite(here).sum())
+
+
+def _ranges(scan: RealScan) -> FloatArray:
+    return np.array([math.nan if one.range is None else one.range for one in scan.readings])
+
+
+def _pooled(counts: Sequence[tuple[int, int]]) -> float:
+    agreeing, echoes = np.sum(counts, axis=0)
+    return float(agreeing / echoes)
+
+
 def main() -> None:
     """Print a row a scan, the figures of all scans, what the carrier's own echoes make of them, and held-out ones."""
     given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
@@ -134,10 +164,20 @@ def main() -> None:
         _tell_models(f"{title} for each scan and model", scans, board, free)
     untuned = [judged_of(judge(scan, Model.RAY_FOLLOWING, replace(board, **UNTUNED))) for scan in scans]
     print(f"ray following before tuning, with a gain that rises ideally: {told(figures_of(untuned))}")
+    earlier, later = repeated(scans)
+    print(
+        f"of two recordings at one place the later has {earlier:.3f} of the earlier's echoes, the earlier {later:.3f}"
+    )
+    by_name = {scan.name: scan for scan in scans}
+    angles = Counter(round(math.degrees(by_name[name].readings[row].angle)) for name, row in of_the_carrier(scans))
+    print("echoes that come wherever it stands, by turntable angle:", end=" ")
+    print(", ".join(f"{angle}°: {count}" for angle, count in sorted(angles.items())))
     if "--cross-validation" in sys.argv:
-        from benchmarks.tune_lego_nxt import tell_cross_validation, try_all
+        from benchmarks.tune_lego_nxt import tell_candidates, tell_cross_validation, try_all
 
-        tell_cross_validation(try_all(scans))
+        trial = try_all(scans)
+        tell_cross_validation(trial)
+        tell_candidates(trial)
 
 
 def told(figures: Figures) -> str:

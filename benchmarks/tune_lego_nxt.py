@@ -139,6 +139,17 @@ def pooled(trial: Trial, folds: Mapping[str, Sequence[str]]) -> Figures:
     return figures_of([trial.judged[(*tuned[fold][0], name)] for fold, names in folds.items() for name in names])
 
 
+def tell_candidates(trial: Trial) -> None:
+    """Print what every candidate explains, and how the best aperture tells silence."""
+    everyone = [scan.name for scan in trial.scans]
+    rows = [[trial.figures((a, t), everyone) for t in range(len(THRESHOLDS))] for a in range(len(APERTURES))]
+    print("\nshare within 5 cm of every candidate: thresholds across, dB, apertures down, mm")
+    print(f"{'':9}" + "".join(f"{threshold:7.1f}" for threshold in THRESHOLDS))
+    for aperture, row in zip(APERTURES, rows, strict=True):
+        print(f"{aperture * 1000:9.2f}" + "".join(f"{found.share:7.3f}" for found in row))
+    print("balanced " + "".join(f"{found.agreement:7.3f}" for found in rows[trial.best(everyone)[0]]))
+
+
 def tell_cross_validation(trial: Trial) -> None:
     """Print what the board explains of places, and of recordings, that it was not tuned on."""
     for title, folds in (("one place", places(trial.scans)), ("one recording", recordings(trial.scans))):

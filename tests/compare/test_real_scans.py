@@ -18,11 +18,12 @@ from benchmarks.real_scans import (
     judged_of,
     load_scans,
     of_the_carrier,
+    repeated,
 )
 from benchmarks.tune_lego_nxt import PROFILE, fingerprint_of, judge_all, known_paths
 from sim.board import Board, load_board
 from sim.models import Model
-from sonarhw.readings import Reading
+from sonarhw.readings import FloatArray, Reading
 
 BOARD = load_board("lego-nxt")
 here = pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")
@@ -74,11 +75,25 @@ def test_profile_says_what_was_found_with_it(scans: list[RealScan]) -> None:
     assert fingerprint_of(DEFAULT_FOLDER) in PROFILE.read_text()
 
 
+def recorded(name: str, x: float, ranges: FloatArray) -> RealScan:
+    readings = (Reading(i, 0, 0, 0.1 * i, float(i), (2 * r / 340.0,), 340.0) for i, r in enumerate(ranges.tolist()))
+    return RealScan(name, x, 0.0, tuple(readings))
+
+
 def test_echoes_of_the_carrier_are_those_that_come_wherever_it_stands() -> None:
     scans = []
     for k in range(5):
         ranges = 0.5 + 0.2 * k + 0.01 * np.arange(20.0)
         ranges[10:13] = 0.22 + 0.01 * k / 5
-        readings = [Reading(i, 0, 0, 0.1 * i, float(i), (2 * r / 340.0,), 340.0) for i, r in enumerate(ranges)]
-        scans.append(RealScan(f"s{k}", float(k), 0.0, tuple(readings)))
+        scans.append(recorded(f"s{k}", float(k), ranges))
     assert of_the_carrier(scans) == {(f"s{k}", row) for k in range(5) for row in (10, 11, 12)}
+
+
+def test_recordings_of_one_place_are_held_against_each_other_turned_and_shifted() -> None:
+    ranges = 1.0 + 0.2 * (np.arange(20.0) ** 2 % 7)
+    turned = np.roll(ranges, 5) + 0.03
+    turned[:2] = 9.0
+    elsewhere = np.full(20, 5.0)
+    spots = ((0.0, ranges), (1.0, elsewhere), (0.0, turned))
+    scans = [recorded(f"s{k}", x, told) for k, (x, told) in enumerate(spots)]
+    assert repeated(scans) == (0.9, 0.9)
