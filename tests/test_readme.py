@@ -41,6 +41,22 @@ def test_the_question_it_asks_is_answered_as_it_says(
     assert [line for line in capsys.readouterr().out.splitlines() if "270.0°" in line] == [answer]
 
 
+def test_other_peoples_scans_come_in_as_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands = re.findall(r"\$ sonarhw (import .*)\n\$ sonarhw (locate .*)\n", README)[0]
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--step", "6"]) == 0
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
+    told = [f"{-float(heading):g},{float(distance) * 100 if distance else 255:g}" for heading, distance, *_ in rows]
+    shutil.copytree("rooms", tmp_path / "rooms")
+    monkeypatch.chdir(tmp_path)
+    Path("turret.csv").write_text("\n".join(["turret_deg,range_cm", *told]) + "\n")
+    assert [run(shlex.split(command)) for command in commands] == [0, 0]
+    last = capsys.readouterr()
+    assert last.err == ""
+    assert last.out.splitlines()[-1].startswith("if it was at one of the room's places: p3 ")
+
+
 def test_pictures_are_there() -> None:
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
     assert len(pictures) == 3
