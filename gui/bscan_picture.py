@@ -8,16 +8,18 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
 from compare.bscan import SAME_HEADING, BScan, RangeCells
 from compare.levels import in_db
 from gui.palette import Palette
 from sonarhw.readings import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
 
 Pixels = NDArray[np.uint8]  # (height, width, 4), first the lowest row; not opaque where nothing is known
 COLOURS = 256
@@ -64,6 +66,10 @@ class ColourScale:
 @lru_cache(maxsize=16)
 def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) -> ColourScale:
     """The colours of one pane; those of a difference run from predicted's colour by the paper's to measured's."""
+    # half a second, which only the first picture takes, and not every start of the window
+    from matplotlib import colormaps
+    from matplotlib.colors import LinearSegmentedColormap
+
     if pane is not Pane.DIFFERENCE:
         colours = _bytes(colormaps["cividis"])
         if decibels:
@@ -76,7 +82,7 @@ def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) 
     return ColourScale(colours, -_DIFFERENCE, _DIFFERENCE, "difference (of full scale)")
 
 
-def _bytes(colours: Colormap) -> NDArray[np.uint8]:
+def _bytes(colours: "Colormap") -> NDArray[np.uint8]:
     return np.asarray(colours(np.linspace(0, 1, COLOURS), bytes=True), dtype=np.uint8)
 
 

@@ -17,6 +17,7 @@ from compare.bscan import RangeCells
 from gui.bscan_pane import BScanPane
 from gui.bscan_picture import BScanWish, Pane
 from gui.bscan_request import BScans
+from gui.look import Look
 from gui.marks import WHOLE
 from gui.pick import is_plain_click
 from gui.reach import first_look
@@ -57,10 +58,9 @@ class BScanView(QWidget):
         self.note = QLabel()
         self.canvas = pg.GraphicsLayoutWidget()
         self.canvas.setViewportUpdateMode(WHOLE)
-        self.panes = {pane: BScanPane(pane) for pane in Pane}
+        self.panes: dict[Pane, BScanPane] = {}  # each is made when it is first looked at
         self._arrange()
         self._connect()
-        self._lay_out()
 
     @property
     def wish(self) -> BScanWish:
@@ -74,6 +74,7 @@ class BScanView(QWidget):
             self.canvas.setBackground(shown.look.palette.paper)
             for pane in self.panes.values():
                 pane.dress(shown.look)
+            self._make_panes(shown.look)
             self._lay_out()
             self._drawn = None
         if self.isVisible():
@@ -85,8 +86,9 @@ class BScanView(QWidget):
         self._fit(None)
 
     def _fit(self, reach: float | None) -> None:
-        for pane in self.wish.panes:
-            self.panes[pane].fit(reach)
+        for kind in self.wish.panes:
+            if kind in self.panes:
+                self.panes[kind].fit(reach)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Somebody looks: have it worked out."""
@@ -130,9 +132,17 @@ class BScanView(QWidget):
 
     @Slot()
     def _wish_anew(self) -> None:
-        self._lay_out()
+        if self._shown is not None:
+            self._make_panes(self._shown.look)
+            self._lay_out()
         self._drawn = None
         self.wished.emit(self.wish)
+
+    def _make_panes(self, look: Look) -> None:
+        for kind in self.wish.panes:
+            if kind not in self.panes:
+                self.panes[kind] = BScanPane(kind)
+                self.panes[kind].dress(look)
 
     def _lay_out(self) -> None:
         """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""

@@ -3,6 +3,8 @@
 Takes what is shown; hands on the gestures of both plans.
 """
 
+from functools import cached_property
+
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
@@ -21,27 +23,43 @@ class SideBySide(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.reality, self.simulation = PlanView(predicted=False), PlanView(measured=False)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(1)
+        self._row = QHBoxLayout(self)
+        self._row.setContentsMargins(0, 0, 0, 0)
+        self._row.setSpacing(1)
+        self._looked_at = False
+
+    @cached_property
+    def reality(self) -> PlanView:
+        """The left plan; made when it is first looked at, as the other."""
+        return PlanView(predicted=False)
+
+    @cached_property
+    def simulation(self) -> PlanView:
+        """The right plan."""
+        return PlanView(measured=False)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        if not self._looked_at:
+            self._looked_at = True
+            self._arrange()
+        for view in (self.reality, self.simulation):
+            view.show_state(shown)
+
+    def fit(self) -> None:
+        """Show the whole room in both."""
+        if self._looked_at:
+            self.reality.fit()
+
+    def _arrange(self) -> None:
         for title, view in (("Reality", self.reality), ("Simulation", self.simulation)):
-            row.addLayout(_titled(title, view), stretch=1)
+            self._row.addLayout(_titled(title, view), stretch=1)
             view.picked.connect(self.picked)
             view.pointed.connect(self.pointed)
             view.edited.connect(self.edited)
             view.cancelled.connect(self.cancelled)
         self.simulation.plotItem.setXLink(self.reality.plotItem)
         self.simulation.plotItem.setYLink(self.reality.plotItem)
-
-    def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
-        for view in (self.reality, self.simulation):
-            view.show_state(shown)
-
-    def fit(self) -> None:
-        """Show the whole room in both."""
-        self.reality.fit()
 
 
 def _titled(title: str, view: PlanView) -> QVBoxLayout:

@@ -16,6 +16,7 @@ from gui.bscan_request import BScanRequest
 from gui.bscan_view import BScanView
 from gui.main_window import MainWindow
 from gui.palette import LIGHT
+from gui.plan_view import PlanView
 from gui.scene import Scene
 from gui.shown import Cursor, Shown
 from sonarhw.log import read_log
@@ -46,6 +47,24 @@ def test_a_click_on_a_heading_chooses_its_reading(qtbot: QtBot, window: MainWind
     qtbot.mouseClick(window.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=at(window, Pane.MEASURED, 271, 0.6))
     assert window.session.shown.chosen == 27
     assert "at 270.0°" in window.sentence.text()
+
+
+def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_meanwhile(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    assert len(window.findChildren(PlanView)) == 1
+    assert not window.bscan.panes
+    window.commands.fit.trigger()
+    window.bscan.polar.trigger()
+    window.bscan.choices.actions()[1].trigger()
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    until(qtbot, lambda: worked_out(window))
+    assert list(window.bscan.panes) == [Pane.PREDICTED]
+    assert window.session.shown.bscan.wish.polar
+    qtbot.keyClick(window, Qt.Key.Key_2)
+    assert len(window.findChildren(PlanView)) == 3
 
 
 def test_in_a_polar_image_a_click_means_the_direction_from_the_place(qtbot: QtBot, window: MainWindow) -> None:

@@ -1,4 +1,4 @@
-"""The instrument, the prediction and the comparison know no Qt."""
+"""The instrument, the prediction and the comparison know no Qt, and the window loads nothing in vain."""
 
 import pkgutil
 import subprocess
@@ -17,6 +17,12 @@ def test_sonarhw_sim_and_compare_import_no_qt() -> None:
     ]
     assert len(modules) > 20
     script = f"import sys; [__import__(name) for name in {modules}]; print([m for m in sys.modules if 'PySide' in m])"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"
+
+
+def test_the_window_opens_without_what_only_some_pictures_need() -> None:
+    script = "import sys, gui.app, cli.gui; print([m for m in sys.modules if m.split('.')[0] == 'matplotlib'])"
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
 
