@@ -118,7 +118,7 @@ class MainWindow(QMainWindow):
         side.setObjectName("side")  # by which its sizes are remembered
         for view in (self.trace, self.ranges, self.table):
             side.addWidget(view)
-        side.setSizes([250, 280, 120])
+        side.setSizes([215, 265, 165])
         views = QSplitter(Qt.Orientation.Horizontal)
         views.setObjectName("views")
         views.addWidget(self.stage)

@@ -34,15 +34,19 @@ from gui.reading_rows import CLASSES, Class, Column, class_name, column_name, ro
 from gui.shown import Shown
 from gui.theme import text_font
 
-_WIDEST = {Column.NUMBER: "00000", Column.CLASS: "measured__", Column.PATH: "bottom>top>bottom"}  # beside the names
+_WIDEST = {Column.CLASS: "missed", Column.PATH: "bottom>top>bottom"}  # beside the names
+_SHORTEST = "0.827 m at 270.0°: three reflections"  # a sentence of which less is seen is better read below the views
+_MARK = 20  # pixels of a class's mark and what parts it from the name
+_BESIDE = 12  # pixels: the margins
+_ARROW = 14  # pixels: the sign of the order, over the column that it is of
 _SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
-_BESIDE = 22  # pixels: the sign of the order and the margins
 
 
 class _Rows(QTableView):
     """Qt's table; but what it copies is for the whole table to say."""
 
     copied = Signal()
+    resized = Signal()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Copy rows instead of the text of one cell."""
@@ -54,6 +58,7 @@ class _Rows(QTableView):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the chosen row in sight."""
         super().resizeEvent(event)
+        self.resized.emit()
         self.scrollTo(self.currentIndex())
 
 
@@ -65,6 +70,7 @@ class ReadingTable(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._shown: Shown | None = None
+        self._sorted_by = Column.NUMBER
         self._following = False  # whether the selection moves because the choice did
         self.model = ReadingModel(self)
         self.view = self._made_view()
@@ -96,6 +102,8 @@ class ReadingTable(QWidget):
         self._following = False
         if before is None or not shown.same_readings(before):
             self._count(shown)
+        if before is None or before.look != shown.look or not shown.same_readings(before):
+            self._make_room(shown)
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._fade_counts(shown)
         self._follow(shown.chosen)
@@ -141,6 +149,8 @@ class ReadingTable(QWidget):
         self.words.textChanged.connect(self._filter)
         self.copy.clicked.connect(self.copy_rows)
         self.view.copied.connect(self.copy_rows)
+        self.view.resized.connect(self._choose_columns)
+        self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
         QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
 
     def _dress(self, look: Look) -> None:
@@ -150,14 +160,39 @@ class ReadingTable(QWidget):
         self.view.horizontalHeader().setFont(font)
         self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
         for column in Column:
-            widest = max(_WIDEST.get(column, ""), column_name(column, look), key=metrics.horizontalAdvance)
-            self.view.setColumnWidth(column, metrics.horizontalAdvance(widest) + _BESIDE)
+            widest = max(map(metrics.horizontalAdvance, (_WIDEST.get(column, ""), column_name(column, look))))
+            self.view.setColumnWidth(column, widest + self._beside(column))
         for kind, button in self.classes.items():
             button.setFont(font)
             button.setIconSize(QSize(14, 14))
             if kind in MARKS and MARKS[kind] is not UNCLASSED:
                 button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
             button.setFixedSize(button.sizeHint())
+
+    def _make_room(self, shown: Shown) -> None:
+        """For the longest number, and for the word of readings that nothing is predicted for."""
+        highest = str(max(0, len(self.model.rows) - 1))
+        word = "" if shown.scene.room else class_name(Unclassed.MEASURED)
+        for column, widest in ((Column.NUMBER, "0" * len(highest)), (Column.CLASS, word)):
+            wanted = self.view.fontMetrics().horizontalAdvance(widest) + self._beside(column)
+            self.view.setColumnWidth(column, max(wanted, self.view.columnWidth(column)))
+        self._choose_columns()
+
+    def _beside(self, column: Column) -> int:
+        return _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
+
+    @Slot()
+    def _choose_columns(self) -> None:
+        """Leave the sentence out where little of it would be seen: the path has the room."""
+        others = sum(self.view.columnWidth(column) for column in Column if column is not Column.SENTENCE)
+        least = self.view.fontMetrics().horizontalAdvance(_SHORTEST) + _BESIDE
+        self.view.setColumnHidden(Column.SENTENCE, others + least > self.view.viewport().width())
+
+    @Slot(int)
+    def _move_arrow(self, column: int) -> None:
+        for which, by in ((self._sorted_by, -_ARROW), (Column(column), _ARROW)):
+            self.view.setColumnWidth(which, self.view.columnWidth(which) + by)
+        self._sorted_by = Column(column)
 
     def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():

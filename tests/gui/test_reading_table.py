@@ -263,6 +263,36 @@ def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_
         assert (count.palette().buttonText().color().name() == grey) is outdated
 
 
+@pytest.mark.parametrize("unit", LengthUnit)
+@pytest.mark.parametrize(
+    ("width", "told"), [(590, False), (870, True)]
+)  # beside the plan of a small and a large screen
+def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_aside(
+    qtbot: QtBot, table: ReadingTable, shown: Shown, width: int, told: bool, unit: LengthUnit
+) -> None:
+    table.resize(width, 200)
+    table.show_state(replace(shown, look=Look(unit=unit)))
+    click_header(qtbot, table, Column.RESIDUAL)
+    view, header = table.view, table.view.horizontalHeader()
+    qtbot.waitUntil(lambda: view.viewport().width() > width - 40)
+    assert view.horizontalScrollBar().maximum() == 0
+    assert view.isColumnHidden(Column.SENTENCE) is not told
+    assert header.sortIndicatorSection() == Column.RESIDUAL
+    assert view.columnWidth(Column.PATH) > 90
+    for column in (column for column in Column if column < Column.PATH):
+        room = view.columnWidth(column) - 8
+        name = table.model.headerData(column, Qt.Orientation.Horizontal)
+        assert header.fontMetrics().horizontalAdvance(name) + 14 * (column is Column.RESIDUAL) <= room
+        mark = 20 if column is Column.CLASS else 0
+        assert max(map(view.fontMetrics().horizontalAdvance, listed(table, column))) + mark <= room
+
+
+def test_a_class_that_only_readings_without_a_room_have_is_read_whole(table: ReadingTable, shown: Shown) -> None:
+    table.show_state(replace(shown, scene=replace(shown.scene, room=None), compared=None))
+    word = table.view.fontMetrics().horizontalAdvance("measured")
+    assert table.view.columnWidth(Column.CLASS) >= word + 20 + 8
+
+
 def test_units_follow_the_look(table: ReadingTable, shown: Shown) -> None:
     table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
     names = [table.model.headerData(column, Qt.Orientation.Horizontal) for column in Column]
