@@ -38,7 +38,7 @@ def samples_of(
     random = RandomState(seed)
     walkers = max(_WALKERS, 2 * (len(top) + 2))
     begin = _ensemble(objective, top, walkers, random)
-    # not its snooker move: in emcee 3.1.6 that draws a tenth too narrow
+    # not its snooker move: what that draws in emcee 3.1.6 is 6 % too narrow or more
     sampler = emcee.EnsembleSampler(walkers, len(top), objective, moves=emcee.moves.DEMove())
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
