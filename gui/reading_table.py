@@ -34,8 +34,13 @@ from gui.reading_rows import CLASSES, Class, Column, class_name, column_name, ro
 from gui.shown import Shown
 from gui.theme import text_font
 
-_WIDEST = {Column.CLASS: "missed", Column.PATH: "bottom>top>bottom"}  # beside the names
-_SHORTEST = "0.827 m at 270.0°: three reflections"  # a sentence of which less is seen is better read below the views
+_LEAST = {
+    Column.CLASS: "missed",
+    Column.PATH: "north>pillar",
+    Column.SENTENCE: "0.827 m at 270.0°: three reflections",
+}
+_USUAL_PATH = "bottom>top>bottom"
+_LEFT_OUT_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # where the table is narrow
 _MARK = 20  # pixels of a class's mark and what parts it from the name
 _BESIDE = 12  # pixels: the margins
 _ARROW = 14  # pixels: the sign of the order, over the column that it is of
@@ -71,6 +76,7 @@ class ReadingTable(QWidget):
         super().__init__()
         self._shown: Shown | None = None
         self._sorted_by = Column.NUMBER
+        self._path_width = 0  # pixels, where the sentence stands behind it
         self._following = False  # whether the selection moves because the choice did
         self.model = ReadingModel(self)
         self.view = self._made_view()
@@ -96,7 +102,7 @@ class ReadingTable(QWidget):
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
-            self._dress(shown.look)
+            self._dress(shown)
         self._following = True  # rows that come or go move the selection, and nobody has picked anything
         self.model.show_state(shown)
         self._following = False
@@ -153,15 +159,16 @@ class ReadingTable(QWidget):
         self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
         QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
 
-    def _dress(self, look: Look) -> None:
+    def _dress(self, shown: Shown) -> None:
+        look = shown.look
         font = text_font(look, 0.9)
         metrics = QFontMetrics(font)
         self.view.setFont(font)
         self.view.horizontalHeader().setFont(font)
         self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
         for column in Column:
-            widest = max(map(metrics.horizontalAdvance, (_WIDEST.get(column, ""), column_name(column, look))))
-            self.view.setColumnWidth(column, widest + self._beside(column))
+            self.view.setColumnWidth(column, self._needed(shown, column))
+        self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
         for kind, button in self.classes.items():
             button.setFont(font)
             button.setIconSize(QSize(14, 14))
@@ -170,29 +177,42 @@ class ReadingTable(QWidget):
             button.setFixedSize(button.sizeHint())
 
     def _make_room(self, shown: Shown) -> None:
-        """For the longest number, and for the word of readings that nothing is predicted for."""
-        highest = str(max(0, len(self.model.rows) - 1))
-        word = "" if shown.scene.room else class_name(Unclassed.MEASURED)
-        for column, widest in ((Column.NUMBER, "0" * len(highest)), (Column.CLASS, word)):
-            wanted = self.view.fontMetrics().horizontalAdvance(widest) + self._beside(column)
-            self.view.setColumnWidth(column, max(wanted, self.view.columnWidth(column)))
+        """For numbers and words that have become longer."""
+        for column in (Column.NUMBER, Column.CLASS):
+            self.view.setColumnWidth(column, max(self._needed(shown, column), self.view.columnWidth(column)))
         self._choose_columns()
 
-    def _beside(self, column: Column) -> int:
-        return _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
+    def _needed(self, shown: Shown, column: Column) -> int:
+        """How many pixels it takes to read what stands in a column; of a path or a sentence, the least worth seeing."""
+        widest = _LEAST.get(column, "")
+        if column is Column.NUMBER:
+            widest = "0" * len(str(len(shown.readings)))
+        elif column is Column.CLASS and shown.scene.room is None:
+            widest = class_name(Unclassed.MEASURED)
+        text = max(map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look))))
+        return text + _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
 
     @Slot()
     def _choose_columns(self) -> None:
-        """Leave the sentence out where little of it would be seen: the path has the room."""
-        others = sum(self.view.columnWidth(column) for column in Column if column is not Column.SENTENCE)
-        least = self.view.fontMetrics().horizontalAdvance(_SHORTEST) + _BESIDE
-        self.view.setColumnHidden(Column.SENTENCE, others + least > self.view.viewport().width())
+        """Leave out what can best be done without, until the others can be read."""
+        if self._shown is None:
+            return
+        needed = {column: self._needed(self._shown, column) for column in Column}
+        for column in _LEFT_OUT_FIRST:
+            if sum(needed.values()) > self.view.viewport().width():
+                del needed[column]
+        for column in Column:
+            self.view.setColumnHidden(column, column not in needed)
+        # where it is the last it is stretched, but never made smaller
+        self.view.setColumnWidth(Column.PATH, self._path_width if Column.SENTENCE in needed else needed[Column.PATH])
 
     @Slot(int)
     def _move_arrow(self, column: int) -> None:
-        for which, by in ((self._sorted_by, -_ARROW), (Column(column), _ARROW)):
-            self.view.setColumnWidth(which, self.view.columnWidth(which) + by)
-        self._sorted_by = Column(column)
+        before, self._sorted_by = self._sorted_by, Column(column)
+        if self._shown is not None:
+            for which in (before, self._sorted_by):
+                self.view.setColumnWidth(which, self._needed(self._shown, which))
+            self._choose_columns()
 
     def _count(self, shown: Shown) -> None:
         for kind, count in self.model.rows.counts().items():

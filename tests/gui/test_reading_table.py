@@ -263,23 +263,30 @@ def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_
         assert (count.palette().buttonText().color().name() == grey) is outdated
 
 
-@pytest.mark.parametrize("unit", LengthUnit)
 @pytest.mark.parametrize(
-    ("width", "told"), [(590, False), (870, True)]
-)  # beside the plan of a small and a large screen
+    ("width", "unit", "left_out"),
+    [
+        (430, LengthUnit.M, {Column.NUMBER, Column.PREDICTED, Column.SENTENCE}),  # on a small screen, beside a panel
+        (430, LengthUnit.FT, {Column.PREDICTED, Column.SENTENCE}),
+        (590, LengthUnit.M, {Column.SENTENCE}),  # on a small screen
+        (590, LengthUnit.CM, {Column.SENTENCE}),
+        (870, LengthUnit.M, set()),  # on a large one
+    ],
+)
 def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_aside(
-    qtbot: QtBot, table: ReadingTable, shown: Shown, width: int, told: bool, unit: LengthUnit
+    qtbot: QtBot, table: ReadingTable, shown: Shown, width: int, unit: LengthUnit, left_out: set[Column]
 ) -> None:
-    table.resize(width, 200)
     table.show_state(replace(shown, look=Look(unit=unit)))
     click_header(qtbot, table, Column.RESIDUAL)
+    for pixels in (300, 1500, 300, width):
+        table.resize(pixels, 200)
     view, header = table.view, table.view.horizontalHeader()
     qtbot.waitUntil(lambda: view.viewport().width() > width - 40)
     assert view.horizontalScrollBar().maximum() == 0
-    assert view.isColumnHidden(Column.SENTENCE) is not told
+    assert {column for column in Column if view.isColumnHidden(column)} == left_out
     assert header.sortIndicatorSection() == Column.RESIDUAL
-    assert view.columnWidth(Column.PATH) > 90
-    for column in (column for column in Column if column < Column.PATH):
+    assert view.columnWidth(Column.PATH) > 80
+    for column in (column for column in Column if column < Column.PATH and column not in left_out):
         room = view.columnWidth(column) - 8
         name = table.model.headerData(column, Qt.Orientation.Horizontal)
         assert header.fontMetrics().horizontalAdvance(name) + 14 * (column is Column.RESIDUAL) <= room
