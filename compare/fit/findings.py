@@ -1,7 +1,7 @@
 """What a fit has found, as files: the room with its places, materials, walls and air, the board with its profile.
 
 Takes the room or board that a fit began with and its values; hands on room and board whose text says what was found,
-comments and layout as they were. What was not free stays as it is.
+comments and layout as they were; a profile says which of its values were fitted. What was not free stays as it is.
 """
 
 import math
@@ -63,18 +63,50 @@ def _rounded(place: Place) -> Place:
     return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), _DEGREES) % 360))
 
 
-def found_board(board: Board, values: Values, name: str) -> Board:
-    """The board with those values under another name. Raises InputError where no profile has such."""
+def found_board(
+    board: Board, values: Values, name: str, deviations: Values | None = None, logs: Sequence[str] = ()
+) -> Board:
+    """The board with those values under another name. Raises InputError where no profile has such.
+
+    Its text marks each value that is found, ± its standard deviation where that is given, and says of which `logs`;
+    what the profile said of itself and of values before stands under its own name, for it holds of those alone.
+    """
     profile: Any = tomlkit.parse(board.text)
     profile["name"] = name
+    found = [parameter.kind for parameter in values if parameter.kind in OF_BOARD]
     for parameter, value in values.items():
+        deviation = None if deviations is None else deviations.get(parameter)
         match parameter.kind:
             case Kind.OFFSET:
-                profile["range_offset"] = round(board.range_offset - value, _LENGTH)
+                _set(profile, "range_offset", board.range_offset, board.range_offset - value, deviation, _LENGTH)
             case Kind.THRESHOLD:
-                profile["threshold_db"] = round(value, _DECIBELS)
+                _set(profile, "threshold_db", board.threshold_db, value, deviation, _DECIBELS)
             case Kind.APERTURE:
-                profile["aperture_radius"] = round(value, _APERTURE)
+                _set(profile, "aperture_radius", board.aperture_radius, value, deviation, _APERTURE)
             case Kind.AHEAD | Kind.ASIDE:
-                profile.setdefault("mount", tomlkit.table())[parameter.kind.value] = round(value, _LENGTH)
-    return parse_board(tomlkit.dumps(profile), f"profile {name!r}")
+                mount = profile.setdefault("mount", tomlkit.table())
+                before = board.mount.ahead if parameter.kind is Kind.AHEAD else board.mount.aside
+                _set(mount, parameter.kind.value, before, value, deviation, _LENGTH)
+    text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs)
+    return parse_board(text, f"profile {name!r}")
+
+
+def _set(table: Any, key: str, before: float, value: float, deviation: float | None, digits: int) -> None:
+    """The value in the table, marked as found; what was said of the one before stays beside that one."""
+    said = table[key].trivia.comment.lstrip("# ") if key in table else ""
+    spread = "" if deviation is None else f" ± {deviation:.{digits}f}"
+    table[key] = round(value, digits)
+    table[key].comment(f"fitted{spread}; before: {before:g}" + (f" ({said})" if said else ""))
+    table[key].trivia.comment_ws = "  "
+
+
+def _with_provenance(text: str, before: str, found: Sequence[Kind], logs: Sequence[str]) -> str:
+    """The text under lines that say what was fitted; the header it had is quoted as that of the profile `before`."""
+    lines = text.splitlines()
+    behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    by = f" on {', '.join(logs)}" if logs else ""
+    header = [f"# Fitted by `sonarhw fit`{by}, beginning with profile {before!r}: {', '.join(found)}."]
+    if behind:
+        header.append(f"# What {before!r} says of itself, true of its own values alone:")
+        header += [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]
+    return "\n".join(header + lines[behind:]) + "\n"

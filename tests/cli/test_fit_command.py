@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cli.app import run
+from compare.fit.findings import found_board
+from compare.fit.parameters import Kind, Parameter
 from sim.board import load_board
 from sim.room import load_room
 
@@ -148,6 +150,25 @@ def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp
     assert profile.threshold_db == pytest.approx(load_board("polaroid-6500").threshold_db, abs=3)
     # and both are what the next command takes
     assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
+
+
+def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
+    threshold, offset = Parameter(Kind.THRESHOLD), Parameter(Kind.OFFSET)
+    deviations = {threshold: 0.31, offset: 0.002}
+    nxt = load_board("lego-nxt")
+    text = found_board(nxt, {threshold: -15.554, offset: -0.01}, "mine", deviations, ["north", "south"]).text
+    quoted = [line for line in text.splitlines() if line.startswith("#   ")]
+    own = [line for line in text.splitlines() if line not in quoted]
+    assert own[0] == "# Fitted by `sonarhw fit` on north, south, beginning with profile 'lego-nxt': threshold, offset."
+    assert own[1] == "# What 'lego-nxt' says of itself, true of its own values alone:"
+    assert [line.removeprefix("#   ") for line in quoted] == [
+        line.removeprefix("# ") for line in nxt.text.splitlines() if line.startswith("# ")
+    ]
+    changed = {line.split(" = ")[0]: line for line in own if "fitted ±" in line}
+    assert changed["threshold_db"].startswith("threshold_db = -15.55  # fitted ± 0.31; before: -17.5 (tuned: ")
+    assert changed["range_offset"] == "range_offset = 0.01  # fitted ± 0.00200; before: 0"
+    # what the fit left alone is still what it was tuned to
+    assert "aperture_radius = 0.00375    # m, tuned" in own
 
 
 @pytest.mark.parametrize(
