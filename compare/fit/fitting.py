@@ -25,7 +25,7 @@ from sim.room import Room
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import FloatArray
 
-_PROMISING = 25.0  # of the coarse likelihood's logarithm: what is worse by more is no other answer
+_PROMISING = 25.0  # of the coarse likelihood's logarithm, of readings that err alone: what is worse is no other answer
 _OTHERS = 3  # answers beside the best that are climbed to
 _CLIMBS = 5  # more, at most, to the top of one answer
 _AS_GOOD = 6.0  # of the likelihood's logarithm: answers nearer than that to the best are told
@@ -72,7 +72,8 @@ def fit_scans(
 
     found = _begin(problem, options, lambda share: tick(_SEARCH, share))
     answers = _answers(problem, found, lambda share: tick(_CLIMB, share))
-    best, objective = answers[0].values, _tempered(problem.near(answers[0].values))
+    best = answers[0].values
+    objective = _tempered(problem).near(best)
     samples = np.empty((0, problem.size))
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
@@ -109,17 +110,19 @@ def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[flo
     middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
     middling.sort(key=lambda one: -one.score)
     tops: list[Beginning] = []
-    count = len(problem.parameters)
+    count, promising = len(problem.parameters), _PROMISING * max(_alike(problem))
     for done, one in enumerate(middling):
         tick(done / len(middling))
-        if middling[0].score - one.score < _PROMISING and not any(
+        if middling[0].score - one.score < promising and not any(
             is_same(problem, one.values, other.values) for other in tops
         ):
             # readings err alike whatever the answer: so what a rough climb leaves out tells none from the others
             begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
             tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
     tops.sort(key=lambda one: -one.score)
-    return [one for one in tops if tops[0].score - one.score < _AS_GOOD]
+    telling = _tempered(problem)
+    told = [Beginning(one.values, telling.near(one.values)(one.values)) for one in tops]
+    return [one for one in told if told[0].score - one.score < _AS_GOOD]
 
 
 def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Beginning:
@@ -141,7 +144,7 @@ def _climbed(
 
 def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArray]:
     """The best pose of every scan together; then, one scan at a time, another one of it."""
-    best = problem.start()
+    best, alike = problem.start(), _alike(problem)
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
         best[rows] = several[0].values[rows]
@@ -149,7 +152,7 @@ def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArr
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
         for other in several[1 : 1 + _OTHERS]:
-            if several[0].score - other.score < _PROMISING:
+            if several[0].score - other.score < _PROMISING * alike[scan]:
                 start = best.copy()
                 start[rows] = other.values[rows]
                 yield start
@@ -171,7 +174,7 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
     else:
         middle, covariance = best.values, covariance_of(objective, best.values)
         reach = _NORMAL_REGION * np.sqrt(np.diag(covariance))
-        lower, upper = middle - reach, middle + reach
+        lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
     deviations = np.sqrt(np.diag(covariance))
     estimates = {
         parameter.name: _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
@@ -193,18 +196,22 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         samples=samples[:, :count],
     )
     lone = problem.prediction.receiver is Receiver.BOARD
-    return replace(result, warnings=warnings_of(result, unending(problem, best.values, covariance), lone))
+    return replace(result, warnings=warnings_of(result, unending(objective.problem, best.values, covariance), lone))
 
 
-def _tempered(objective: Objective) -> Objective:
-    """The objective by which to say how sure a fit is: neighbours of one echo err alike where a board rounds it, or
-    where the model of its receiver is only about right.
+def _tempered(problem: Problem) -> Problem:
+    """The problem by which to say how sure a fit is, and which answers are about as good."""
+    return replace(problem, alike=_alike(problem))
+
+
+def _alike(problem: Problem) -> tuple[float, ...]:
+    """Of each scan, how many readings there are to one that says something new.
+
+    Neighbours of one echo err alike where a board rounds it, or where the model of its receiver is only about right.
     """
-    problem = objective.problem
     if not problem.rounding and problem.prediction.receiver is Receiver.FIRST_ECHO:
-        return objective
-    alike = tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
-    return replace(objective, problem=replace(problem, alike=alike))
+        return (1.0,) * len(problem.scans)
+    return tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
 
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:

@@ -12,8 +12,9 @@ from compare.fit.result import Estimate, FitResult
 _INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
 _SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
 _AT_BOUND = 0.01  # of the range
-_BY_LEVELS = (Kind.HEADING, Kind.THRESHOLD, Kind.APERTURE, Kind.REFLECTANCE)  # known by which echoes come and go
-_ALONE = "the board's own receiver was taken to hear each echo alone, which may put a heading off by half a degree"
+# known by which echoes come and go, and by when each is found
+_BY_LEVELS = (Kind.HEADING, Kind.OFFSET, Kind.THRESHOLD, Kind.APERTURE, Kind.REFLECTANCE)
+_ALONE = "the board's own receiver was taken to hear each echo alone; four regions of five hold the truth"
 _MANY_STRAYS = 0.3  # for every metre
 
 

@@ -155,23 +155,38 @@ def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None
         assert estimate.deviation == pytest.approx(0.1 / math.sqrt(3), rel=0.15)
 
 
-def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are() -> None:
-    lego = load_board("lego-nxt")
-    speed = ARENA.air.speed_of_sound
+LEGO = load_board("lego-nxt")  # tells whole centimetres
 
+
+def lego_scan(place: Place, count: int) -> PlacedScan:
+    """What a Lego NXT in the arena is predicted to tell, as if it had been measured."""
+    angles, speed = np.arange(count) * math.tau / count, ARENA.air.speed_of_sound
+    ranges = predict_scan(ARENA, place, LEGO, angles + place.heading).ranges
+    readings = [
+        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(told) else (2 * told / speed,), speed)
+        for k, (angle, told) in enumerate(zip(angles, ranges, strict=True))
+    ]
+    return PlacedScan(readings, place)
+
+
+def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are() -> None:
     def deviation(count: int) -> float:
-        angles = np.arange(count) * math.tau / count
-        ranges = predict_scan(ARENA, TRUTH, lego, angles + TRUTH.heading).ranges
-        scan = [
-            Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(told) else (2 * told / speed,), speed)
-            for k, (angle, told) in enumerate(zip(angles, ranges, strict=True))
-        ]
-        free = free_parameters(("position",), [""], ARENA, lego)
+        free = free_parameters(("position",), [""], ARENA, LEGO)
         options = FitOptions(samples=0, global_search=False)
-        return fit_scans([PlacedScan(scan, TRUTH)], ARENA, lego, free, options=options).estimates["x"].deviation
+        return fit_scans([lego_scan(TRUTH, count)], ARENA, LEGO, free, options=options).estimates["x"].deviation
 
     # independent errors would be halved
     assert deviation(288) > 0.7 * deviation(72)
+
+
+def test_readings_rounded_alike_do_not_tell_one_answer_from_another_by_their_number() -> None:
+    # from p1 and from 1.38, 1.80 m a quarter turn on, the arena sounds nearly the same
+    free = free_parameters(("position", "heading"), [""], ARENA, LEGO)
+    result = fit_scans([lego_scan(ARENA.place("p1"), 120)], ARENA, LEGO, free, options=FitOptions(samples=0))
+    x, y = result.places[0].position
+    assert math.dist((x, y), ARENA.place("p1").position) < 0.01
+    assert [(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes[1:]] == [(1.38, 1.8)]
+    assert "2 answers explain the scan about equally well" in result.warnings[0]
 
 
 def test_a_thermometer_that_errs_makes_no_offset() -> None:
