@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.grid import Listing, Surfaces, lay_grid, listed_at
+from sim.grid import IntArray, Listing, Surfaces, lay_grid, listed_at
 from sim.room_file import MEETING
 from sonarhw.readings import FloatArray
 
 _DIVIDES = 1e-6  # how near 180° / angle must come to a whole number
 _FLUSH = 1e-9  # rad
+_AT_ONCE = 1024  # vertices: all of a large room would take gigabytes
 
 
 @dataclass(frozen=True)
@@ -38,68 +39,91 @@ def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) 
     return np.asarray((turned > _FLUSH) & (turned < opening - _FLUSH))
 
 
-class _Face(NamedTuple):
-    direction: float  # rad, from the vertex along the wall
-    wall: int
+class _Faces(NamedTuple):
+    """The faces of walls at vertices, one row each; a wall that goes on beyond a vertex has two there."""
+
+    vertices: IntArray  # (f,), numbers, in order
+    directions: FloatArray  # (f,), rad, from the vertex along the wall, 0..2π, in order within a vertex
+    walls: IntArray  # (f,), numbers
 
 
 def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
     """The diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
-    surfaces = lay_grid(walls, np.empty((0, 3)))
-    rows = [
-        (vertex, first.direction, opening, _edge_name(first, second, names))
-        for vertex in np.unique(walls.reshape(-1, 2), axis=0).tolist()
-        for first, second, opening in _wedges(_faces_at(vertex, surfaces))
-        if _diffracts(opening)
-    ]
+    vertices = np.unique(walls.reshape(-1, 2), axis=0)
+    faces = _faces_at(vertices, lay_grid(walls, np.empty((0, 3))))
+    following = _following(faces.vertices)
+    openings = np.mod(faces.directions[following] - faces.directions, math.tau)
+    # one face alone has all the air round it
+    openings[openings == 0] = math.tau
+    rows = np.flatnonzero(_diffracts(openings))
+    beside = zip(faces.walls[rows].tolist(), faces.walls[following[rows]].tolist(), strict=True)
     return Edges(
-        np.array([row[0] for row in rows], dtype=np.float64).reshape(-1, 2),
-        np.array([row[1] for row in rows], dtype=np.float64),
-        np.array([row[2] for row in rows], dtype=np.float64),
-        tuple(row[3] for row in rows),
+        vertices[faces.vertices[rows]],
+        faces.directions[rows],
+        openings[rows],
+        tuple(_edge_name(first, second, names) for first, second in beside),
     )
 
 
 def edges_on_walls(edges: Edges, surfaces: Surfaces) -> Listing:
     """For each wall, the edges that lie on it."""
-    on = [(face.wall, k) for k, point in enumerate(edges.points.tolist()) for face in _faces_at(point, surfaces)]
-    wall, edge = np.array(sorted(set(on)), dtype=np.int32).reshape(-1, 2).T
+    faces = _faces_at(edges.points, surfaces)
+    wall, edge = np.unique(np.column_stack((faces.walls, faces.vertices)), axis=0).T
     starts = np.searchsorted(wall, np.arange(len(surfaces.walls) + 1)).astype(np.int32)
     return Listing(starts, np.ascontiguousarray(edge))
 
 
-def _faces_at(vertex: list[float], surfaces: Surfaces) -> list[_Face]:
-    faces = []
-    for k in listed_at(surfaces, *vertex).tolist():
-        x0, y0, x1, y1 = surfaces.walls[k].tolist()
-        ex, ey, vx, vy = x1 - x0, y1 - y0, vertex[0] - x0, vertex[1] - y0
-        length = math.hypot(ex, ey)
-        at, aside = (vx * ex + vy * ey) / length, (ex * vy - ey * vx) / length
-        if abs(aside) > MEETING or not -MEETING <= at <= length + MEETING:
-            continue
-        forward = math.atan2(ey, ex)
-        if at < length - MEETING:
-            faces.append(_Face(forward % math.tau, k))
-        if at > MEETING:
-            faces.append(_Face((forward + math.pi) % math.tau, k))
-    faces.sort()
-    # walls flush with one another are one face
-    return [face for k, face in enumerate(faces) if k == 0 or face.direction - faces[k - 1].direction > _FLUSH]
+def _faces_at(vertices: FloatArray, surfaces: Surfaces) -> _Faces:
+    parts = [
+        _list_faces(np.arange(first, min(first + _AT_ONCE, len(vertices))), vertices, surfaces)
+        for first in range(0, len(vertices) or 1, _AT_ONCE)
+    ]
+    vertex, direction, wall = (np.concatenate(column) for column in zip(*parts, strict=True))
+    # of walls flush with one another the first is the face
+    order = np.lexsort((wall, np.round(direction / _FLUSH), vertex))
+    vertex, direction, wall = vertex[order], direction[order], wall[order]
+    own = np.ones(len(order), dtype=np.bool_)
+    own[1:] = (vertex[1:] != vertex[:-1]) | (direction[1:] - direction[:-1] > _FLUSH)
+    return _Faces(vertex[own].astype(np.int32), direction[own], wall[own])
 
 
-def _wedges(faces: list[_Face]) -> list[tuple[_Face, _Face, float]]:
-    following = faces[1:] + faces[:1]
-    # one face alone has all the air round it
-    return [(a, b, (b.direction - a.direction) % math.tau or math.tau) for a, b in zip(faces, following, strict=True)]
+def _list_faces(
+    chosen: NDArray[np.intp], vertices: FloatArray, surfaces: Surfaces
+) -> tuple[NDArray[np.intp], FloatArray, IntArray]:
+    """The faces at some of the vertices, in any order: number of the vertex, direction, rad, and number of the wall."""
+    row, wall = listed_at(surfaces, vertices[chosen])
+    vertex = chosen[row]
+    are_walls = wall < len(surfaces.walls)
+    vertex, wall = vertex[are_walls], wall[are_walls]
+    start, end = surfaces.walls[wall, :2], surfaces.walls[wall, 2:]
+    along, there = end - start, vertices[vertex] - start
+    length = np.hypot(along[:, 0], along[:, 1])
+    at = (there[:, 0] * along[:, 0] + there[:, 1] * along[:, 1]) / length
+    aside = (along[:, 0] * there[:, 1] - along[:, 1] * there[:, 0]) / length
+    on = (np.abs(aside) <= MEETING) & (at >= -MEETING) & (at <= length + MEETING)
+    ahead, back = np.flatnonzero(on & (at < length - MEETING)), np.flatnonzero(on & (at > MEETING))
+    rows = np.concatenate((ahead, back))
+    forward = np.arctan2(along[rows, 1], along[rows, 0])
+    forward[len(ahead) :] += math.pi
+    return vertex[rows], np.mod(forward, math.tau), wall[rows]
 
 
-def _diffracts(opening: float) -> bool:
-    times = math.pi / opening
-    return opening > 1e-6 and abs(times - round(times)) > _DIVIDES
+def _following(vertices: IntArray) -> NDArray[np.intp]:
+    """For each face the next one round its vertex, (f,)."""
+    following = np.arange(1, len(vertices) + 1)
+    last = np.flatnonzero(np.append(vertices[1:] != vertices[:-1], True)[: len(vertices)])
+    # behind the last of a vertex comes its first again, which stands behind the last of the vertex before
+    following[last] = np.append(0, last + 1)[: len(last)]
+    return following
 
 
-def _edge_name(first: _Face, second: _Face, names: tuple[str, ...]) -> str:
-    if first.wall == second.wall:
-        return f"{names[first.wall]}/"
-    lower, upper = sorted((first.wall, second.wall))
+def _diffracts(openings: FloatArray) -> NDArray[np.bool_]:
+    times = math.pi / openings
+    return np.asarray((openings > 1e-6) & (np.abs(times - np.round(times)) > _DIVIDES))
+
+
+def _edge_name(first: int, second: int, names: tuple[str, ...]) -> str:
+    if first == second:
+        return f"{names[first]}/"
+    lower, upper = sorted((first, second))
     return f"{names[lower]}/{names[upper]}"

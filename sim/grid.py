@@ -87,11 +87,18 @@ def _set_box(boxes: FloatArray, k: int, x: float, y: float, reach: float) -> Non
     boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x - reach, y - reach, x + reach, y + reach
 
 
-def listed_at(surfaces: Surfaces, x: float, y: float) -> IntArray:
-    """The surfaces that reach into the cell of a point, (k,) int32; the point lies between the outermost of them."""
+def listed_at(surfaces: Surfaces, points: FloatArray) -> tuple[NDArray[np.intp], IntArray]:
+    """The surfaces that reach into the cell of each point (p, 2): the row of the point and the surface, (k,) each.
+
+    The points lie between the outermost of the surfaces.
+    """
     cells, (starts, numbers) = surfaces.cells, surfaces.listing
-    cell = int((y - cells.bottom) / cells.side) * cells.columns + int((x - cells.left) / cells.side)
-    return numbers[starts[cell] : starts[cell + 1]]
+    column = ((points[:, 0] - cells.left) / cells.side).astype(np.intp)
+    cell = ((points[:, 1] - cells.bottom) / cells.side).astype(np.intp) * cells.columns + column
+    counts = starts[cell + 1] - starts[cell]
+    rows = np.repeat(np.arange(len(points)), counts)
+    first = np.cumsum(counts) - counts
+    return rows, numbers[np.arange(len(rows)) + np.repeat(starts[cell] - first, counts)]
 
 
 @compiled
