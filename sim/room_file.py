@@ -6,6 +6,7 @@ format is a promise to users; `sim.room` makes arrays of it.
 
 import math
 from collections import Counter
+from functools import cached_property
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -48,7 +49,7 @@ class WallSection(TomlModel):
     edges: tuple[Name, ...] | None = None
     height: Span | None = None
 
-    @property
+    @cached_property
     def segments(self) -> list[tuple[Point, Point]]:
         """Start and end of every segment, m."""
         ends = self.points[1:] + (self.points[:1] if self.closed else ())
