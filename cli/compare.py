@@ -20,6 +20,7 @@ from cli.options import (
     chosen_receiver,
 )
 from cli.output import whole_file
+from cli.progress import progress_of_share
 from cli.room_input import open_room
 from cli.simulate import ModelChoice
 from compare.headings import heading_text
@@ -95,7 +96,17 @@ def compare_log(
     heading, offset = chosen.heading_at(0.0, here.heading), 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
-        found = fit_scan(log.readings, room, here, chosen, free, model=believed, options=options)
+        with progress_of_share() as show:
+            found = fit_scan(
+                log.readings,
+                room,
+                here,
+                chosen,
+                free,
+                model=believed,
+                options=options,
+                tick=lambda share: show(share, "fitting"),
+            )
         heading, offset, here = found.heading, found.offset, found.place
     return compare_readings(
         log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options

@@ -13,6 +13,7 @@ from cli.log_input import open_log, recorded_board, recorded_room
 from cli.numbers import counted
 from cli.options import Force, checked_out
 from cli.output import whole_file
+from cli.progress import progress_of_share
 from cli.room_input import open_room
 from compare.headings import in_degrees
 from sonarhw.errors import InputError
@@ -59,7 +60,9 @@ def map_logs(
     logs = [open_log(file) for file in log_files]
     chosen = load_board(board) if board else recorded_board(log_files[0], logs[0].metadata)
     scans = _placed(log_files, logs, room, places or [], poses or [])
-    found = map_scans(scans, replace(chosen, range_offset=chosen.range_offset - offset), room)
+    moved = replace(chosen, range_offset=chosen.range_offset - offset)
+    with progress_of_share() as show:
+        found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
     if out is not None:
         from compare.map.picture import draw_map
 

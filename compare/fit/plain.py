@@ -4,7 +4,7 @@ Takes readings and a prediction's ranges all round; hands on the heading, offset
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,19 +44,28 @@ def fit_scan(
     *,
     model: Model = Model.RAY_FOLLOWING,
     options: PredictionOptions | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
 ) -> Fit:
     """The heading, offset and position, where they are `free`, at which most readings lie within 5 cm of the model.
 
     What is not free stays at the place's heading and position and no offset. Ties go to the smaller mean error, then to
-    the smaller offset, then to the nearer position. Raises InputError where `free` names something else, no reading has
-    an echo, or a heading is sought for a ring, which has no turntable.
+    the smaller offset, then to the nearer position. `tick` is called with the share that is done.
+    Raises InputError where `free` names something else, no reading has an echo, or a heading is sought for a ring,
+    which has no turntable.
     """
     _check(readings, free)
     if board.ring is not None:
         raise InputError(f"--fit: board {board.name!r} is a ring of sensors, and has no turntable to fit")
     places = places_near(place) if "position" in free else [place]
-    tables = ((near, predict_with(model, room, near, board, all_round(), options).ranges) for near in places)
-    return best_agreement(readings, tables, free)
+
+    def tables() -> Iterator[tuple[Place, FloatArray]]:
+        for done, near in enumerate(places):
+            tick(done / len(places))
+            yield near, predict_with(model, room, near, board, all_round(), options).ranges
+
+    best = best_agreement(readings, tables(), free)
+    tick(1.0)
+    return best
 
 
 def all_round() -> FloatArray:

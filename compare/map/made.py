@@ -3,8 +3,9 @@
 Takes scans from known places and a board, and a room where one is known; hands on a `RoomMap`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -46,19 +47,37 @@ class RoomMap:
         )
 
 
-def map_scans(scans: Sequence[PlacedScan], board: Board, room: Room | None = None) -> RoomMap:
+def map_scans(
+    scans: Sequence[PlacedScan],
+    board: Board,
+    room: Room | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> RoomMap:
     """What scans from known places say the room is.
 
-    Sound is followed round `room` where it is given, else round the walls that the scans themselves agree on. Raises
-    InputError where no reading has an echo or the board is a ring of sensors.
+    Sound is followed round `room` where it is given, else round the walls that the scans themselves agree on. `tick` is
+    called with the share that is done. Raises InputError where no reading has an echo or the board is a ring.
     """
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to map with")
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
+    parts = count()
+
+    def begin_part() -> None:
+        # a layer of all readings, each scan held against the room, a layer of those kept
+        tick(next(parts) / (len(scans) + 2))
+
+    begin_part()
     plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
     believed = room_of(plain.features) if room is None else room
-    direct = plain if believed is None else _layer(scans, board, direct_readings(scans, believed, board))
+    if believed is None:
+        direct = plain
+    else:
+        kept = direct_readings(scans, believed, board, begin_part)
+        begin_part()
+        direct = _layer(scans, board, kept)
+    tick(1.0)
     return RoomMap(tuple(scans), plain, believed, direct)
 
 

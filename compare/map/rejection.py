@@ -5,7 +5,7 @@ readings to keep. A reading is given up where the path that accounts for it was 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,18 @@ _BEYOND = 0.1  # m: a leg that passes another wall by more passes through it
 _ONE_PLACE = 1e-3  # m
 
 
-def direct_readings(scans: Sequence[PlacedScan], room: Room, board: Board) -> tuple[BoolArray, ...]:
-    """Which readings of each scan came from one place straight back, or by no path of the room, (n,) bool for each."""
-    return tuple(_direct(scan, room, board) for scan in scans)
+def direct_readings(
+    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
+) -> tuple[BoolArray, ...]:
+    """Which readings of each scan came from one place straight back, or by no path of the room, (n,) bool for each.
+
+    `tick` is called before each scan.
+    """
+    kept = []
+    for scan in scans:
+        tick()
+        kept.append(_direct(scan, room, board))
+    return tuple(kept)
 
 
 def _direct(scan: PlacedScan, room: Room, board: Board) -> BoolArray:

@@ -27,6 +27,8 @@ LINE_GONE = "\x1b[?25h\r\x1b[1A\x1b[2K"  # the cursor shows again, one line up, 
 COMMANDS = {
     "fit": ("searching", ["fit", "--place", "figure9", "--free", "heading", "--samples", "0", "--json"]),
     "locate": ("locating", ["locate", "--json"]),
+    "compare": ("fitting", ["compare", "--place", "figure9", "--fit", "heading"]),
+    "map": ("mapping", ["map", "--place", "figure9", "--json"]),
 }
 
 

@@ -134,9 +134,13 @@ def test_fit_finds_heading_and_offset_of_a_scan_of_the_model(heading_deg: float,
 def test_fit_finds_where_nearby_a_scan_of_the_model_was_taken() -> None:
     readings = scan_of_the_model(6, 0.5, 0.01)
     believed = replace(PLACE, position=(PLACE.position[0] + 0.02, PLACE.position[1] - 0.01))
-    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}))
+    told: list[float] = []
+    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}), tick=told.append)
     assert fit.place.position == pytest.approx(PLACE.position, abs=1e-9)
     assert fit.offset == pytest.approx(0.01)
+    assert told == sorted(told)
+    assert (told[0], told[-1]) == (0.0, 1.0)
+    assert len(told) > 20  # so many positions are tried, and none is silent
 
 
 def test_fit_leaves_alone_what_is_not_free() -> None:
