@@ -108,7 +108,7 @@ class ReadingTable(QWidget):
         self._following = False
         if before is None or not shown.same_readings(before):
             self._count(shown)
-        if before is None or before.look != shown.look or not shown.same_readings(before):
+        if before is None or _to_be_read(before) != _to_be_read(shown):
             self._make_room(shown)
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._fade_counts(shown)
@@ -186,7 +186,7 @@ class ReadingTable(QWidget):
         """How many pixels it takes to read what stands in a column; of a path or a sentence, the least worth seeing."""
         widest = _LEAST.get(column, "")
         if column is Column.NUMBER:
-            widest = "0" * len(str(len(shown.readings)))
+            widest = "0" * _digits(shown)
         elif column is Column.CLASS and shown.scene.room is None:
             widest = class_name(Unclassed.MEASURED)
         text = max(map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look))))
@@ -267,3 +267,12 @@ class ReadingTable(QWidget):
     def _pick(self, index: QModelIndex) -> None:
         if index.isValid():
             self.picked.emit(int(self.model.order[index.row()]))
+
+
+def _to_be_read(shown: Shown) -> tuple[Look, int, bool]:
+    """What the widths of the columns depend on."""
+    return shown.look, _digits(shown), shown.scene.room is None
+
+
+def _digits(shown: Shown) -> int:
+    return len(str(len(shown.readings)))
