@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from compare.fit.echo_paths import EchoPaths, echo_paths, moved
+from compare.fit.given_twice import check_given_once
 from compare.fit.lateness import lateness_by_level, level_offset_db
 from compare.fit.likelihood import Ear, Heard, Known, Noise, log_likelihoods
 from compare.fit.parameters import OF_PLACE, Kind, Parameter, applied, reflectance_of, start_of, temperature_at
@@ -307,7 +308,8 @@ def make_problem(
     prediction: PredictionOptions,
     all_echoes: bool,
 ) -> Problem:
-    """Scans, room, board and parameters as one problem."""
+    """Scans, room, board and parameters as one problem. Raises InputError where a scan is given twice."""
+    check_given_once(scans)
     air_is_free = any(parameter.kind in (Kind.TEMPERATURE, Kind.SPEED) for parameter in parameters)
     told = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(told)) if air_is_free else None

@@ -9,6 +9,7 @@ from itertools import count
 
 import numpy as np
 
+from compare.fit.given_twice import check_given_once
 from compare.fit.result import PlacedScan
 from compare.map.arcs import arcs_of
 from compare.map.certainty import BoolArray, CertaintyGrid, certainty_grid
@@ -56,12 +57,14 @@ def map_scans(
     """What scans from known places say the room is.
 
     Sound is followed round `room` where it is given, else round the walls that the scans themselves agree on. `tick` is
-    called with the share that is done. Raises InputError where no reading has an echo or the board is a ring.
+    called with the share that is done. Raises InputError where no reading has an echo, a scan is given twice or the
+    board is a ring.
     """
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to map with")
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
+    check_given_once(scans)
     parts = count()
 
     def begin_part() -> None:

@@ -152,6 +152,41 @@ def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp
     assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
 
 
+@pytest.fixture(scope="module")
+def others(log: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The recording of `log` once more, as other files, and two that are scans of their own."""
+    folder = tmp_path_factory.mktemp("others")
+    whole = Path(log).read_bytes()
+    files = {name: folder / f"{name}.mcap" for name in ("copy", "torn", "linked", "exported", "again")}
+    files["copy"].write_bytes(whole)
+    files["torn"].write_bytes(whole[: len(whole) * 3 // 4])
+    files["linked"].symlink_to(log)
+    assert run(["log", "export", log, "--out", str(files["exported"])]) == 0
+    again = ["--place", "p3", "--step", "4", "--to", "356", "--board", "lego-nxt"]
+    assert run(["simulate", "rooms/arena.toml", *again, "--out", str(files["again"])]) == 0
+    return {name: str(file) for name, file in files.items()}
+
+
+@pytest.mark.parametrize("how", ["copy", "torn", "linked", "exported"])
+@pytest.mark.parametrize("command", [["fit", "--samples", "0", "--room", "rooms/arena.toml"], ["map"]])
+def test_one_recording_given_twice_is_refused_whatever_the_file_is_called(
+    how: str, command: list[str], log: str, others: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, *options = command
+    capsys.readouterr()
+    assert run([name, log, others[how], "--place", "p3", "--place", "p3", *options]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    *warnings, refused = told.err.splitlines()
+    assert len(warnings) == (how == "torn")
+    assert refused == f"sonarhw: p3 and {how} hold the same readings, one recording given twice; give each log once"
+
+
+def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:
+    boards = ["--board", "polaroid-6500"]
+    assert run(["map", log, others["again"], "--place", "p3", "--place", "p3", *boards, "--json"]) == 0
+
+
 def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
     threshold, offset = Parameter(Kind.THRESHOLD), Parameter(Kind.OFFSET)
     deviations = {threshold: 0.31, offset: 0.002}
