@@ -29,6 +29,9 @@ def figures(result: "FitResult") -> dict[str, Any]:
             }
             for mode in result.modes
         ],
+        "agreement": [
+            {"n_echo": one.n_echo, "within_5cm": one.within_5cm, "explained": one.explained} for one in result.agreement
+        ],
         "warnings": list(result.warnings),
     }
 
@@ -40,6 +43,7 @@ def lines_of(result: "FitResult") -> Iterator[str]:
     for parameter in result.parameters:
         yield f"{parameter.name:{width}}  {_row(parameter, result.estimates[parameter.name])}"
     yield ""
+    yield f"{_agreement(result)} echoes within 5 cm of the prediction from there"
     yield _noise_line(result.noise)
     names = list(result.estimates)
     for i, name in enumerate(names):
@@ -60,6 +64,11 @@ def _row(parameter: "Parameter", estimate: "Estimate") -> str:
     value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
     error = f"{deviation:.{digits}f} {unit}".rstrip()
     return f"{f'{value} {unit}'.rstrip():>12}  {error:>10}  {lower} to {upper}"
+
+
+def _agreement(result: "FitResult") -> str:
+    """How many echoes of each scan, in the order of the logs."""
+    return "; ".join(f"{one.within_5cm:.0%} of {one.n_echo}" for one in result.agreement if one.within_5cm is not None)
 
 
 def _noise_line(noise: dict[str, float]) -> str:

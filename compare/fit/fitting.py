@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from compare.fit.agreement import agreement
 from compare.fit.beginnings import Beginning, beginnings, is_same
 from compare.fit.likelihood import Noise
 from compare.fit.objective import COARSE, MIDDLING, Objective, Problem, make_problem
@@ -17,7 +18,7 @@ from compare.fit.posterior import REGION, samples_of
 from compare.fit.refine import covariance_of, refined
 from compare.fit.result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from compare.fit.ridges import unending
-from compare.fit.warnings import warnings_of
+from compare.fit.warnings import unexplained, warnings_of
 from compare.regions import mean_run
 from sim.board import Board, Receiver
 from sim.mount import Unit
@@ -78,7 +79,9 @@ def fit_scans(
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
     tick(_SAMPLE, 1.0)
-    return _result(problem, objective, answers, samples)
+    result = _result(problem, objective, answers, samples)
+    agreed = agreement(scans, result, options.prediction)
+    return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
 
 
 def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from compare.fit.parameters import Parameter
+from compare.match import Summary
 from sim.board import Board
 from sim.prediction import PredictionOptions
 from sim.room import Place, Room
@@ -65,3 +66,4 @@ class FitResult:
     board: Board
     score: float  # log-likelihood and prior at the best, natural logarithm
     samples: FloatArray  # (m, p): drawn from the posterior; m may be 0
+    agreement: tuple[Summary, ...] = ()  # of each scan over the prediction from what was found

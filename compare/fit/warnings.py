@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 
 from compare.fit.parameters import Kind, Parameter
-from compare.fit.result import Estimate, FitResult
+from compare.fit.result import Estimate, FitResult, PlacedScan
+from compare.match import Summary
 
 _INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
 _SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
@@ -16,6 +17,7 @@ _AT_BOUND = 0.01  # of the range
 _BY_LEVELS = (Kind.HEADING, Kind.OFFSET, Kind.THRESHOLD, Kind.APERTURE, Kind.REFLECTANCE)
 _ALONE = "the board's own receiver was taken to hear each echo alone; four regions of five hold the truth"
 _MANY_STRAYS = 0.3  # for every metre
+_FEW = 0.6  # of a scan's echoes: in their own rooms, real ones have more within 5 cm
 
 
 def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
@@ -42,6 +44,16 @@ def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: boo
     if result.noise["stray_per_m"] > _MANY_STRAYS:
         lines.append("many echoes come by no path of the model; something may stand in the room that the file lacks")
     return tuple(lines)
+
+
+def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[str, ...]:
+    """One line for every scan that what was found explains badly."""
+    return tuple(
+        f"{scan.name or 'this scan'}: only {one.within_5cm:.0%} of {one.n_echo} echoes lie within 5 cm of "
+        "the prediction from there; is it this room, and this board?"
+        for scan, one in zip(scans, agreement, strict=True)
+        if one.within_5cm is not None and one.within_5cm < _FEW
+    )
 
 
 def _several_answers(result: FitResult) -> list[str]:

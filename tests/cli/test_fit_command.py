@@ -26,7 +26,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", log, "--place", "1.4,0.5", "--json", *QUICKLY]) == 0
     figures = json.loads(capsys.readouterr().out)
-    assert set(figures) == {"estimates", "correlations", "noise", "log_likelihood", "answers", "warnings"}
+    assert set(figures) == {"estimates", "correlations", "noise", "log_likelihood", "answers", "agreement", "warnings"}
+    assert figures["agreement"][0]["within_5cm"] > 0.9
     for name, true in (("x", 1.38), ("y", 0.54)):
         estimate = figures["estimates"][name]
         assert estimate["value"] == pytest.approx(true, abs=0.002)

@@ -46,6 +46,14 @@ def test_a_pose_is_found_in_the_whole_room(pose: FitResult) -> None:
     assert math.dist((x, y), TRUTH.position) < 0.002
     assert abs(math.remainder(pose.places[0].heading - TRUTH.heading, math.tau)) < math.radians(0.25)
     assert pose.warnings == ()
+    assert pose.agreement[0].within_5cm is not None
+    assert pose.agreement[0].within_5cm > 0.9
+
+
+def test_a_room_that_explains_few_of_the_echoes_is_doubted(readings: list[Reading]) -> None:
+    square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
+    result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
+    assert "is it this room, and this board?" in result.warnings[0]
 
 
 def test_how_readings_err_is_found_along_the_way(pose: FitResult) -> None:
@@ -204,9 +212,12 @@ def test_a_thermometer_that_errs_makes_no_offset() -> None:
 @pytest.mark.parametrize("free", ["temperature", "speed"])
 def test_warm_air_is_told_from_echo_times(free: str) -> None:
     warm = replace(ARENA, air=replace(ARENA.air, temperature_c=27.0))
-    told = [replace(one, speed_of_sound=344.0) for one in synthetic_scan(warm, TRUTH, BOARD, 4)]
+    told = [replace(one, speed_of_sound=325.0) for one in synthetic_scan(warm, TRUTH, BOARD, 4)]
     result = fitted(told, "position", free, start=TRUTH, options=replace(QUICKLY, global_search=False))
     assert result.room.air.temperature_c == pytest.approx(27.0, abs=0.3)
+    # though the ranges that were told are 7 % too short
+    assert result.agreement[0].within_5cm is not None
+    assert result.agreement[0].within_5cm > 0.9
 
 
 def test_walls_are_found_from_two_places_at_once() -> None:
