@@ -31,6 +31,7 @@ from tests.contract.talk import Talk
 from tests.firmware.conftest import FIRMWARE
 
 PACE = 3.0
+DOCUMENT = (FIRMWARE.parent / "docs" / "firmware.md").read_text()
 TWO_TICKS = 1e-6  # s
 TIMER_WRAP = 65_536 * 0.5e-6  # s
 TRACE_STORE = 4_800  # bytes
@@ -105,12 +106,15 @@ def test_a_trace_has_the_level_and_the_time_of_what_was_heard() -> None:
     assert np.abs(trace.samples - envelope(time)).max() < 0.005
 
 
-def test_traces_of_the_longest_listening_come_eight_a_second_and_of_40_ms_ten() -> None:
+def test_pings_come_as_often_as_the_document_says() -> None:
+    rows = re.findall(r"^\| ([\d.]+) ms, [\d.]+ m \| ([\d.]+)° \| (yes|yes or no) \| ([\d.]+) \|$", DOCUMENT, re.M)
+    assert len(rows) == 4
     with scanner_on(Echoes(0.020)) as (_, scanner):
-        for listen, longest in ((0.0625, 0.130), (0.040, 0.1005)):
-            scanner.configure(listen=listen, trace=True)
-            fired = [reading.time for reading in scanner.scan(sector(0, 10, 1))]
-            assert np.diff(sorted(fired)).max() < longest
+        for listen, step, traces, told in rows:
+            for trace in [True, False][: len(traces.split(" or "))]:
+                scanner.configure(listen=float(listen) / 1000, trace=trace)
+                fired = [reading.time for reading in scanner.scan(sector(0, 10 * float(step), float(step)))]
+                assert 1 / np.diff(sorted(fired)).max() == pytest.approx(float(told), abs=0.06)
 
 
 def test_memory_holds_the_trace_and_1600_bytes_and_leaves_1_kb_of_stack(built: Path) -> None:
