@@ -8,11 +8,13 @@ board without a place or a recording and judges it there, and prints what every 
 """
 
 import csv
+import io
 import math
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -82,7 +84,9 @@ def load_scans(folder: Path) -> list[RealScan]:
             log = Path(scratch) / f"{row['scan']}.mcap"
             source = str(folder / f"{row['scan']}.csv")
             columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
-            status = run(["import", source, "--out", str(log), *columns, "--turn", row["turn"]])
+            # where the log lies for a moment concerns nobody
+            with redirect_stdout(io.StringIO()):
+                status = run(["import", source, "--out", str(log), *columns, "--turn", row["turn"]])
             if status != 0:
                 raise SystemExit(status)
             scans.append(RealScan(row["scan"], float(row["x_m"]), float(row["y_m"]), read_log(log).readings))

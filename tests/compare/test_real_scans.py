@@ -38,6 +38,14 @@ def figures(scans: Sequence[RealScan], model: Model, free: frozenset[str], board
     return figures_of([judged_of(judge(scan, model, board, free)) for scan in scans])
 
 
+def test_scans_are_read_without_a_word_of_where_they_lie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "scans.csv").write_text("scan,x_m,y_m,turn,n\nA,0.5,0.25,cw,2\n")
+    (tmp_path / "A.csv").write_text("turret_deg,range_cm\n0,50\n3,255\n")
+    (scan,) = load_scans(tmp_path)
+    assert [reading.range is None for reading in scan.readings] == [False, True]
+    assert capsys.readouterr() == ("", "")
+
+
 @here
 def test_one_profile_explains_the_echoes_and_tells_silence(scans: list[RealScan]) -> None:
     found = figures(scans, Model.RAY_FOLLOWING, NEARBY)
