@@ -14,6 +14,7 @@ from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from compare.bscan import RangeCells
+from compare.headings import heading_text
 from gui.bscan_pane import BScanPane
 from gui.bscan_picture import BScanWish, Pane
 from gui.bscan_request import BScans
@@ -212,7 +213,7 @@ def _pointed(bscan: BScans | None, shown: Shown) -> str:
     cursor = shown.cursor
     if bscan is None or cursor is None:
         return ""
-    told = [f"{math.degrees(cursor.heading) % 360:.1f}°, {shown.look.unit.text(cursor.range)}:"]
+    told = [f"{heading_text(cursor.heading)}, {shown.look.unit.text(cursor.range)}:"]
     for name, image in (("measured", bscan.measured), ("predicted", bscan.predicted)):
         level = image.level_at(cursor.heading, cursor.range)
         if level is not None:

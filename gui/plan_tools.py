@@ -9,6 +9,7 @@ from typing import Protocol
 
 from PySide6.QtCore import Qt
 
+from compare.headings import heading_text
 from gui.grips import Grip, Part, room_grip, sensor_grip
 from gui.look import LengthUnit
 from gui.plan_words import point_words, standing_words
@@ -238,4 +239,4 @@ def snapped(table: Table, at: Point, besides: Point | None = None, scene: Scene 
 
 def ruled(start: Point, end: Point, unit: LengthUnit) -> str:
     """Distance and direction as people read them."""
-    return f"{unit.text(math.dist(start, end))} at {math.degrees(bearing(start, end)) % 360:.1f}°"
+    return f"{unit.text(math.dist(start, end))} at {heading_text(bearing(start, end))}"

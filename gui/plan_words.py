@@ -5,6 +5,7 @@ Takes what is shown and a point; hands on one line.
 
 import math
 
+from compare.headings import heading_text
 from gui.grips import Grip, Part, surface_at
 from gui.look import LengthUnit
 from gui.plan_geometry import decibels_text
@@ -30,7 +31,7 @@ def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
     if room is not None and surface is not None:
         return surface_words(room, surface)
     middle = scene.standing.position
-    away = f"{unit.text(math.dist(middle, at))} at {math.degrees(bearing(middle, at)) % 360:.1f}° from the sensor"
+    away = f"{unit.text(math.dist(middle, at))} at {heading_text(bearing(middle, at))} from the sensor"
     return f"{place} · {away}"
 
 
@@ -52,4 +53,4 @@ def standing_words(scene: Scene, unit: LengthUnit) -> str:
     """Where the sensor stands and looks; said, too, where that is outside the walls."""
     place = scene.standing
     outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
-    return f"{point_words(place.position, unit)}{outside}, step 0 at {math.degrees(place.heading) % 360:.1f}°"
+    return f"{point_words(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"

@@ -3,8 +3,7 @@
 Takes what is shown and the index of a reading; hands on a few short lines.
 """
 
-import math
-
+from compare.headings import heading_text
 from gui.look import LengthUnit
 from gui.palette import MARKS
 from gui.residual_unit import residual_unit
@@ -14,7 +13,7 @@ from gui.shown import Shown
 def reading_tip(shown: Shown, index: int) -> str:
     """The reading in a few lines."""
     reading, row = shown.readings[index], shown.row(index)
-    lines = [f"reading {index} at {math.degrees(shown.heading(index)) % 360:.1f}°"]
+    lines = [f"reading {index} at {heading_text(shown.heading(index))}"]
     lines.append(f"measured {_length(reading.range, shown.look.unit)}")
     if row is not None:
         lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")

@@ -4,13 +4,13 @@ Takes scene, readings, prediction and choice; hands on the same things as a view
 the parts with those it drew last and redraws only what is another object.
 """
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from compare.explain import explain
+from compare.headings import heading_text
 from compare.match import Kind, Matched
 from gui.bscan_request import BScans
 from gui.chosen_trace import ChosenTrace
@@ -95,7 +95,7 @@ class Shown:
         if self.compared is not None and self.row(reading) is not None:
             return explain(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
         heard = self.readings[reading].range
-        at = f"{math.degrees(self.heading(reading)) % 360:.1f}°"
+        at = heading_text(self.heading(reading))
         told = f"no echo at {at}" if heard is None else f"{self.look.unit.text(heard)} at {at}"
         return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
 

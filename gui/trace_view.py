@@ -3,7 +3,6 @@
 Takes what is shown; hands on where the mouse points. Time runs along the bottom, the range that it means along the top.
 """
 
-import math
 from functools import partial
 
 import numpy as np
@@ -12,6 +11,7 @@ from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+from compare.headings import heading_text
 from gui.chosen_trace import ChosenTrace, Curve
 from gui.echo_names import EchoNames
 from gui.elided import ElidedLabel
@@ -227,7 +227,7 @@ def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> 
 
 
 def _degrees(heading: float) -> str:
-    return f"{math.degrees(heading) % 360:.1f}°"
+    return heading_text(heading)
 
 
 def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:

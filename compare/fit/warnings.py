@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from compare.fit.parameters import Kind, Parameter
 from compare.fit.result import Estimate, FitResult, PlacedScan
+from compare.headings import heading_text
 from compare.match import Summary
 
 _INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
@@ -68,7 +69,7 @@ def _pose(result: FitResult, values: dict[str, float]) -> str:
     best = result.modes[0].values
     changed = [one for one in shown if result.modes[0].values is values or abs(values[one.name] - best[one.name]) > 0]
     return ", ".join(
-        f"{one.name} {math.degrees(values[one.name]):.1f}°"
+        f"{one.name} {heading_text(values[one.name])}"
         if one.kind is Kind.HEADING
         else f"{one.name} {values[one.name]:.3f}"
         for one in changed or shown
