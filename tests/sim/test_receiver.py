@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim.air import Air, absorption
 from sim.board import Board, Receiver, load_board
+from sim.gain import stepped_gain_db
 from sim.prediction import PredictionOptions, predict_scan
 from sim.receiver import counted_time, echo_times, hear, hear_first
 from sim.room import load_room
@@ -137,6 +139,16 @@ def test_wrong_clock_scales_ranges_and_blanking(error: float) -> None:
     # a strong echo that lasts over the end of blanking is found right after it
     found = hear(walls((0.38, 0.0)), board, SPEED).times[0]
     assert found == pytest.approx(LEVEL.blanking / (1 + error), abs=CYCLE)
+
+
+def test_stepped_gain_is_up_to_6_decibels_off_the_ideal_one_and_on_average_not() -> None:
+    steps = BOARD.gain_steps
+    times = np.linspace(steps[0], steps[-1], 20_000, endpoint=False)
+    lengths = times * Air().speed_of_sound
+    off = stepped_gain_db(times, BOARD) - 20 * np.log10(lengths) - absorption(BOARD.frequency, Air()) * lengths
+    assert off.mean() == pytest.approx(0, abs=0.01)
+    assert np.abs(off).max() == pytest.approx(5.8, abs=0.1)
+    assert np.abs(off[lengths / 2 > 0.5]).max() < 4
 
 
 def test_stepped_gain_loses_far_walls_that_the_ideal_one_hears() -> None:
