@@ -3,7 +3,7 @@
 Takes the folder of real scans; locates each in the whole arena, heading unknown, and prints which of the arena's places
 it was, how probable that is, and the most probable pose of all. `--elsewhere` besides locates them in rooms where they
 were not taken, and with boards that they were not taken with, and prints what share of the echoes is explained there
-(some minutes).
+(some minutes). `--map` besides maps the arena from all scans and prints which of its walls are found.
 """
 
 import math
@@ -12,11 +12,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.real_scans import DEFAULT_FOLDER, RealScan, load_scans
-from compare.locate import Located, locate
-from sim.board import load_board
-from sim.room import load_room
+import numpy as np
 
+from benchmarks.real_scans import DEFAULT_FOLDER, RealScan, load_scans
+from compare.fit import PlacedScan
+from compare.locate import Located, locate
+from compare.map import map_scans
+from sim.board import load_board
+from sim.room import Place, Room, load_room
+from sonarhw.readings import FloatArray
+
+ON_WALL = 0.05  # m
 OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
@@ -53,6 +59,8 @@ def main() -> None:
     print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
     if "--elsewhere" in sys.argv:
         tell_elsewhere(scans)
+    if "--map" in sys.argv:
+        tell_map(scans)
 
 
 def tell_elsewhere(scans: Sequence[RealScan]) -> None:
@@ -62,6 +70,35 @@ def tell_elsewhere(scans: Sequence[RealScan]) -> None:
     for room, board in [("arena", "lego-nxt"), *others]:
         shares = [locate_scan(scan, board, room).explained for scan in scans]
         print(f"{room:11} {board:14} {min(shares):5.0%} {median(shares):5.0%} {max(shares):5.0%}", flush=True)
+
+
+def tell_map(scans: Sequence[RealScan]) -> None:
+    """Print which walls of the arena a map of all scans shows, and how many it shows where there are none."""
+    room = load_room("rooms/arena.toml")
+    placed = []
+    for scan in scans:
+        poses = locate_scan(scan).poses
+        nearest = min(poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
+        placed.append(PlacedScan(scan.readings, Place(scan.name, nearest.position, nearest.heading), scan.name))
+    found = map_scans(placed, load_board("lego-nxt"))
+    print()
+    for name, features in (("all readings", found.plain.features), ("direct readings", found.direct.features)):
+        names = [_true_wall(np.array([wall.start, wall.end]), room) for wall in features.walls]
+        true = sorted({name for name in names if name})
+        print(
+            f"{name}: {len(true)} of {len(room.walls)} walls found ({', '.join(true)}), "
+            f"{names.count(None)} where there is none, {len(features.points)} corners and edges"
+        )
+
+
+def _true_wall(ends: FloatArray, room: Room) -> str | None:
+    """The wall of the room on whose line both ends (2, 2) lie within 5 cm."""
+    for name, wall in zip(room.names, room.walls.reshape(-1, 2, 2), strict=False):
+        along = (wall[1] - wall[0]) / np.hypot(*(wall[1] - wall[0]))
+        away = (ends - wall[0]) @ np.array([-along[1], along[0]])
+        if (np.abs(away) < ON_WALL).all():
+            return name
+    return None
 
 
 if __name__ == "__main__":
