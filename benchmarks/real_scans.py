@@ -4,7 +4,7 @@ Takes the folder of real scans (scans.csv and a CSV a scan); imports each as a u
 and a position within 3 cm be found for every model alike, and prints the share of echoes within 5 cm of the prediction
 and the ROC area of silence, and how much two recordings of one place agree. `--cross-validation` besides tunes the
 board without a place or a recording and judges it there, and prints what every candidate explains (minutes;
-`benchmarks.tune_lego_nxt`).
+`benchmarks.tune_lego_nxt`). `--besides` prints what else was tried on it (minutes).
 """
 
 import csv
@@ -25,9 +25,12 @@ from cli.app import run
 from compare.fit.plain import fit_scan
 from compare.match import TOLERANCE, Comparison, Kind, compare_readings
 from compare.silence import roc_area
-from sim.board import Board, load_board
+from sim.bends import EdgeStrength
+from sim.board import Board, Receiver, load_board
 from sim.models import Model
-from sim.room import load_room
+from sim.prediction import PredictionOptions
+from sim.room import Room, load_room
+from sim.room_writing import with_material
 from sonarhw.log import read_log
 from sonarhw.readings import FloatArray, Reading
 
@@ -93,10 +96,19 @@ def load_scans(folder: Path) -> list[RealScan]:
     return scans
 
 
-def judge(scan: RealScan, model: Model, board: Board, free: frozenset[str] = NEARBY) -> Comparison:
+def judge(
+    scan: RealScan,
+    model: Model,
+    board: Board,
+    free: frozenset[str] = NEARBY,
+    room: Room = ROOM,
+    options: PredictionOptions | None = None,
+) -> Comparison:
     """One scan beside one model, with what is `free` found for it."""
-    fit = fit_scan(scan.readings, ROOM, ROOM.place(scan.spot), board, free, model=model)
-    return compare_readings(scan.readings, ROOM, fit.place, board, heading=fit.heading, offset=fit.offset, model=model)
+    fit = fit_scan(scan.readings, room, room.place(scan.spot), board, free, model=model, options=options)
+    return compare_readings(
+        scan.readings, room, fit.place, board, heading=fit.heading, offset=fit.offset, model=model, options=options
+    )
 
 
 def judged_of(comparison: Comparison) -> Judged:
@@ -182,6 +194,29 @@ def main() -> None:
         trial = try_all(scans)
         tell_cross_validation(trial)
         tell_candidates(trial)
+    if "--besides" in sys.argv:
+        _tell_besides(scans, board)
+
+
+def _tell_besides(scans: Sequence[RealScan], board: Board) -> None:
+    """Print what was tried besides tuning and left as it is."""
+    own_receiver = PredictionOptions(receiver=Receiver.BOARD)
+    tried: list[tuple[str, Board, Room, PredictionOptions | None]] = [("as it is", board, ROOM, None)]
+    tried += [("edges by Keller's factor", board, ROOM, PredictionOptions(edge_strength=EdgeStrength.KELLER))]
+    tried += [(f"scatter {share}", board, with_material(ROOM, "board", 0.9, share), None) for share in (0.1, 0.3)]
+    tried += [
+        (
+            f"the board's own receiver, swelling in {cycles:g} cycles",
+            replace(board, rise_cycles=cycles),
+            ROOM,
+            own_receiver,
+        )
+        for cycles in (1.5, 6.0)
+    ]
+    print("\ntried besides: share within 5 cm, ROC area and balanced accuracy of silence")
+    for title, other, room, options in tried:
+        judged = [judged_of(judge(scan, Model.RAY_FOLLOWING, other, NEARBY, room, options)) for scan in scans]
+        print(f"{title:50}{told(figures_of(judged))}", flush=True)
 
 
 def told(figures: Figures) -> str:
