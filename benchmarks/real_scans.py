@@ -185,9 +185,12 @@ def main() -> None:
         f"of two recordings at one place the later has {earlier:.3f} of the earlier's echoes, the earlier {later:.3f}"
     )
     by_name = {scan.name: scan for scan in scans}
-    angles = Counter(round(math.degrees(by_name[name].readings[row].angle)) for name, row in of_the_carrier(scans))
+    own = [by_name[name].readings[row] for name, row in of_the_carrier(scans)]
+    counts = Counter(round(math.degrees(one.angle)) for one in own)
     print("echoes that come wherever it stands, by turntable angle:", end=" ")
-    print(", ".join(f"{angle}°: {count}" for angle, count in sorted(angles.items())))
+    print(", ".join(f"{angle}°: {count}" for angle, count in sorted(counts.items())))
+    centimetres = Counter(round(100 * (one.range or math.nan)) for one in own)
+    print("and by range, cm:", ", ".join(f"{range_}: {count}" for range_, count in sorted(centimetres.items())))
     if "--cross-validation" in sys.argv:
         from benchmarks.tune_lego_nxt import tell_candidates, tell_cross_validation, try_all
 
