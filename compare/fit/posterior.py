@@ -7,11 +7,14 @@ Weare's stretches need here.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.random import RandomState
 
+from compare.cores import core_count
 from compare.fit.objective import Objective
 from compare.fit.refine import directions_of
 from sonarhw.readings import FloatArray
@@ -38,20 +41,32 @@ def samples_of(
     random = RandomState(seed)
     walkers = max(_WALKERS, 2 * (len(top) + 2))
     begin = _ensemble(objective, top, walkers, random)
-    # not its snooker move: what that draws in emcee 3.1.6 is 6 % too narrow or more
-    sampler = emcee.EnsembleSampler(walkers, len(top), objective, moves=emcee.moves.DEMove())
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
     most = _LONGER if steps >= _TELLING else 0
     parts = [steps, *(steps * 2**longer for longer in range(most + 1))]  # the first is thrown away in any case
-    for part, iterations in enumerate(parts):
-        sampler.reset()
-        for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
-            tick((part + done / iterations) / len(parts))
-        state = sampler.get_last_sample()
-        if part and _settled(sampler.get_chain()):
-            break
+    with _at_once(objective, core_count()) as several:
+        # not its snooker move: what that draws in emcee 3.1.6 is 6 % too narrow or more
+        sampler = emcee.EnsembleSampler(walkers, len(top), several, moves=emcee.moves.DEMove(), vectorize=True)
+        for part, iterations in enumerate(parts):
+            sampler.reset()
+            for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
+                tick((part + done / iterations) / len(parts))
+            state = sampler.get_last_sample()
+            if part and _settled(sampler.get_chain()):
+                break
     return np.asarray(sampler.get_chain(flat=True))
+
+
+@contextmanager
+def _at_once(objective: Objective, threads: int) -> Iterator[Callable[[FloatArray], FloatArray]]:
+    """The objective of many values (m, size) at once, (m,): kernels do not hold Python's lock."""
+
+    def share(values: FloatArray) -> list[float]:
+        return [objective(one) for one in values]
+
+    with ThreadPoolExecutor(threads) as pool:
+        yield lambda values: np.concatenate(list(pool.map(share, np.array_split(values, threads))))
 
 
 def _settled(chain: FloatArray) -> bool:

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+from compare.cores import core_count
 from compare.study.parts import StudyFolder, part_count
 from compare.study.spec import Study
-from compare.study.workers import core_count, parts_here, parts_on_cluster
+from compare.study.workers import parts_here, parts_on_cluster
 
 
 def run_study(

@@ -25,11 +25,6 @@ _ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "
 _ANSWER_WITHIN = 10.0  # s, a scheduler that is there
 
 
-def core_count() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[Part, None, None]:
     """The parts, made by so many processes of this machine. Raises WorkersLost where one of them is killed."""
     workers = min(workers, len(numbers))
