@@ -89,7 +89,7 @@ def log_likelihoods(
     told, nearest, leaving, arriving = _on_axis(known_out, back, rise, turn, kinds, ear)
     aside = ear.sender != (0.0, 0.0) or ear.listener != (0.0, 0.0)
     reach = _reach(ear) * ear.stretch
-    faintest = -_FAR * noise.level
+    needed = 10.0 ** ((ear.threshold_db - _FAR * noise.level - levels) / 20.0)
     likelihoods, densities = np.empty(angles.shape[0]), np.empty(echoes.shape[1])
     for i in range(angles.shape[0]):
         count, ranges = counts[i], echoes[i]
@@ -101,7 +101,7 @@ def log_likelihoods(
         densities[:] = noise.stray
         unheard = 0.0
         for k in range(told.shape[0]):
-            if told[k] > farthest:
+            if told[k] > farthest or needed[k] > 1.0:
                 if nearest[k] > farthest:
                     break
                 continue
@@ -114,13 +114,14 @@ def log_likelihoods(
                 there, on, bx, by = _legs(one, rise[k], turn[k], kinds[k])
                 ahead, home = (one[0] * hx + one[1] * hy) / there, bx * hx + by * hy
                 found = (there + on) / 2 * ear.stretch + ear.offset
-            amplitude = beam(ahead, ear.ka, table) * beam(home, ear.ka, table)
-            if amplitude <= 0.0:
+            amplitude = beam(ahead, ear.ka, table)
+            if amplitude < needed[k]:
                 continue
-            over = levels[k] + 20.0 * math.log10(amplitude) - ear.threshold_db
-            if over < faintest:
+            amplitude *= beam(home, ear.ka, table)
+            if amplitude < needed[k]:
                 continue
 
+            over = levels[k] + 20.0 * math.log10(amplitude) - ear.threshold_db
             found += _late(over, lateness)
             chance = (1.0 - noise.missed) * _normal(over / noise.level)
             silence = 1.0 - chance * _mass(found, ranges, count, ends, ear, noise.range)
