@@ -177,7 +177,10 @@ def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) ->
         ]
         texts.append((out, "--out", found_room(fitted.room, values, places).text))
     if board_out is not None:
-        texts.append((board_out, "--board-out", found_board(fitted.board, values, board_out.stem).text))
+        deviations = {one: fitted.result.estimates[one.name].deviation for one in values}
+        logs = [scan.name for scan in fitted.scans]
+        profile = found_board(fitted.board, values, board_out.stem, deviations, logs)
+        texts.append((board_out, "--board-out", profile.text))
     for file, option, text in texts:
         with whole_file(file, option) as written:
             written.write(text.encode())

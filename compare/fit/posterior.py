@@ -21,6 +21,7 @@ from sonarhw.readings import FloatArray
 
 _WALKERS = 48  # at least: with fewer, differences span too little
 _WIDER = 1.2  # than the curvature at the top says: a narrow ensemble widens more slowly than a wide one narrows
+_FORGOTTEN = 80  # steps after which members no longer know where they began
 _LONGER = 1  # times at most that twice as many are drawn anew, where they have not settled
 _TELLING = 50  # steps: fewer do not tell whether they have settled
 _DRIFT = 0.4  # standard deviations from the mean of one half to that of the other, of draws that have settled
@@ -33,7 +34,7 @@ def samples_of(
 ) -> FloatArray:
     """About `count` draws (m, size) from the posterior, the ensemble begun round `top` (size,).
 
-    As many are thrown away before; where it has not settled then, twice as many are drawn anew.
+    Half as many are thrown away before; where it has not settled then, twice as many are drawn anew.
     `tick` is called with the share that is done.
     """
     import emcee  # here, for it takes half a second to load: the window offers a fit, few starts of it make one
@@ -44,7 +45,8 @@ def samples_of(
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
     most = _LONGER if steps >= _TELLING else 0
-    parts = [steps, *(steps * 2**longer for longer in range(most + 1))]  # the first is thrown away in any case
+    # the first is thrown away in any case
+    parts = [min(steps, max(steps // 2, _FORGOTTEN)), *(steps * 2**longer for longer in range(most + 1))]
     with _at_once(objective, core_count()) as several:
         # not its snooker move: what that draws in emcee 3.1.6 is 6 % too narrow or more
         sampler = emcee.EnsembleSampler(walkers, len(top), several, moves=emcee.moves.DEMove(), vectorize=True)

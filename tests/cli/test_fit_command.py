@@ -1,6 +1,7 @@
 """`sonarhw fit`: a table for a person, JSON for a program, one line for what is wrong."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,9 @@ def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp
     assert written.places["p2"] == before.places["p2"]
     assert np.abs(written.walls - before.walls).max() < 0.005
     profile = load_board(str(board))
+    first, *_ = profile.text.splitlines()
+    assert first == "# Fitted by `sonarhw fit` on p3, beginning with profile 'polaroid-6500': offset, threshold."
+    assert re.search(r"^threshold_db = \S+  # fitted ± \d\.\d\d; before: -40 \(", profile.text, re.M)
     assert profile.name == "mine"
     assert profile.range_offset == pytest.approx(0, abs=0.002)
     assert profile.threshold_db == pytest.approx(load_board("polaroid-6500").threshold_db, abs=3)
