@@ -209,12 +209,12 @@ def _around(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
     return replace(parameter, lower=at - reach, upper=at + reach)
 
 
-def timed_fit(seed: int) -> float:
-    """Seconds for a position and heading with the whole arena, eight walls, as prior."""
+def timed_fit(seed: int, echoes: int = 1) -> float:
+    """Seconds for a position and heading with the whole arena, eight walls, as prior; so many echoes a reading."""
     random = np.random.default_rng((seed, 8))
     room = load_room("rooms/arena.toml")
     board, place = board_of(room), place_in(room, random)
-    scan = PlacedScan(synthetic_scan(room, place, board, seed), Place("", (1.0, 0.5)))
+    scan = PlacedScan(synthetic_scan(room, place, board, seed, echoes=echoes), Place("", (1.0, 0.5)))
     free = free_parameters(("position", "heading"), [""], room, board)
     begin = time.perf_counter()
     fit_scans([scan], room, board, free)
@@ -225,7 +225,10 @@ def main() -> None:
     """Print it all."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
     timed_fit(0)  # compiles
-    print(f"whole room as prior, {READINGS} readings, 8 walls: {min(timed_fit(k) for k in range(1, 4)):.1f} s a fit")
+    for echoes in (1, 5):
+        seconds = sorted(timed_fit(seed, echoes) for seed in range(1, 6))
+        told = f"whole room as prior, {READINGS} readings of {echoes}, 8 walls"
+        print(f"{told}: {seconds[2]:.1f} s a fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
         own = partial(drawn_fit, receiver=Receiver.BOARD)
