@@ -83,16 +83,15 @@ def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray
     out, back = np.zeros((2, len(paths), 2, len(walls)))
     if not walls:
         return out, back
-    columns = {room.names.index(name): column for column, name in enumerate(walls)}
-    corners = [corner_moves(room, point, walls) for point in room.edges.points]
+    columns, normals = {room.names.index(name): column for column, name in enumerate(walls)}, left_normals(room.walls)
     for path, edge in enumerate(paths.edges.tolist()):
-        mirrors = _mirrors(paths, path, left_normals(room.walls))
+        mirrors = _mirrors(paths, path, normals)
         if edge < 0:
             out[path] = _image_move(mirrors, columns, np.zeros((2, len(walls))))
         else:
-            bend = int(paths.bends[path])
-            out[path] = _image_move(mirrors[:bend], columns, corners[edge])
-            back[path] = _image_move(mirrors[bend:][::-1], columns, corners[edge])
+            bend, corner = int(paths.bends[path]), corner_moves(room, room.edges.points[edge], columns)
+            out[path] = _image_move(mirrors[:bend], columns, corner)
+            back[path] = _image_move(mirrors[bend:][::-1], columns, corner)
     return out, back
 
 

@@ -3,7 +3,7 @@
 Takes a room and by how much named walls move; hands on the room with walls and edges as they then are.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,14 +35,15 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
     return replace(room, walls=walls, edges=find_edges(walls, room.names[: len(walls)]))
 
 
-def corner_moves(room: Room, point: FloatArray, names: Sequence[str]) -> FloatArray:
-    """By how much a corner (2,) moves for every metre that each of those walls moves to its left, (2, names) float."""
-    rows = np.flatnonzero((room.walls.reshape(-1, 2, 2) == point).all(axis=2).any(axis=1))
-    moves = np.zeros((2, len(names)))
-    for column, name in enumerate(names):
-        by = np.array([float(room.names[row] == name) for row in rows])
-        if by.any():
-            moves[:, column] = _corner(point, left_normals(room.walls[rows]), by) - point
+def corner_moves(room: Room, point: FloatArray, columns: Mapping[int, int]) -> FloatArray:
+    """By how much a corner (2,) moves for every metre that each wall moves to its left, (2, columns) float.
+
+    `columns`: those of the walls, by number, that move.
+    """
+    meeting = np.flatnonzero((room.walls.reshape(-1, 2, 2) == point).all(axis=2).any(axis=1))
+    normals, moves = left_normals(room.walls[meeting]), np.zeros((2, len(columns)))
+    for wall in columns.keys() & set(meeting.tolist()):
+        moves[:, columns[wall]] = _corner(point, normals, (meeting == wall).astype(np.float64)) - point
     return moves
 
 
