@@ -14,7 +14,7 @@ from sim.mount import Mount, Unit
 from sim.prediction import PredictionOptions, predict_scan
 from sim.room import Place, Room, load_room
 from sonarhw.errors import Cancelled, InputError
-from sonarhw.readings import Reading
+from sonarhw.readings import Reading, Trace
 from tests.sim.rooms_for_tests import polygon_room
 
 ARENA = load_room("rooms/arena.toml")
@@ -266,6 +266,15 @@ def test_what_cannot_be_fitted_is_refused(readings: list[Reading]) -> None:
             free_parameters((word,), [""], ARENA, BOARD)
     with pytest.raises(InputError, match="one tells the other"):
         free_parameters(("temperature", "speed"), [""], ARENA, BOARD)
+
+
+def test_one_recording_given_twice_is_refused_though_it_has_traces(readings: list[Reading]) -> None:
+    def read_anew() -> PlacedScan:
+        return PlacedScan([replace(one, trace=Trace(np.zeros(3), 1e5, 0.0)) for one in readings], TRUTH)
+
+    free = free_parameters(("position",), ["one", "other"], ARENA, BOARD)
+    with pytest.raises(InputError, match="one recording given twice"):
+        fit_scans([read_anew(), read_anew()], ARENA, BOARD, free)
 
 
 def test_the_boards_own_receiver_is_fitted_with_its_own_lateness() -> None:
