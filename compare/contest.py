@@ -130,10 +130,8 @@ def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
 
 def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
     """By how much paths grow for every metre that a wall moves towards the sensor, (rows, walls)."""
-    from compare.fit.echo_paths import (
-        echo_paths,
-        growth_by_wall,
-    )  # what comes along takes half a second, at the start of the window
+    # what comes along takes half a second, at the start of the window
+    from compare.fit.echo_paths import echo_paths, growth_by_wall
     from compare.fit.walls import left_normals
 
     room = prediction.room

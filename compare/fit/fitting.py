@@ -71,10 +71,11 @@ def fit_scans(
         if progress is not None:
             progress(part.begin + (part.end - part.begin) * share, part.doing)
 
+    telling = replace(problem, alike=_alike(problem))  # how sure a fit is, and which answers are about as good
     found = _begin(problem, options, lambda share: tick(_SEARCH, share))
-    answers = _answers(problem, found, lambda share: tick(_CLIMB, share))
+    answers = _answers(problem, telling, found, lambda share: tick(_CLIMB, share))
     best = answers[0].values
-    objective = _tempered(problem).near(best)
+    objective = telling.near(best)
     samples = np.empty((0, problem.size))
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
@@ -107,13 +108,15 @@ def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None])
     return [beginnings(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
 
 
-def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[float], None]) -> list[Beginning]:
-    """The best values of all, and behind them others that are about as good."""
-    starts = list(_starts(problem, found))
+def _answers(
+    problem: Problem, telling: Problem, found: list[list[Beginning]], tick: Callable[[float], None]
+) -> list[Beginning]:
+    """The best values of all, and behind them others that by `telling` are about as good."""
+    starts = list(_starts(telling, found))
     middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
     middling.sort(key=lambda one: -one.score)
     tops: list[Beginning] = []
-    count, promising = len(problem.parameters), _PROMISING * max(_alike(problem))
+    count, promising = len(problem.parameters), _PROMISING * max(telling.alike)
     for done, one in enumerate(middling):
         tick(done / len(middling))
         if middling[0].score - one.score < promising and not any(
@@ -123,7 +126,6 @@ def _answers(problem: Problem, found: list[list[Beginning]], tick: Callable[[flo
             begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
             tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
     tops.sort(key=lambda one: -one.score)
-    telling = _tempered(problem)
     told = [Beginning(one.values, telling.near(one.values)(one.values)) for one in tops]
     return [one for one in told if told[0].score - one.score < _AS_GOOD]
 
@@ -147,7 +149,7 @@ def _climbed(
 
 def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArray]:
     """The best pose of every scan together; then, one scan at a time, another one of it."""
-    best, alike = problem.start(), _alike(problem)
+    best = problem.start()
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
         best[rows] = several[0].values[rows]
@@ -155,7 +157,7 @@ def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArr
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
         for other in several[1 : 1 + _OTHERS]:
-            if several[0].score - other.score < _PROMISING * alike[scan]:
+            if several[0].score - other.score < _PROMISING * problem.alike[scan]:
                 start = best.copy()
                 start[rows] = other.values[rows]
                 yield start
@@ -200,11 +202,6 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
     )
     lone = problem.prediction.receiver is Receiver.BOARD
     return replace(result, warnings=warnings_of(result, unending(objective.problem, best.values, covariance), lone))
-
-
-def _tempered(problem: Problem) -> Problem:
-    """The problem by which to say how sure a fit is, and which answers are about as good."""
-    return replace(problem, alike=_alike(problem))
 
 
 def _alike(problem: Problem) -> tuple[float, ...]:
