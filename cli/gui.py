@@ -114,13 +114,13 @@ def _replay(path: Path, wish: _Wish) -> int:
 def _show_foreign(path: Path, wish: _Wish) -> int:
     from compare.foreign_csv import guess_columns, read_foreign_scan
 
-    scene = _scene(_placed(wish))
+    scene = _scene(wish, begin_at="")
     read_foreign_scan(path, *guess_columns(path))  # refused here where nothing can be meant
     return _show(scene, wish.room, path)
 
 
 def _show_room(path: Path, wish: _Wish) -> int:
-    return _show(_scene(_placed(wish)), path)
+    return _show(_scene(wish, begin_at=""), path)
 
 
 def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
@@ -184,8 +184,13 @@ class _Ways:
         return open_it
 
 
-def _scene(wish: _Wish) -> "Scene":
-    from gui.scene import scene_with
+def _scene(wish: _Wish, begin_at: str | None = None) -> "Scene":
+    """The scene that is asked for.
+
+    A window shows what was measured from there and can look for the true place, so it may `begin_at` one that nobody
+    asked for: that of the log, if the room has it, else the room's first. A scan that is to come must be told (None).
+    """
+    from gui.scene import first_place, scene_with
     from sim.board import load_board
     from sim.room import load_room
 
@@ -195,7 +200,11 @@ def _scene(wish: _Wish) -> "Scene":
             raise InputError("--place needs --room: it is a place of a room file")
         return scene_with(board)
     room = load_room(wish.room)
-    return scene_with(board, room, room.place(wish.place), wish.room.name)
+    if wish.place is None and begin_at is not None:
+        place = room.places.get(begin_at) or first_place(room)
+    else:
+        place = room.place(wish.place)
+    return scene_with(board, room, place, wish.room.name)
 
 
 def _fake_scene(url: str, wish: _Wish) -> "Scene":
@@ -215,25 +224,10 @@ def _log_scene(log: "Log", wish: _Wish) -> "Scene":
 
     board = board_of_log(log.metadata) if wish.board is None else load_board(wish.board)
     if wish.room is not None:
-        placed = _placed(wish, log.metadata.place)
-        return replace(_scene(replace(placed, board=None)), board=board)
+        return replace(_scene(replace(wish, board=None), begin_at=log.metadata.place), board=board)
     scene = replace(scene_of_log(log.metadata), board=board)
     if wish.place is None:
         return scene
     if scene.room is None:
         raise InputError(f"--place {wish.place}: the log carries no room; give one with --room")
     return replace(scene, place=scene.room.place(wish.place))
-
-
-def _placed(wish: _Wish, recorded_at: str = "") -> _Wish:
-    """The wish with a place of its room: the one asked for, else that of the log if the room has it, else the first.
-
-    A window shows what was measured from there and can look for the true one; a scan that is to come must be told.
-    """
-    from gui.scene import first_place
-    from sim.room import load_room
-
-    if wish.place is not None or wish.room is None:
-        return wish
-    room = load_room(wish.room)
-    return replace(wish, place=recorded_at if recorded_at in room.places else first_place(room).name)
