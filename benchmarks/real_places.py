@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.real_scans import DEFAULT_FOLDER, RealScan, load_scans
 from compare.fit import PlacedScan
+from compare.headings import heading_text
 from compare.locate import Located, locate
 from compare.map import map_scans
 from sim.board import load_board
@@ -54,7 +55,7 @@ def main() -> None:
         x, y = best.position
         print(
             f"{scan.name:5} {place:6} {found:4} {shares[found]:3.0%}  {x:.3f}, {y:.3f} m at "
-            f"{math.degrees(best.heading):5.1f}° {best.probability:12.0%} {away * 100:12.0f} cm"
+            f"{heading_text(best.heading):>6} {best.probability:12.0%} {away * 100:12.0f} cm"
         )
     print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
     if "--elsewhere" in sys.argv:

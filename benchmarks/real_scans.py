@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from cli.app import run
 from compare.fit.plain import fit_scan
+from compare.headings import heading_text
 from compare.match import TOLERANCE, Comparison, Kind, compare_readings
 from compare.silence import roc_area
 from sim.bends import EdgeStrength
@@ -244,7 +245,7 @@ def _cell(comparison: Comparison, scan: RealScan) -> str:
     place = comparison.prediction.place.position
     moved = f"{(place[0] - scan.x) * 100:+3.0f}{(place[1] - scan.y) * 100:+3.0f}"
     figures = told(figures_of([judged_of(comparison)]))
-    return f"{figures:>21} {math.degrees(comparison.heading) % 360:6.1f}° {comparison.offset * 100:+4.1f}{moved} cm"
+    return f"{figures:>21} {heading_text(comparison.heading):>7} {comparison.offset * 100:+4.1f}{moved} cm"
 
 
 def _share_without(judged: Sequence[Comparison], scans: Sequence[RealScan], own: set[tuple[str, int]]) -> float:
