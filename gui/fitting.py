@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from compare.fit import FitResult, Parameter
 
 NEAR = 0.25  # m: how far off a place may be that somebody put there by hand
-_SAMPLES = 8000  # of the posterior: with half as many a ± is some 5 % too small
+_SAMPLES = 8000  # of the posterior: some 300 of them are independent
 _MOST_READINGS = 720  # the newest: more tell no more about one place
 
 

@@ -28,7 +28,7 @@ class FitOptions:
 
     prediction: PredictionOptions = field(default_factory=PredictionOptions)
     seed: int = 0  # of the sampler that finds the uncertainties; same seed, same result
-    samples: int = 8000  # from the posterior; of half as many a ± is some 5 % too small. 0: curvature tells it
+    samples: int = 8000  # from the posterior, some 300 of them independent; 0: curvature tells it
     all_echoes: bool = True  # False: only the first echo of each reading
     global_search: bool = True  # False: begin where places, room and board say
 
