@@ -32,7 +32,7 @@ firmware: setup
 
 # that board in the demo room; its URL is the first line, Ctrl-C ends it
 board: firmware
-	$(BIN)/python -m cli.board
+	$(BIN)/python -m sonarhw_cli.instrument.board_command
 
 test: setup firmware
 	$(BIN)/ruff check .
@@ -47,7 +47,7 @@ soak: setup firmware
 	setup/debian_packages.sh clang libclang-rt-dev
 	$(MAKE) --no-print-directory -C firmware build/libfuzzer
 	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
-	$(BIN)/pytest tests/soak tests/firmware/test_fuzz.py tests/firmware/test_long.py --soak --timeout 36000
+	$(BIN)/pytest tests/soak tests/system/firmware/test_fuzz.py tests/system/firmware/test_long.py --soak --timeout 36000
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 	$(BIN)/python -m benchmarks.window --full

@@ -16,14 +16,14 @@ from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
+from sonarhw_compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.values.parameters import OF_PLACE
+from sonarhw_sim.board.profile import Board, Receiver, load_board
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
+from sonarhw_sim.room.enclosures import inside
+from sonarhw_sim.room.model import Place, Room, load_room
 
-from compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
-from compare.fit.parameters import OF_PLACE
-from sim.board import Board, Receiver, load_board
-from sim.enclosures import inside
-from sim.prediction import PredictionOptions, predict_scan
-from sim.room import Place, Room, load_room
-from sim.truth import Disturbance, RoomEchoes
 from sonarhw.echo_source import Ping
 from sonarhw.readings import FloatArray, Reading
 

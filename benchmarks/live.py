@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 ROOM = Path(__file__).parents[1] / "rooms" / "simple.toml"
-SONARHW = (sys.executable, "-c", "from cli.entry import main; main()")
+SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 SWEEP = 60  # headings; turning a degree hides inside the ping
 
 

@@ -13,12 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, load_room
 
-from sim.board import Board, load_board
-from sim.predicted_scan import PredictedScan
-from sim.prediction import predict_scan
-from sim.reference import range_at
-from sim.room import Place, Room, load_room
+from tests.oracles.reference import range_at
 
 ROUNDS = 5
 HEADINGS = np.radians(np.arange(0, 360, 5.0))

@@ -16,18 +16,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.board.traces import received
+from sonarhw_sim.rays.audible import everything
+from sonarhw_sim.rays.kernel import follow_fan
 
-from benchmarks.image_sources import compare_with_image_sources
-from benchmarks.numpy_fan import follow_with_numpy
-from benchmarks.office import PLACE, office_floor
-from benchmarks.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
+from benchmarks.cases.image_source_table import compare_with_image_sources
+from benchmarks.cases.numpy_fan import follow_with_numpy
+from benchmarks.cases.office import PLACE, office_floor
+from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
 from benchmarks.traces import LISTEN, RATE, SPEED
 from benchmarks.traces import arrivals as hundred_echoes
-from sim.audible import everything
-from sim.board import load_board
-from sim.one_heading import range_at
-from sim.rays import follow_fan
-from sim.traces import received
+from tests.oracles.one_heading import range_at
 
 HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
 VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
@@ -92,8 +92,8 @@ def memory_of_huge_scan() -> float:
     """The most memory, MB, that a fresh process takes to predict a scan in a room of 10 000 walls."""
     # Linux keeps the peak of a process here; what getrusage tells counts the parent's memory, too
     program = (
-        "from benchmarks.office import office_floor\n"
-        "from benchmarks.office_scan import scan\n"
+        "from benchmarks.cases.office import office_floor\n"
+        "from benchmarks.cases.office_scan import scan\n"
         "scan(office_floor(10_000))\n"
         "print(next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
     )

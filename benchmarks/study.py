@@ -12,8 +12,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from sonarhw_compare.study import load_study, run_study
+
 from benchmarks.speed import versions
-from compare.study import load_study, run_study
 
 SCANS = 10_000
 GRID = 10  # points, each at every place drawn: thresholds

@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.signal import fftconvolve
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.receiver import echo_times
+from sonarhw_sim.board.traces import Arrivals, received
+from sonarhw_sim.board.transducer import impulse_response
 
-from sim.board import Board, load_board
-from sim.receiver import echo_times
-from sim.traces import Arrivals, received
-from sim.transducer import impulse_response
 from sonarhw.readings import FloatArray
 
 SPEED = 343.987  # m/s

@@ -8,9 +8,10 @@ that length.
 import math
 from collections.abc import Iterable, Sequence
 
-from sim.bends import EdgeStrength
-from tests.sim.wave_equation import FLAT_WALL, WAVELENGTH, Scene, arrival_near
-from tests.sim.wave_scenes import DIFFRACTED, REFLECTED, Difference, abreast_of_an_end, differences, unexplained
+from sonarhw_sim.rays.diffraction import EdgeStrength
+
+from tests.oracles.wave_equation import FLAT_WALL, WAVELENGTH, Scene, arrival_near
+from tests.oracles.wave_scenes import DIFFRACTED, REFLECTED, Difference, abreast_of_an_end, differences, unexplained
 
 SHARES = (-2, -1, -0.5, 0, 0.5, 1, 2)  # wavelengths
 

@@ -20,8 +20,9 @@ from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import version
 
-from benchmarks.window_jobs import Figure, dragging, first_window, live, long_log, repaints
-from gui.display import NoDisplay, check_display
+from sonarhw_gui.shell.display import NoDisplay, check_display
+
+from benchmarks.cases.window_jobs import Figure, dragging, first_window, live, long_log, repaints
 
 _XVFB = ("xvfb-run", "--auto-servernum", "--server-args=-screen 0 1920x1080x24 -noreset")
 _LIBRARIES = ("PySide6-Essentials", "pyqtgraph", "numpy", "numba")

@@ -10,9 +10,9 @@ import struct
 import time
 from collections.abc import Callable, Iterable, Iterator
 
-from sonarhw.driver import Driver
-from sonarhw.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.messages import TraceChunk
+from sonarhw.host.driver import Driver
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import TraceChunk
 
 WIRE = 200  # bytes of a frame
 FRAMES = 20_000

@@ -1,4 +1,4 @@
-"""Writes the C that must agree with something else: the messages with `sonarhw/messages.py`, the tables with formulas.
+"""Write the C that must agree with another source: messages with `sonarhw/wire/messages.py`, tables with formulas.
 
     python firmware/generate.py            writes core/messages.h, core/messages.c and core/tables.c anew
     python firmware/generate.py --check    says which of them differ, and ends with 1 where one does
@@ -15,12 +15,12 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any
 
-from sonarhw import messages
-from sonarhw.conversation import HEARTBEAT, HOST_SILENCE, UNHEARD
-from sonarhw.link import BAUD
-from sonarhw.messages import FROM_DEVICE, FROM_HOST, Message
-from sonarhw.reading_messages import CHUNK
-from sonarhw.wire_types import Numbers, Samples, Scalar, Text
+from sonarhw.device.device_protocol import HEARTBEAT, HOST_SILENCE, UNHEARD
+from sonarhw.link.serial_link import BAUD
+from sonarhw.wire import messages
+from sonarhw.wire.fields import Numbers, Samples, Scalar, Text
+from sonarhw.wire.messages import FROM_DEVICE, FROM_HOST, Message
+from sonarhw.wire.reading_messages import CHUNK
 
 CORE = Path(__file__).parent / "core"
 BORN = "/* Written by generate.py; change that, not this. */\n"

@@ -6,8 +6,8 @@ from sonarhw import Scanner, sector
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sonarhw.host.scanner import Scanner
     from sonarhw.readings import Reading, ScanOrder, Trace, sector
-    from sonarhw.scanner import Scanner
 
 __all__ = ["Reading", "ScanOrder", "Scanner", "Trace", "sector"]
 
@@ -15,7 +15,7 @@ __all__ = ["Reading", "ScanOrder", "Scanner", "Trace", "sector"]
 def __getattr__(name: str) -> Any:
     # on demand: whoever takes a reading from here needs no serial port
     if name == "Scanner":
-        from sonarhw.scanner import Scanner
+        from sonarhw.host.scanner import Scanner
 
         return Scanner
     if name in __all__:

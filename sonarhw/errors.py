@@ -17,7 +17,7 @@
     ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
     ├── Cancelled              long work was asked to end before it was done                   exit 1
     ├── WorkersLost            processes or a cluster that work on a study ended before it     exit 1
-    ├── NoDisplay              of `gui.display`: there is no screen for a window                   exit 1
+    ├── NoDisplay              of `sonarhw_gui.shell.display`: there is no screen for a window                   exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from sonarhw.link import Link
+from sonarhw.link.serial_link import Link
 from tests.contract.scanners import SCANNERS
 from tests.contract.talk import Talk
 

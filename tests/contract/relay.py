@@ -3,9 +3,9 @@
 import threading
 from collections import deque
 
-from sonarhw.faults import Faults
-from sonarhw.link import Link
-from sonarhw.noise import Noise
+from sonarhw.device.fault_schedule import Faults
+from sonarhw.device.line_noise import Noise
+from sonarhw.link.serial_link import Link
 
 _LOOK = 0.005  # s from one look at what has come to the next
 

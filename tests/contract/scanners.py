@@ -13,14 +13,16 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cli.connect import resolve
-from sonarhw.emulated import emulated_board
-from tests.sonarhw.plain_echoes import PlainEchoes
+from sonarhw_cli.console.connect import resolve
 
-ROOM = Path(__file__).parents[2] / "rooms" / "simple.toml"
-FIRMWARE = Path(__file__).parents[2] / "firmware"
+from sonarhw.device.emulated_board import emulated_board
+from tests.checkout import CHECKOUT
+from tests.fixtures.plain_echoes import PlainEchoes
+
+ROOM = CHECKOUT / "rooms" / "simple.toml"
+FIRMWARE = CHECKOUT / "firmware"
 PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
-_SONARHW = (sys.executable, "-c", "from cli.entry import main; main()")
+_SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 _SER2NET = """%YAML 1.1
 ---
 connection: &scanner

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from sonarhw.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
-from sonarhw.link import Link
-from sonarhw.messages import (
+from sonarhw.link.serial_link import Link
+from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.wire.messages import (
     PROTOCOL_MAJOR,
     PROTOCOL_MINOR,
     Accepted,

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.endpoint import Endpoint, serve
-from sonarhw.faults import read_faults
-from sonarhw.faulty import FaultyDevice
-from sonarhw.link import Link
+from sonarhw.device.endpoint import Endpoint, serve
+from sonarhw.device.fault_schedule import read_faults
+from sonarhw.device.faulty_board import FaultyDevice
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.serial_link import Link
 from sonarhw.readings import ScanOrder
-from sonarhw.scanner import Scanner
 from tests.contract.relay import Relay
 from tests.contract.scanners import emulated, ser2net
-from tests.sonarhw.faulty_boards import faulty
-from tests.sonarhw.plain_echoes import echo_time
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plain_echoes import echo_time
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
 MICROSTEP = math.tau / 3200

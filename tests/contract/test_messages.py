@@ -8,9 +8,10 @@ from dataclasses import astuple
 
 import pytest
 
-from sonarhw.frames import Frame, encode_frame
-from sonarhw.link import Link
-from sonarhw.messages import (
+from sonarhw.link.serial_link import Link
+from sonarhw.readings import ScanOrder
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import (
     MAX_ECHOES,
     NO_TEMPERATURE,
     PROTOCOL_MAJOR,
@@ -40,7 +41,6 @@ from sonarhw.messages import (
     TraceChunk,
     Turn,
 )
-from sonarhw.readings import ScanOrder
 from tests.contract.talk import PATIENCE, Talk, readings
 
 DEGREE = 1_000_000  # µdeg

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.link import Link
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.serial_link import Link
 from sonarhw.log import LogWriter, read_log
-from sonarhw.messages import Outcome, StartScan
 from sonarhw.readings import Reading, ScanOrder, sector
-from sonarhw.scanner import Scanner
+from sonarhw.wire.messages import Outcome, StartScan
 from tests.contract.talk import Talk
-from tests.sonarhw.example_logs import METADATA
+from tests.fixtures.example_logs import METADATA
 
 ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
 LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=4)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sonarhw.messages import StartScan
+from sonarhw.wire.messages import StartScan
 from tests.conftest import Count
-from tests.sonarhw.faulty_boards import faulty
-from tests.sonarhw.joined import Joined
-from tests.sonarhw.plain_echoes import echo_time
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.joined import Joined
+from tests.fixtures.plain_echoes import echo_time
 
 SHARE = 1 / 10_000
 WHOLE_TURN = StartScan(start=0, step=1_000_000, headings=360, sweeps=1, pings=1)

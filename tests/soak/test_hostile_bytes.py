@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonarhw.board import Board
-from sonarhw.driver import Driver
+from sonarhw.device.fake_board import Board
 from sonarhw.errors import SonarError
-from sonarhw.frames import Frame, FrameDecoder
-from sonarhw.messages import Configure, Hello, Home, Message, StartScan
+from sonarhw.host.driver import Driver
 from sonarhw.readings import Reading
+from sonarhw.wire.frames import Frame, FrameDecoder
+from sonarhw.wire.messages import Configure, Hello, Home, Message, StartScan
 from tests.conftest import Count
-from tests.sonarhw.plain_echoes import PlainEchoes
+from tests.fixtures.plain_echoes import PlainEchoes
 
 PIECE = 4096  # bytes
 FIRST = 100  # sequence number of the host's first command

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from sonarhw.log import LogWriter, read_log
-from sonarhw.messages import StartScan
+from sonarhw.wire.messages import StartScan
 from tests.conftest import Count
-from tests.sonarhw.example_logs import METADATA
-from tests.sonarhw.joined import Joined
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.joined import Joined
 
 SWEEP = 180  # headings, some 18 s
 SLACK = 1000  # allocated blocks that come and go

@@ -6,12 +6,12 @@ import signal
 import threading
 from pathlib import Path
 
-from sonarhw.board import Board
-from sonarhw.endpoint import serve
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import Board
 from sonarhw.log import Log, read_log
-from tests.cli.test_scan_command import lines, sonarhw, started
 from tests.conftest import Count
-from tests.sonarhw.plain_echoes import PlainEchoes
+from tests.fixtures.plain_echoes import PlainEchoes
+from tests.system.cli.instrument.test_scan_command import lines, sonarhw, started
 
 LONG = ("--step", "1", "--sweeps", "4")
 TAIL = 4096  # bytes

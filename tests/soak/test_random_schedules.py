@@ -3,9 +3,9 @@
 import random
 
 from tests.conftest import Count
-from tests.sonarhw.faulty_boards import faulty
-from tests.sonarhw.plugged import Plugged
-from tests.sonarhw.test_under_faults import SECTOR, assert_right
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plugged import Plugged
+from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_right
 
 LASTING = ("drop=1/2000", "flip=1/2000", "insert=1/2000", "drift=300", "drift=-3000", "protocol=1.9")
 PASSING = ("stall", "deaf", "mute", "reset", "nonsense", "unplug", "move")

@@ -3,9 +3,9 @@
 import random
 
 from tests.conftest import Count
-from tests.sonarhw.faulty_boards import faulty
-from tests.sonarhw.plugged import Plugged
-from tests.sonarhw.test_under_faults import SECTOR, assert_right
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plugged import Plugged
+from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_right
 
 WITHIN = 1.0  # s
 

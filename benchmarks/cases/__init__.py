@@ -1,0 +1,1 @@
+"""Rooms, reference implementations and window jobs that the benchmarks measure."""

@@ -1,0 +1,27 @@
+"""The whole scan that the speed table times: 360 headings from the desk, 8 reflections, paths of 20 m.
+
+Takes a floor of offices; hands on the predicted scan. A file of its own, so that a process that measures its memory
+loads nothing else.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.model import Room
+
+from benchmarks.cases.office import PLACE
+
+LONGEST = 20.0  # m, there and back
+BOUNCES = 8
+BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
+HEADINGS = np.radians(np.arange(360.0))
+# as far apart as the rays of one heading, so that the same work is compared
+OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440)
+
+
+def scan(room: Room) -> PredictedScan:
+    """A whole scan, 360 headings."""
+    return predict_scan(room, PLACE, BOARD, HEADINGS, OPTIONS)

@@ -1,0 +1,414 @@
+"""The window at work: real windows, a real hand on the mouse, real paints; each job in a process of its own.
+
+Takes a job's name; hands on what it measured as `Figure`s. `benchmarks.window` runs the jobs and prints their figures.
+"""
+
+import gc
+import math
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from PySide6.QtCore import QEvent, QEventLoop, QObject, QPoint, QPointF, Qt, QTimer
+from PySide6.QtTest import QTest
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.application import WindowStart, open_application, open_window
+from sonarhw_gui.shell.garbage import collected_between_events
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+from benchmarks.cases.office import PLACE, office_floor
+from benchmarks.fit import synthetic_scan
+from sonarhw.host.driver import Driver
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import Log, LogMetadata, LogWriter, read_log
+from sonarhw.readings import Reading, ScanOrder
+
+ROOMS = Path(__file__).parents[2] / "rooms"
+SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
+WALLS = 64
+RATE = 50.0  # readings a second of the live scan
+PING = 0.1  # s, of the fake in its own time
+NEAR = 2.0  # m: as far as the live scan listens
+SPEED = 50.0  # of the long replay
+PATIENCE = 120.0  # s
+WARM_UP = 3.0  # s, for compilers and caches
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of the table."""
+
+    what: str
+    measured: float
+    unit: str
+    target: float | None = None
+    at_least: bool = False  # else at most
+    note: str = ""
+
+
+class Paints(QObject):
+    """Calls back whenever a window has been painted and what was painted has gone to the screen."""
+
+    def __init__(self, window: MainWindow, painted: Callable[[], None]) -> None:
+        super().__init__(window)
+        self._painted = painted
+        window.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Let the window paint, then call back."""
+        if event.type() is not QEvent.Type.UpdateRequest:
+            return False
+        watched.event(event)
+        self._painted()
+        return True
+
+
+class Moment(NamedTuple):
+    """A moment by three clocks, or the time between two."""
+
+    wall: float  # s
+    process: float  # s of processor time, all threads
+    thread: float  # s of processor time, the thread that asks
+
+    def since(self, earlier: "Moment") -> "Moment":
+        """The time between."""
+        return Moment(*(after - before for after, before in zip(self, earlier, strict=True)))
+
+
+def moment() -> Moment:
+    """Now."""
+    return Moment(time.perf_counter(), time.process_time(), time.thread_time())
+
+
+def memory() -> float:
+    """What this process has in memory now, MB."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@contextmanager
+def opened(**start: object) -> Iterator[MainWindow]:
+    """A window on the screen, with the usual docks; cycles are collected as the application does it."""
+    open_application()
+    with tempfile.TemporaryDirectory() as folder:
+        wish = {"recordings": Path(folder), **start}
+        window = open_window(WindowStart(**wish))  # type: ignore[arg-type]  # checked where it is called
+        window.resize(1280, 800)
+        for dock in window.docks.actions:
+            if not dock.isChecked():
+                dock.trigger()
+        window.show()
+        with collected_between_events():
+            work(0.5)  # until everything has found its place
+            yield window
+            window.close()
+
+
+def work(seconds: float) -> None:
+    """Let the window work for a while."""
+    loop = QEventLoop()
+    QTimer.singleShot(round(1000 * seconds), loop.quit)
+    loop.exec()
+
+
+def work_until(condition: Callable[[], bool]) -> None:
+    """Let the window work until something is so. Raises TimeoutError where it never is."""
+    patience = time.monotonic() + PATIENCE
+    while not condition():
+        work(0.01)
+        if time.monotonic() > patience:
+            raise TimeoutError("the window never came so far")
+
+
+def settled(window: MainWindow) -> bool:
+    """Whether nothing better is still to come."""
+    shown, status = window.session.shown, window.session.status
+    compared = not shown.readings or shown.row(len(shown.readings) - 1) is not None
+    return compared and not status.predicting and shown.outline is not None
+
+
+def ms(seconds: list[float], share: float) -> float:
+    """The time under which that share of them lies, ms."""
+    ordered = sorted(seconds)
+    return 1000 * ordered[min(len(ordered) - 1, math.floor(share * len(ordered)))]
+
+
+def write_log(path: Path, hours: float) -> None:
+    """A log of ten readings a second with traces; written by another process, whose memory is its own."""
+    command = [sys.executable, "-m", "benchmarks.logs", str(hours), "write", str(path)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def scanned(scene: Scene, folder: Path) -> Log:
+    """A log of a whole turn in that scene."""
+    assert scene.room is not None
+    assert scene.place is not None
+    path = folder / "turn.mcap"
+    with LogWriter(path, LogMetadata("scan", 0.0), live=False) as log:
+        for reading in synthetic_scan(scene.room, scene.place, scene.board, seed=1, readings=360):
+            log.reading(reading)
+    return read_log(path)
+
+
+# the jobs
+
+
+def dragging(lasts: float) -> list[Figure]:
+    """A hand drags the sensor round in a room of many walls."""
+    scene = Scene(office_floor(WALLS), PLACE, load_board("polaroid-6500"))
+    with tempfile.TemporaryDirectory() as folder, opened(scene=scene, source=scanned(scene, Path(folder))) as window:
+        work_until(lambda: settled(window))
+        drag = _Drag(window)
+        drag.go_on(WARM_UP)
+        drag.updates.clear()
+        began = moment()
+        drag.go_on(lasts)
+        wall, process, thread = moment().since(began)
+        drag.end()
+    count = len(drag.updates)
+    what = f"drag the sensor, {WALLS} walls, 360 headings: "
+    return [
+        Figure(f"{what}new outlines painted", count / wall, "/s", 30, True),
+        Figure(f"{what}new outlines painted, a second of GUI thread", count / thread, "/s", 30, True),
+        Figure(f"{what}hand to paint, median", ms(drag.updates, 0.5), "ms"),
+        Figure(f"{what}all threads", process / wall, "cores"),
+    ]
+
+
+class _Drag:
+    """A hand that has taken hold of the sensor and moves it in a circle, a hundred times a second."""
+
+    def __init__(self, window: MainWindow) -> None:
+        self.updates: list[float] = []  # from a hand's movement to the paint of its outline, s
+        self._window, self._plan = window, window.plan
+        self._moved: dict[tuple[float, float], float] = {}
+        self._painted: object = None
+        self._middle = window.session.shown.scene.standing.position
+        QTest.mousePress(self._plan.viewport(), Qt.MouseButton.LeftButton, pos=self._pixel(*self._middle))
+        self._timer = QTimer(window, interval=10)
+        self._timer.timeout.connect(self._move)
+        self._step = 0
+        self._paints = Paints(window, self._note)
+        window.plan.edited.connect(self._asked)
+
+    def go_on(self, lasts: float) -> None:
+        """Drag on."""
+        self._timer.start()
+        work(lasts)
+        self._timer.stop()
+
+    def end(self) -> None:
+        """Let go."""
+        QTest.mouseRelease(self._plan.viewport(), Qt.MouseButton.LeftButton)
+
+    def _pixel(self, x: float, y: float) -> QPoint:
+        return self._plan.mapFromScene(self._plan.plotItem.vb.mapViewToScene(QPointF(x, y)))
+
+    def _move(self) -> None:
+        self._step += 1
+        turn, radius = 0.05 * self._step, 0.3
+        x, y = self._middle
+        QTest.mouseMove(self._plan.viewport(), self._pixel(x + radius * math.sin(turn), y + radius * math.cos(turn)))
+
+    def _asked(self, scene: Scene) -> None:
+        self._moved[scene.standing.position] = time.perf_counter()
+
+    def _note(self) -> None:
+        outline = self._window.session.shown.outline
+        if outline is not self._painted and outline is not None:
+            self._painted = outline
+            moved = self._moved.get(outline.place.position)
+            if moved is not None:
+                self.updates.append(time.perf_counter() - moved)
+
+
+def live(lasts: float) -> list[Figure]:
+    """A live scan with traces, as fast as a board could ever send them."""
+    board = replace(load_board("polaroid-6500"), max_range=NEAR)
+    room = load_room(ROOMS / "laboratory.toml")
+    scene = Scene(room, room.place("bench"), board, "laboratory.toml")
+    command = [*SONARHW, "fake", str(ROOMS / scene.room_file), "--place", "bench", "--tcp", "127.0.0.1:0"]
+    heard, drawn = _heard(), []
+    order = ScanOrder(0.0, math.radians(1), 360, sweeps=100)
+    with subprocess.Popen([*command, "--pace", str(RATE * PING)], stdout=subprocess.PIPE, text=True) as fake:
+        assert fake.stdout is not None
+        url = fake.stdout.readline().strip()
+        with opened(scene=scene, source=lambda: Scanner.open(url), order=order) as window:
+            work_until(lambda: settled(window))
+            frames: list[tuple[Moment, int]] = []
+
+            def painted() -> None:
+                count = len(window.session.shown.readings)
+                if not frames or frames[-1][1] != count:  # a paint of text alone shows no reading
+                    frames.append((moment(), count))
+
+            Paints(window, painted)
+            window.commands.scan.trigger()
+            work_until(lambda: len(window.session.shown.readings) > RATE * WARM_UP)
+            frames.clear()
+            began = moment()
+            work(lasts)
+            wall, process, _ = moment().since(began)
+            for (_, before), (at, count) in pairwise(frames):
+                drawn += [at.wall - heard[number] for number in range(before, count)]
+        fake.terminate()
+    busy = [later.since(earlier).thread for (earlier, _), (later, _) in pairwise(frames)]
+    what = f"live, {len(drawn) / wall:.0f} readings a second with traces: "
+    return [
+        Figure(f"{what}paints of new readings a second", len(frames) / wall, "/s", 30, True),
+        Figure(f"{what}last byte to paint, median", ms(drawn, 0.5), "ms"),
+        Figure(f"{what}last byte to paint, 99 of 100", ms(drawn, 0.99), "ms", 100),
+        Figure(f"{what}GUI thread from paint to paint, 99 of 100", ms(busy, 0.99), "ms of it", 33),
+        Figure(f"{what}processor, window with driver and log", process / wall, "cores", 1),
+    ]
+
+
+def _heard() -> dict[int, float]:
+    """When the last byte of each reading came; filled by every driver of this process from now on."""
+    heard: dict[int, float] = {}
+    receive, readings = Driver.receive, Driver.readings
+    came = [0.0]
+
+    def timed_receive(driver: Driver, data: bytes, now: float, arrived: float | None = None) -> None:
+        came[0] = time.perf_counter()
+        receive(driver, data, now, arrived)
+
+    def noted_readings(driver: Driver) -> list[Reading]:
+        made = list(readings(driver))
+        for _ in made:
+            heard[len(heard)] = came[0]
+        return made
+
+    Driver.receive, Driver.readings = timed_receive, noted_readings  # type: ignore[method-assign]
+    return heard
+
+
+def long_log(lasts: float, scrubs: int = 60) -> list[Figure]:
+    """An hour of readings with traces: opened, scrubbed, and played fast."""
+    room = load_room(ROOMS / "laboratory.toml")
+    scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "hour.mcap")
+        write_log(path, 1.0)
+        with opened(scene=scene) as window:
+            work_until(lambda: settled(window))
+            seen: list[tuple[int, Moment]] = []
+            Paints(window, lambda: seen.append((len(window.session.shown.readings), moment())))
+            began = moment()
+            window.session.open_file(str(path))
+            work_until(lambda: bool(seen) and seen[-1][0] > 0)
+            total, painted = seen[-1]
+            wall, process, _ = painted.since(began)
+            what = f"log of {total} readings with traces: "
+            figures = [Figure(f"{what}open to paint", wall, "s", 2, note=f"processor {process:.2f} s")]
+            work_until(lambda: settled(window))
+            figures += _scrubbed(window, what, seen, scrubs)
+            figures += _played(window, what, lasts)
+    return figures
+
+
+def _scrubbed(window: MainWindow, what: str, seen: list[tuple[int, Moment]], scrubs: int) -> list[Figure]:
+    replay, chance = window.session.replay, random.Random(1)
+    taken = []
+    for _ in range(scrubs):
+        work(0.15)  # a hand that rests; what is left of the one before is done
+        seen.clear()
+        began = moment()
+        window.replay_bar.sought.emit(chance.uniform(0, replay.state.duration))
+        work_until(lambda: bool(seen))
+        count, painted = seen[0]
+        assert count == replay.count
+        taken.append(painted.since(began))
+    walls, threads = [took.wall for took in taken], [took.thread for took in taken]
+    note = f"wall clock {ms(walls, 0.5):.0f} and {ms(walls, 0.95):.0f}"
+    return [
+        Figure(f"{what}scrub to paint, GUI thread, median", ms(threads, 0.5), "ms", 100, note=note),
+        Figure(f"{what}scrub to paint, GUI thread, 95 of 100", ms(threads, 0.95), "ms", 100),
+    ]
+
+
+def _played(window: MainWindow, what: str, lasts: float) -> list[Figure]:
+    replay = window.session.replay
+    replay.set_loop(True)
+    replay.set_speed(SPEED)
+    replay.seek(0.0)
+    replay.toggle()
+    work(lasts / 2)
+    half, began = memory(), moment()
+    work(lasts / 2)
+    wall, process, _ = moment().since(began)
+    grown = memory() - half
+    what = f"{what}played at {SPEED:g}× for {lasts:.0f} s: "
+    return [
+        Figure(f"{what}memory grows in its second half by", grown, "MB", 20, note=f"on {half:.0f} MB"),
+        Figure(f"{what}processor", process / wall, "cores"),
+    ]
+
+
+def repaints(times: int) -> list[Figure]:
+    """The same views painted again and again."""
+    room = load_room(ROOMS / "laboratory.toml")
+    scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "scan.mcap")
+        write_log(path, 0.01)
+        with opened(scene=scene, source=read_log(path)) as window:
+            work_until(lambda: settled(window))
+            readings = len(window.session.shown.readings)
+
+            def repaint(count: int) -> None:
+                for k in range(count):
+                    window.session.showing.choose(k % readings)
+                    window.repaint()
+
+            repaint(500)
+            references, before, began = sys.getrefcount(None), memory(), moment()
+            repaint(times)
+            process = moment().since(began).process
+            lost, grown = sys.getrefcount(None) - references, memory() - before
+    what = f"{times} repaints of the whole window: "
+    return [
+        Figure(f"{what}references to None change by", abs(lost), "", 150),
+        Figure(f"{what}memory grows by", grown, "MB", 20, note=f"on {before:.0f} MB"),
+        Figure(f"{what}processor", 1000 * process / times, "ms each"),
+    ]
+
+
+def first_window(began: float) -> list[Figure]:
+    """`sonarhw demo` from the start of its process, at `began` of the wall clock, to the first paint."""
+    import sonarhw_gui.shell.application
+    from sonarhw_cli.entry import main
+
+    took: list[tuple[float, float]] = []
+    open_it = sonarhw_gui.shell.application.open_window
+
+    def timed(start: WindowStart) -> MainWindow:
+        window = open_it(start)
+
+        def painted() -> None:
+            if not took:
+                took.append((time.time() - began, time.process_time()))
+                QTimer.singleShot(0, window.close)
+
+        Paints(window, painted)
+        return window
+
+    sonarhw_gui.shell.application.open_window = timed
+    sys.argv = ["sonarhw", "demo"]
+    with suppress(SystemExit):
+        main()
+    wall, process = took[0]
+    what = "first window, warm start: to its first paint"
+    return [Figure(what, wall, "s", 3), Figure(f"{what}, processor", process, "s", 3)]

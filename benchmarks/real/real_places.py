@@ -1,0 +1,106 @@
+"""Which place each real scan was taken at, nothing known of it: `python -m benchmarks.real.real_places [FOLDER]`.
+
+Takes the folder of real scans; locates each in the whole arena, heading unknown, and prints which of the arena's places
+it was, how probable that is, and the most probable pose of all. `--elsewhere` besides locates them in rooms where they
+were not taken, and with boards that they were not taken with, and prints what share of the echoes is explained there
+(some minutes). `--map` besides maps the arena from all scans and prints which of its walls are found.
+"""
+
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.headings import heading_text
+from sonarhw_compare.locate.poses import Located, locate
+from sonarhw_compare.map import map_scans
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import Place, Room, load_room
+
+from benchmarks.real.real_scans import DEFAULT_FOLDER, RealScan, load_scans
+from sonarhw.readings import FloatArray
+
+ON_WALL = 0.05  # m
+OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
+OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
+
+
+def locate_scan(scan: RealScan, board_name: str = "lego-nxt", room_name: str = "arena") -> Located:
+    """Where in a room, the arena unless said otherwise, a scan may have been taken."""
+    return locate(scan.readings, load_room(f"rooms/{room_name}.toml"), load_board(board_name))
+
+
+def true_place(scan: RealScan) -> str:
+    """The name of the place where it was."""
+    places = load_room("rooms/arena.toml").places
+    return min(places, key=lambda name: math.dist(places[name].position, (scan.x, scan.y)))
+
+
+def main() -> None:
+    """Print a row a scan, and how many places are right."""
+    given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
+    scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
+    print("scan  place  found   most probable pose           probability   from the place")
+    right = at_best = 0
+    for scan in scans:
+        located, place = locate_scan(scan), true_place(scan)
+        shares = located.places()
+        found, best = max(shares, key=shares.__getitem__), located.poses[0]
+        away = math.dist(best.position, (scan.x, scan.y))
+        right += found == place
+        at_best += away < 0.1
+        x, y = best.position
+        print(
+            f"{scan.name:5} {place:6} {found:4} {shares[found]:3.0%}  {x:.3f}, {y:.3f} m at "
+            f"{heading_text(best.heading):>6} {best.probability:12.0%} {away * 100:12.0f} cm"
+        )
+    print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
+    if "--elsewhere" in sys.argv:
+        tell_elsewhere(scans)
+    if "--map" in sys.argv:
+        tell_map(scans)
+
+
+def tell_elsewhere(scans: Sequence[RealScan]) -> None:
+    """Print what share of the echoes the most probable pose explains, with the true room and board and with others."""
+    print("\nroom        board          echoes within 5 cm at the best pose: least, median, most of the scans")
+    others = [("arena", board) for board in OTHER_BOARDS] + [(room, "lego-nxt") for room in OTHER_ROOMS]
+    for room, board in [("arena", "lego-nxt"), *others]:
+        shares = [locate_scan(scan, board, room).explained for scan in scans]
+        print(f"{room:11} {board:14} {min(shares):5.0%} {median(shares):5.0%} {max(shares):5.0%}", flush=True)
+
+
+def tell_map(scans: Sequence[RealScan]) -> None:
+    """Print which walls of the arena a map of all scans shows, and how many it shows where there are none."""
+    room = load_room("rooms/arena.toml")
+    placed = []
+    for scan in scans:
+        poses = locate_scan(scan).poses
+        nearest = min(poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
+        placed.append(PlacedScan(scan.readings, Place(scan.name, nearest.position, nearest.heading), scan.name))
+    found = map_scans(placed, load_board("lego-nxt"))
+    print()
+    for name, features in (("all readings", found.plain.features), ("direct readings", found.direct.features)):
+        names = [_true_wall(np.array([wall.start, wall.end]), room) for wall in features.walls]
+        true = sorted({name for name in names if name})
+        print(
+            f"{name}: {len(true)} of {len(room.walls)} walls found ({', '.join(true)}), "
+            f"{names.count(None)} where there is none, {len(features.points)} corners and edges"
+        )
+
+
+def _true_wall(ends: FloatArray, room: Room) -> str | None:
+    """The wall of the room on whose line both ends (2, 2) lie within 5 cm."""
+    for name, wall in zip(room.names, room.walls.reshape(-1, 2, 2), strict=False):
+        along = (wall[1] - wall[0]) / np.hypot(*(wall[1] - wall[0]))
+        away = (ends - wall[0]) @ np.array([-along[1], along[0]])
+        if (np.abs(away) < ON_WALL).all():
+            return name
+    return None
+
+
+if __name__ == "__main__":
+    main()

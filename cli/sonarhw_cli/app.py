@@ -1,0 +1,134 @@
+"""The `sonarhw` command: its table of contents, and the one place where errors become exit statuses.
+
+A command lives in the file of its name and does its heavy imports inside its function, so that `--help` stays quick.
+"""
+
+import errno
+import os
+import sys
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from sonarhw.errors import SonarError
+from sonarhw_cli.comparison import compare_command as compare
+from sonarhw_cli.comparison import fit_command as fit
+from sonarhw_cli.comparison import locate_command as locate
+from sonarhw_cli.comparison import map_command
+from sonarhw_cli.comparison import report_command as report
+from sonarhw_cli.comparison import study_command as study
+from sonarhw_cli.instrument import bench_commands as bench
+from sonarhw_cli.instrument import calibrate_command as calibrate
+from sonarhw_cli.instrument import fake_command as fake
+from sonarhw_cli.instrument import import_command as import_csv
+from sonarhw_cli.instrument import info_command as info
+from sonarhw_cli.instrument import log_command
+from sonarhw_cli.instrument import ports_command as ports
+from sonarhw_cli.instrument import replay_command as replay
+from sonarhw_cli.instrument import scan_command as scan
+from sonarhw_cli.prediction import figures_command as figures
+from sonarhw_cli.prediction import paths_command as paths
+from sonarhw_cli.prediction import simulate_command as simulate
+from sonarhw_cli.window import demo_command as demo
+from sonarhw_cli.window import gui_command as gui
+
+# what the library that checks options says, and what we say
+_REWORDED = (
+    ("Value error, ", ""),
+    ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
+    ("Input should be a valid number, unable to parse string as a number", "expected a number"),
+    ("Input should be ", "expected a number "),
+)
+
+app = typer.Typer(
+    name="sonarhw",
+    help="Scan a room with an ultrasonic ranging board and see the scan over its prediction.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+app.command("demo")(demo.demo)
+app.command("ports")(ports.ports)
+app.command("info")(info.info)
+app.command("scan")(scan.scan)
+app.command("home")(bench.home)
+app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
+app.command("stop")(bench.stop)
+app.command("monitor")(bench.monitor)
+app.command("calibrate")(calibrate.calibrate)
+app.command("fake")(fake.fake)
+app.command("simulate")(simulate.simulate)
+app.command("paths")(paths.paths)
+app.command("figures")(figures.figures)
+app.command("import")(import_csv.import_csv)
+app.command("replay")(replay.replay)
+app.add_typer(log_command.app, name="log")
+app.command("compare")(compare.compare)
+app.command("report")(report.report)
+app.command("locate")(locate.locate)
+app.command("map")(map_command.map_logs)
+app.command("study")(study.study)
+app.command("fit")(fit.fit)
+app.command("gui")(gui.gui)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"sonarhw {version('sonarhw')}")
+        raise typer.Exit
+
+
+@app.callback()
+def sonarhw(
+    show_version: Annotated[
+        bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Scan a room with an ultrasonic ranging board and see the scan over its prediction."""
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """The exit status of one command line: 0 done, 2 bad usage or input, 1 failed at run time, 130 after Ctrl-C."""
+    command = typer.main.get_command(app)
+    try:
+        # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
+        with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
+            status = command.invoke(context)
+        if sys.stdout is not None:  # so it is where the shell closed it
+            sys.stdout.flush()
+        return status or 0
+    except typer.Exit as exit_wanted:
+        return exit_wanted.exit_code
+    except SonarError as error:
+        return _complain(str(error), error.exit_status)
+    except typer.TyperException as error:
+        return _complain(_reworded(error.format_message()), error.exit_code)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        return _close_quietly()
+    except OSError as error:
+        # files are named by whoever writes them; what fills up without a name is standard output
+        where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
+        return _complain(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
+
+
+def _reworded(message: str) -> str:
+    for theirs, ours in _REWORDED:
+        message = message.replace(theirs, ours)
+    return message
+
+
+def _complain(message: str, status: int) -> int:
+    # help, shown for want of a command, keeps its lines
+    typer.echo(message if message.startswith("Usage:") else f"sonarhw: {' '.join(message.split())}", err=True)
+    return status
+
+
+def _close_quietly() -> int:
+    # Python flushes standard output once more at exit and would complain about the pipe that is gone
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0

@@ -1,0 +1,1 @@
+"""Commands that compare measured scans with predicted ones."""

@@ -1,0 +1,201 @@
+"""`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, BinaryIO
+
+import typer
+from sonarhw_compare.headings import heading_text
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
+from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import (
+    Force,
+    PlaceName,
+    ReceiverChoice,
+    ReceiverName,
+    checked_out,
+    chosen_place,
+    chosen_receiver,
+)
+from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.prediction.simulate_command import ModelChoice
+
+if TYPE_CHECKING:
+    from sonarhw_compare.matching.match import Comparison, Summary
+    from sonarhw_compare.matching.regions import Region
+
+
+def compare(
+    log_file: LogFile,
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    ] = None,
+    place: PlaceName = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: ReceiverChoice = None,
+    model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    fit: Annotated[
+        str,
+        typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    explained: Annotated[
+        bool, typer.Option("--explain", help="With --json: every reading, all its echoes and who else would win.")
+    ] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw measured over predicted.", metavar="FILE.png")] = None,
+    force: Force = False,
+) -> None:
+    """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
+    if explained and not as_json:
+        raise InputError("--explain: goes with --json; leave it out, and every reading is explained in a sentence")
+    if plot is not None:
+        checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
+    comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
+    if plot is not None:
+        with whole_file(plot, "--plot") as file:
+            draw_comparison(comparison, file)
+    if as_json:
+        typer.echo(json.dumps(_figures(comparison, explained), indent=2))
+    else:
+        _tell(comparison)
+
+
+def compare_log(
+    log_file: Path,
+    room_file: Path | None = None,
+    place: str | None = None,
+    board: str | None = None,
+    model: ModelChoice = ModelChoice.RAY_FOLLOWING,
+    fit: str = "",
+    receiver: ReceiverName | None = None,
+) -> "Comparison":
+    """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
+    from sonarhw_compare.fit.plain_fit import fit_scan
+    from sonarhw_compare.matching.match import compare_readings
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.predict.models import Model
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    room = None if room_file is None else open_room(room_file)
+    log = open_log(log_file)
+    room = room or recorded_room(log_file, log.metadata)
+    here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
+    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
+    if not log.readings:
+        raise InputError(f"{log_file}: holds no readings; nothing can be compared")
+    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    believed = Model(model.value)
+    heading, offset = chosen.heading_at(0.0, here.heading), 0.0
+    if fit:
+        free = frozenset(name.strip() for name in fit.split(","))
+        with progress_of_share() as show:
+            found = fit_scan(
+                log.readings,
+                room,
+                here,
+                chosen,
+                free,
+                model=believed,
+                options=options,
+                tick=lambda share: show(share, "fitting"),
+            )
+        heading, offset, here = found.heading, found.offset, found.place
+    return compare_readings(
+        log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options
+    )
+
+
+def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:
+    """Draw measured over predicted in the plan of the room, as PNG."""
+    from sonarhw_compare.pictures.overlay_picture import draw_plan
+
+    measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
+    draw_plan(comparison.prediction, measured).savefig(out, format="png")
+
+
+def _figures(comparison: "Comparison", explained: bool) -> dict[str, object]:
+    from sonarhw_compare.explain.details import details
+
+    return asdict(comparison.summary()) | (details(comparison) if explained else {})
+
+
+def _tell(comparison: "Comparison") -> None:
+    from sonarhw_compare.explain.sentences import explain
+
+    for row in comparison.rows:
+        typer.echo(f"{row.kind.replace('_', ' '):11}  {explain(comparison, row.index)}")
+    typer.echo()
+    for line in summary_lines(comparison.summary()):
+        typer.echo(line)
+    for line in _more_lines(comparison):
+        typer.echo(line)
+
+
+def _more_lines(comparison: "Comparison") -> list[str]:
+    """What all echoes of readings with several, and the regions of constant depth, say."""
+    from sonarhw_compare.matching.assign import echo_statistics
+
+    lines, echoes = [], echo_statistics(comparison)
+    if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
+        lines.append(f"of all {echoes.echoes} echoes, later ones too, {echoes.explained:.1%} are a predicted one")
+    if echoes.bias_m is not None and echoes.spread_m is not None:
+        lines.append(
+            f"echoes lie {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm from what they are taken for (median; "
+            f"spread {echoes.spread_m * 1000:.1f} mm)"
+        )
+    return [*lines, *region_lines(comparison)]
+
+
+def region_lines(comparison: "Comparison") -> list[str]:
+    """How many regions of constant depth there are in both scans, and a line for each, counter-clockwise."""
+    from sonarhw_compare.explain.region_words import heard_from, how_many
+    from sonarhw_compare.matching.region_match import compare_regions
+
+    found = compare_regions(comparison)
+    lines = [f"regions of constant depth: {how_many(found)}"]
+    for measured, predicted in found.in_turn():
+        way = "" if predicted is None else heard_from(comparison, predicted)
+        lines.append(f"  {_beside(measured, predicted)}{way}")
+    return lines
+
+
+def _beside(measured: "Region | None", predicted: "Region | None") -> str:
+    both = (("measured", measured), ("predicted", predicted))
+    there = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
+    return ", ".join(there + [f"not {scan}" for scan, region in both if region is None])
+
+
+def _depth(region: "Region") -> str:
+    return f"{region.range:.3f} m at {heading_text(region.bearing, 0)} over {math.degrees(region.width):.0f}°"
+
+
+def summary_lines(summary: "Summary") -> list[str]:
+    """The figures of a comparison for a person to read."""
+    classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
+    lines = [f"{counted(summary.n, 'reading')}, {summary.n_echo} with an echo: {classes}"]
+    if summary.within_5cm is not None and summary.explained is not None:
+        lines.append(
+            f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "
+            f"by some predicted echo: {summary.explained:.1%}"
+        )
+    if summary.median_abs_error_m is not None:
+        lines.append(f"median error {summary.median_abs_error_m * 1000:.1f} mm")
+    if summary.no_echo_agreement is not None and summary.no_echo_roc_area is not None:
+        lines.append(
+            f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy); "
+            f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
+        )
+    heading = heading_text(math.radians(summary.heading_deg))
+    lines.append(
+        f"sensor at {summary.x_m:.4f}, {summary.y_m:.4f} m, turntable step 0 at {heading}, "
+        f"range offset {summary.offset_m * 1000:+z.0f} mm"
+    )
+    return lines

@@ -1,0 +1,306 @@
+"""`sonarhw fit`: what place, room and board explain one or several logs best, and how sure that is."""
+
+import json
+import math
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw_cli.comparison.fit_table import figures, lines_of
+from sonarhw_cli.console.log_input import open_log, recorded_board, recorded_place, recorded_room
+from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
+from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.room_input import open_room
+
+if TYPE_CHECKING:
+    from sonarhw_compare.fit import FitResult, Parameter, PlacedScan
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Place, Room
+
+    from sonarhw.log import Log
+
+NEAR = 0.25  # m: how far from a place that is named the sensor may have stood
+_NUMBER = r"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)"
+
+
+def fit(
+    log_files: Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG...")],
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the first log.", metavar="ROOM")
+    ] = None,
+    places: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--place", help="Place, or X,Y in metres; once for each log. A free position stays near it.", metavar="P"
+        ),
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: ReceiverChoice = None,
+    free: Annotated[
+        str,
+        typer.Option(
+            help="What the fit may choose: position, heading, offset, axis (ahead, aside), temperature or speed, "
+            "threshold, aperture, reflectance[:MATERIAL], wall:NAME, walls.",
+            metavar="NAME,...",
+        ),
+    ] = "position,heading",
+    priors: Annotated[
+        list[str] | None,
+        typer.Option("--prior", help="What is known: NAME=VALUE+-DEVIATION or NAME=LOW..HIGH.", metavar="NAME=..."),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(help="Drawn to learn how sure the fit is; 0: by its curvature alone.", min=0, max=1_000_000)
+    ] = 8000,
+    seed: Annotated[int, typer.Option(help="Of those samples.", min=0, max=2**32 - 1)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the room with what was found of it: places, materials, walls, air.", metavar="ROOM.toml"
+        ),
+    ] = None,
+    board_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the board profile with what was found of it: offset, axis, threshold, aperture.",
+            metavar="BOARD.toml",
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Find the place, heading, board and room that explain logs best, and how sure that is."""
+    _check_files(out, board_out, free, force, room_file, board, *log_files)
+    fitted = fit_logs(log_files, room_file, places or [], board, receiver, free, priors or [], samples, seed)
+    write_found(fitted, out, board_out)
+    result = fitted.result
+    if as_json:
+        typer.echo(json.dumps(figures(result), indent=2))
+    else:
+        for line in lines_of(result):
+            typer.echo(line)
+
+
+@dataclass(frozen=True)
+class FittedLogs:
+    """What was fitted, and what came of it."""
+
+    room: "Room"
+    board: "Board"
+    scans: "tuple[PlacedScan, ...]"  # where they were believed to be taken
+    result: "FitResult"
+
+
+def fit_logs(
+    log_files: Sequence[Path],
+    room_file: Path | None,
+    places: Sequence[str],
+    board: str | None,
+    receiver: ReceiverName | None,
+    free: str,
+    priors: Sequence[str],
+    samples: int,
+    seed: int,
+) -> FittedLogs:
+    """The fit of logs; what is not given is taken from the first of them. Raises InputError where that says nothing."""
+    from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    if places and len(places) != len(log_files):
+        raise InputError(f"--place: expected one for each of {counted(len(log_files), 'log')}, got {len(places)}")
+    words = [word for word in free.split(",") if word.strip()]
+    _check_typed(words, priors)
+    room = None if room_file is None else open_room(room_file)
+    wanted = [] if room is None else [chosen_place(room, place) for place in places]
+    given = load_board(board) if board else None
+    logs = [_open(file) for file in log_files]
+    room = room or _common_room(log_files, logs)
+    chosen = given or _common_board(log_files, logs)
+    wanted = wanted or [chosen_place(room, place) for place in places]
+    names = _names(log_files)
+    parameters = free_parameters(words, names, room, chosen)
+    kinds = {parameter.kind.value for parameter in parameters}
+    scans = [
+        PlacedScan(log.readings, wanted[k] if wanted else _recorded(file, log, room, kinds), names[k])
+        for k, (file, log) in enumerate(zip(log_files, logs, strict=True))
+    ]
+    if places:
+        parameters = tuple(_near(parameter, scans) for parameter in parameters)
+    parameters = with_priors(parameters, priors)
+    options = FitOptions(PredictionOptions(receiver=chosen_receiver(receiver, chosen)), seed, samples)
+    with progress_of_share() as show:
+        result = fit_scans(scans, room, chosen, parameters, options=options, progress=show)
+    return FittedLogs(room, chosen, tuple(scans), result)
+
+
+def _check_files(out: Path | None, board_out: Path | None, free: str, force: bool, *inputs: str | Path | None) -> None:
+    """Raises InputError where a file cannot be written, or nothing that is free would be in it."""
+    if out is None and board_out is None:
+        return
+    from sonarhw_compare.fit.findings import OF_BOARD, OF_ROOM
+    from sonarhw_compare.fit.values.parameters import kinds_of
+
+    if out is not None and board_out is not None and out.resolve() == board_out.resolve():
+        raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
+    kinds = {kind for word in free.split(",") if word.strip() for kind in kinds_of(word)}
+    for option, file, those in (("--out", out, OF_ROOM), ("--board-out", board_out, OF_BOARD)):
+        if file is None:
+            continue
+        checked_out(file, (".toml",), force, *inputs, option=option)
+        if kinds.isdisjoint(those):
+            raise InputError(f"{option} {file}: nothing of it is free; --free has none of {', '.join(those)}")
+
+
+def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
+    """Write what was found of the room and of the board, where that is asked for.
+
+    A place is called as the room calls it, one that the room has not, or has for several logs, as its log is.
+    """
+    from sonarhw_compare.fit.findings import found_board, found_room
+
+    values = {one: fitted.result.estimates[one.name].value for one in fitted.result.parameters}
+    texts = []
+    if out is not None:
+        called = [scan.place.name for scan in fitted.scans]
+        own = {name for name in fitted.room.places if called.count(name) == 1}
+        places = [
+            replace(place, name=scan.place.name if scan.place.name in own else scan.name)
+            for place, scan in zip(fitted.result.places, fitted.scans, strict=True)
+        ]
+        texts.append((out, "--out", found_room(fitted.room, values, places).text))
+    if board_out is not None:
+        deviations = {one: fitted.result.estimates[one.name].deviation for one in values}
+        logs = [scan.name for scan in fitted.scans]
+        profile = found_board(fitted.board, values, board_out.stem, deviations, logs)
+        texts.append((board_out, "--board-out", profile.text))
+    for file, option, text in texts:
+        with whole_file(file, option) as written:
+            written.write(text.encode())
+
+
+def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
+    """Raises InputError where `--free` or `--prior` is wrong whatever the logs say: they may take seconds to read."""
+    from sonarhw_compare.fit.values.parameters import kinds_of
+
+    free = [kind for word in words for kind in kinds_of(word)]
+    for prior in priors:
+        name, _, text = prior.partition("=")
+        if free and re.split("[:@]", name)[0] not in free:
+            raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {', '.join(free)}")
+        if _range_of(text) is None and _normal_of(text) is None:
+            raise _unlike_a_prior(prior)
+
+
+def _open(file: Path) -> "Log":
+    log = open_log(file)
+    if not log.readings:
+        raise InputError(f"{file}: holds no readings; nothing can be fitted")
+    return log
+
+
+def _common_room(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Room":
+    """The room inside the logs. Raises InputError where there is none, or they have different ones."""
+    room = recorded_room(log_files[0], logs[0].metadata)
+    for file, log in zip(log_files, logs, strict=True):
+        if log.metadata.room_text not in ("", logs[0].metadata.room_text):
+            raise InputError(f"{log_files[0]} and {file} hold different rooms; give the one of both with --room")
+    return room
+
+
+def _common_board(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Board":
+    """The board of the logs. Raises InputError where they have different ones."""
+    boards = [recorded_board(file, log.metadata) for file, log in zip(log_files, logs, strict=True)]
+    for file, board in zip(log_files, boards, strict=True):
+        if board != boards[0]:
+            raise InputError(
+                f"{log_files[0]} and {file} were recorded with different boards; give the one of both with --board"
+            )
+    return boards[0]
+
+
+def _names(log_files: Sequence[Path]) -> list[str]:
+    stems = [file.stem for file in log_files]
+    return stems if len(set(stems)) == len(stems) else [f"{stem}{k + 1}" for k, stem in enumerate(stems)]
+
+
+def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "Place":
+    """Where a log was recorded. Raises InputError where that is not known, though some of it is held fixed."""
+    from sonarhw_sim.room.model import Place
+
+    recorded = recorded_place(log.metadata, room)
+    if recorded is not None:
+        return chosen_place(room, recorded)
+    held = [name for name in ("x", "y") if name not in free]
+    if not held:
+        # where the whole room is searched nobody need say where the sensor stood
+        return Place("", _middle(room))
+    if len(room.places) == 1:
+        return room.place(None)
+    fixed = f"{' and '.join(held)} {'is' if len(held) == 1 else 'are'} held fixed"
+    raise InputError(f"{file}: nobody knows where it was recorded, and {fixed}; give --place X,Y, or --free position")
+
+
+def _middle(room: "Room") -> tuple[float, float]:
+    ends = room.walls.reshape(-1, 2)
+    x, y = ((ends.min(axis=0) + ends.max(axis=0)) / 2).tolist()
+    return x, y
+
+
+def _near(parameter: "Parameter", scans: "Sequence[PlacedScan]") -> "Parameter":
+    if parameter.kind not in ("x", "y"):
+        return parameter
+    at = scans[parameter.scan or 0].place.position[0 if parameter.kind == "x" else 1]
+    return replace(parameter, lower=at - NEAR, upper=at + NEAR)
+
+
+def with_priors(parameters: "Sequence[Parameter]", priors: Sequence[str]) -> "tuple[Parameter, ...]":
+    """The parameters with what `--prior` says of them. Raises InputError where it names none or makes no sense."""
+    found = list(parameters)
+    for prior in priors:
+        name, _, text = prior.partition("=")
+        rows = [k for k, parameter in enumerate(found) if name in (parameter.name, parameter.kind.value)]
+        if not rows:
+            known = ", ".join(parameter.name for parameter in parameters)
+            raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {known}")
+        for k in rows:
+            found[k] = _with_prior(found[k], prior, text)
+    return tuple(found)
+
+
+def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
+    unit = math.radians(1) if parameter.kind == "heading" else 1.0
+    if bounds := _range_of(text):
+        return replace(parameter, lower=bounds[0] * unit, upper=bounds[1] * unit)
+    if normal := _normal_of(text):
+        value, deviation = normal[0] * unit, normal[1] * unit
+        if deviation > 0 and parameter.lower <= value <= parameter.upper:
+            return replace(parameter, expected=value, deviation=deviation)
+        bounded = math.isfinite(parameter.lower) and math.isfinite(parameter.upper)
+        where = f" and a value from {parameter.lower / unit:g} to {parameter.upper / unit:g}" if bounded else ""
+        raise InputError(f"--prior {prior}: expected a deviation over 0{where}")
+    raise _unlike_a_prior(prior)
+
+
+def _range_of(text: str) -> tuple[float, float] | None:
+    match = re.fullmatch(rf"{_NUMBER}\s*\.\.\s*{_NUMBER}", text)
+    if match is None or float(match[1]) >= float(match[2]):
+        return None
+    return float(match[1]), float(match[2])
+
+
+def _normal_of(text: str) -> tuple[float, float] | None:
+    match = re.fullmatch(rf"{_NUMBER}\s*(?:\+-|±)\s*{_NUMBER}", text)
+    return (float(match[1]), float(match[2])) if match else None
+
+
+def _unlike_a_prior(prior: str) -> InputError:
+    return InputError(f"--prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH")

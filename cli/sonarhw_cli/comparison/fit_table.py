@@ -1,0 +1,97 @@
+"""A fit told to a person, as a table, or to a program, as JSON; degrees, metres, and what the fit warns of."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sonarhw_compare.fit import Estimate, FitResult, Parameter
+
+_CORRELATED = 0.5  # from where on a correlation is told
+_UNITS = {"heading": "°", "temperature": "°C", "speed": "m/s", "threshold": "dB", "reflectance": ""}  # others: m
+_DIGITS = 6  # of what has no error to speak of
+
+
+def figures(result: "FitResult") -> dict[str, Any]:
+    """The figures of a fit: the keys of `fit --json`; headings in degrees."""
+    return {
+        "estimates": {
+            parameter.name: {"unit": _unit(parameter), **_scaled(parameter, result.estimates[parameter.name])}
+            for parameter in result.parameters
+        },
+        "correlations": result.correlations.tolist(),
+        "noise": result.noise,
+        "log_likelihood": result.score,
+        "answers": [
+            {
+                "log_likelihood": result.score + mode.score,
+                **{one.name: mode.values[one.name] * _per_unit(one) for one in result.parameters},
+            }
+            for mode in result.modes
+        ],
+        "agreement": [
+            {"n_echo": one.n_echo, "within_5cm": one.within_5cm, "explained": one.explained} for one in result.agreement
+        ],
+        "warnings": list(result.warnings),
+    }
+
+
+def lines_of(result: "FitResult") -> Iterator[str]:
+    """The table, how readings err, what is known only together, and warnings."""
+    width = max(len(parameter.name) for parameter in result.parameters)
+    yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % region"
+    for parameter in result.parameters:
+        yield f"{parameter.name:{width}}  {_row(parameter, result.estimates[parameter.name])}"
+    yield ""
+    yield f"{_agreement(result)} echoes within 5 cm of the prediction from there"
+    yield _noise_line(result.noise)
+    names = list(result.estimates)
+    for i, name in enumerate(names):
+        for j in range(i):
+            if abs(result.correlations[i, j]) >= _CORRELATED:
+                yield f"{names[j]} and {name} go together: correlation {result.correlations[i, j]:+.2f}"
+    for warning in result.warnings:
+        yield f"warning: {warning}"
+
+
+def _row(parameter: "Parameter", estimate: "Estimate") -> str:
+    shown = _scaled(parameter, estimate)
+    deviation = shown["deviation"]
+    digits = min(_DIGITS, max(0, 1 - math.floor(math.log10(deviation)))) if deviation > 0 else _DIGITS
+    unit = _unit(parameter)
+    # a heading that rounds to 360 is told as 0, and its region about that
+    turn = 360 if parameter.kind == "heading" and round(shown["value"], digits) == 360 else 0
+    value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
+    error = f"{deviation:.{digits}f} {unit}".rstrip()
+    return f"{f'{value} {unit}'.rstrip():>12}  {error:>10}  {lower} to {upper}"
+
+
+def _agreement(result: "FitResult") -> str:
+    """How many echoes of each scan, in the order of the logs."""
+    return "; ".join(f"{one.within_5cm:.0%} of {one.n_echo}" for one in result.agreement if one.within_5cm is not None)
+
+
+def _noise_line(noise: dict[str, float]) -> str:
+    return (
+        f"readings err by {noise['range_m'] * 1000:.1f} mm, levels by {noise['level_db']:.1f} dB; "
+        f"{noise['missed']:.0%} of loud echoes missed, {noise['lost']:.0%} of pings lost, "
+        f"{noise['stray_per_m']:.2f} stray echoes a metre{_stretch(noise)}"
+    )
+
+
+def _stretch(noise: dict[str, float]) -> str:
+    # where the air was free there is none
+    return f"; ranges {noise['stretch'] - 1:+z.2%} by the speed of sound" if "stretch" in noise else ""
+
+
+def _scaled(parameter: "Parameter", estimate: "Estimate") -> dict[str, float]:
+    per_unit = _per_unit(parameter)
+    return {key: getattr(estimate, key) * per_unit for key in ("value", "deviation", "lower", "upper")}
+
+
+def _per_unit(parameter: "Parameter") -> float:
+    return math.degrees(1.0) if parameter.kind == "heading" else 1.0
+
+
+def _unit(parameter: "Parameter") -> str:
+    return _UNITS.get(parameter.kind.value, "m")

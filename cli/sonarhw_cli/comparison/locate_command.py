@@ -1,0 +1,157 @@
+"""`sonarhw locate`: where in a room a scan was taken, and which way the turntable pointed."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from sonarhw_compare.headings import heading_text, in_degrees
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_room
+from sonarhw_cli.console.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_receiver
+from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.progress import progress_of_share
+from sonarhw_cli.console.room_input import open_room
+
+if TYPE_CHECKING:
+    from sonarhw_compare.locate.poses import Located, Pose
+
+_FITS = 0.5  # of the echoes explained: under that the scan is of another room
+_ANY_HEADING = math.radians(90)  # standard deviation beyond which nothing is known of a heading
+_RIVAL = 0.25  # of the first answer's probability: what has less is told apart
+
+
+def locate(
+    log_file: LogFile,
+    room_file: Annotated[
+        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    ] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
+    ] = None,
+    receiver: ReceiverChoice = None,
+    height: Annotated[
+        float | None, typer.Option(help="Of the transducer, metres; then floor and ceiling are heard.", metavar="M")
+    ] = None,
+    near: Annotated[
+        float, typer.Option(help="How near to a place of the room a pose counts as that place, metres.", min=0)
+    ] = 0.1,
+    out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar="FILE.png")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
+    force: Force = False,
+) -> None:
+    """Find where in a room a scan was taken and which way it pointed, with nothing known of either."""
+    if out is not None:
+        checked_out(out, (".png",), force, log_file, room_file, board)
+    located = locate_log(log_file, room_file, board, receiver, height)
+    if out is not None:
+        from sonarhw_compare.locate.locate_picture import draw_located
+
+        with whole_file(out) as file:
+            draw_located(located).savefig(file, format="png")
+    figures = _figures(located, near)
+    if as_json:
+        typer.echo(json.dumps(figures, indent=2))
+    else:
+        _tell(figures)
+
+
+def locate_log(
+    log_file: Path,
+    room_file: Path | None = None,
+    board: str | None = None,
+    receiver: ReceiverName | None = None,
+    height: float | None = None,
+) -> "Located":
+    """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
+    from sonarhw_compare.locate.poses import locate
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.predict.prediction import PredictionOptions
+
+    room = None if room_file is None else open_room(room_file)
+    log = open_log(log_file)
+    room = room or recorded_room(log_file, log.metadata)
+    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
+    if not log.readings:
+        raise InputError(f"{log_file}: holds no readings; nothing can be located")
+    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    with progress_of_share() as show:
+        return locate(
+            log.readings,
+            room,
+            chosen,
+            prediction=options,
+            height=height,
+            tick=lambda share: show(share, "locating"),
+        )
+
+
+def _figures(located: "Located", near: float) -> dict[str, Any]:
+    places = located.places(near)
+    best = max(places, key=places.__getitem__, default=None)
+    return {
+        "poses": [_figures_of(pose, located.place_near(pose, near)) for pose in located.poses],
+        "place": best if best is not None and places[best] > 0 else None,
+        "places": {name: round(share, 6) for name, share in places.items()},
+        "readings_alike": round(located.readings_alike, 3),
+        "explained": round(located.explained, 6),
+        "fits_room": located.explained >= _FITS,
+    }
+
+
+def _figures_of(pose: "Pose", place: str | None) -> dict[str, float | str | None]:
+    dx, dy, turn = pose.deviations
+    return {
+        "x_m": round(pose.position[0], 6),
+        "y_m": round(pose.position[1], 6),
+        "heading_deg": in_degrees(pose.heading, 6),
+        "offset_m": round(pose.offset, 6),
+        "probability": round(pose.probability, 6),
+        "place": place,
+        "x_deviation_m": round(dx, 6),
+        "y_deviation_m": round(dy, 6),
+        "heading_deviation_deg": round(math.degrees(turn), 6) if turn <= _ANY_HEADING else None,
+    }
+
+
+def _signed(millimetres: int) -> str:
+    return f"{millimetres:+d}" if millimetres else "0"
+
+
+def _heading(heading: float, deviation: float | None) -> str:
+    if deviation is None:
+        return "a heading that the scan does not tell"
+    return f"{heading_text(math.radians(heading))} (± {_leading(deviation, 1)}°)"
+
+
+def _leading(deviation: float, digits: int) -> str:
+    """A deviation with so many digits behind the point, or with as many as show that it is not nought."""
+    if deviation > 0:
+        digits = max(digits, -math.floor(math.log10(deviation)))
+    return f"{deviation:.{digits}f}"
+
+
+def _named(place: str | None) -> str:
+    return "" if place is None else f"; {place}"
+
+
+def _tell(figures: dict[str, Any]) -> None:
+    for pose in figures["poses"]:
+        along_x, along_y = (_leading(pose[key] * 1000, 0) for key in ("x_deviation_m", "y_deviation_m"))
+        typer.echo(
+            f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
+            f"(± {along_x}, {along_y} mm), turntable step 0 at "
+            f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
+            f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
+        )
+    typer.echo(f"{figures['explained']:.0%} of the echoes lie within 5 cm of the room's, at the first of these")
+    if not figures["fits_room"]:
+        typer.echo("warning: this scan does not fit this room; the room, the board or the scan is another")
+    probabilities = [pose["probability"] for pose in figures["poses"]]
+    if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
+        typer.echo("the scan does not tell these apart: the room looks much the same from there")
+    if figures["place"] is not None:
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
+        typer.echo(f"if it was at one of the room's places: {shares}")

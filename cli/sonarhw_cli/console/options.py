@@ -1,0 +1,159 @@
+"""Options that several commands share, and what they are made into: degrees and names in, SI values out."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw.readings import ScanOrder, headings_between
+from sonarhw.whole_file import is_special
+
+if TYPE_CHECKING:
+    from sonarhw_sim.board.profile import Board, Receiver
+    from sonarhw_sim.room.model import Place, Room
+
+RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
+PlaceName = Annotated[
+    str | None, typer.Option("--place", help="Place of the room file, or X,Y in metres.", metavar="NAME|X,Y")
+]
+BoardName = Annotated[str, typer.Option("--board", help="Board profile: name or file.", metavar="NAME|FILE.toml")]
+FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
+ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this, degrees.")]
+StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
+
+
+class EdgeStrengthName(StrEnum):
+    """How strongly edges bend sound."""
+
+    PAPER = "paper"
+    KELLER = "keller"
+
+
+EdgeStrengthChoice = Annotated[
+    EdgeStrengthName,
+    typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
+]
+
+
+class ReceiverName(StrEnum):
+    """How a range is made of what is received."""
+
+    FIRST_ECHO = "first-echo"
+    BOARD = "board"
+
+
+ReceiverChoice = Annotated[
+    ReceiverName | None,
+    typer.Option(
+        "--receiver",
+        help="first-echo: the paper's; board: the ranging board's own. Default: the board profile's, else first-echo.",
+        show_default=False,
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+DEFAULT_BOARD = "polaroid-6500"
+DEFAULT_TEMPERATURE = 20.0  # °C
+STDOUT = "-"
+LOG = ".mcap"
+MOST_DEGREES = 2147.0  # what the angle of a frame can carry
+MOST_HEADINGS = 65535  # what the order of a scan can carry
+
+
+def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
+    """The scan from `start` to below `stop` (degrees). Raises InputError where there is no heading between them."""
+    for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
+        if not abs(degrees) <= MOST_DEGREES:
+            raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
+    try:
+        headings = headings_between(start, stop, step)
+    except ValueError as error:
+        raise InputError(
+            f"--from, --to, --step: {error} degrees; give a step that leads from one to the other"
+        ) from error
+    if headings > MOST_HEADINGS:
+        raise InputError(
+            f"--step {step:g}: makes {headings:.6g} headings of a sweep, more than {MOST_HEADINGS}; take wider steps"
+        )
+    return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
+
+
+def chosen_place(room: "Room", wanted: str | None) -> "Place":
+    """The place of a room that --place names, with a warning where it lies outside. Raises InputError."""
+    place = room.place(wanted)
+    if room.is_outside(place.position) or room.is_far_from(place.position):
+        x, y = place.position
+        typer.echo(
+            f"sonarhw: warning: place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}", err=True
+        )
+    return place
+
+
+def chosen_receiver(name: ReceiverName | None, board: "Board") -> "Receiver":
+    """The receiver that --receiver names, else the board's own choice."""
+    from sonarhw_sim.board.profile import Receiver
+
+    return board.receiver if name is None else Receiver(name.value)
+
+
+def check_temperature(temperature: float | None) -> None:
+    """Raises InputError where --temperature (°C) is none that air has in a room."""
+    if temperature is not None and not -40 <= temperature <= 60:
+        raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
+
+
+def speed_of_air(temperature: float | None, measured: float | None) -> float:
+    """Speed of sound, m/s: by --temperature (°C), else by what the scanner measures, else at 20 °C."""
+    from sonarhw_sim.air import speed_of_sound
+
+    return speed_of_sound(next(value for value in (temperature, measured, DEFAULT_TEMPERATURE) if value is not None))
+
+
+def checked_out(
+    out: str | Path, endings: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
+) -> str:
+    """The format that a name asks for: the one of `endings` it has; `-`, where that is one, is standard output.
+
+    Raises InputError where the name has another ending, names a folder, a file that may not be overwritten or one of
+    the `inputs`, or lies in no folder. A device or pipe has no ending and takes the first.
+    """
+    if str(out) == STDOUT and STDOUT in endings:
+        return STDOUT
+    path = Path(out)
+    if is_special(path):
+        return endings[0]
+    ending = path.suffix.lower()
+    if ending not in endings:
+        *others, last = [name for name in endings if name != STDOUT]
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        stdout = f", or {STDOUT} for standard output" if STDOUT in endings else ""
+        raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
+    refuse_existing(path, force, option)
+    refuse_overwriting(path, *inputs, option=option)
+    return ending
+
+
+def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
+    """Raise InputError where `path` exists and may not be overwritten, or its folder is missing."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already; choose another {option} or add --force")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+
+
+def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
+    """Raise InputError where `out` is one of the files that the command reads, by whatever name.
+
+    An input may also be None, a URL, or the name of something that ships: what is no file cannot be overwritten.
+    """
+    for given in inputs:
+        text = "" if given is None else str(given)
+        # this URL reads a room file: fake:ROOM?place=NAME
+        read = Path(text.removeprefix("fake:").partition("?")[0] if text.startswith("fake:") else text)
+        if text and read.exists() and out.exists() and out.samefile(read):
+            raise InputError(f"{option} {out}: is {read}, which this command reads; choose another name")

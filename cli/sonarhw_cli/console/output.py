@@ -1,0 +1,70 @@
+"""What commands write: standard output, and files that are whole or not there at all.
+
+Takes a name that `options.checked_out` has let pass; hands on a file to write into. Logs are not written through
+here: they grow on disk reading by reading and are readable however they end.
+"""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import StringIO
+from pathlib import Path
+from typing import TextIO
+
+from sonarhw.errors import InputError, OutputError
+from sonarhw.whole_file import whole_file as whole_file
+from sonarhw_cli.console.options import STDOUT
+
+
+@contextmanager
+def text_output(out: str) -> Iterator[TextIO]:
+    """Standard output for `-`, else text that becomes the file `out` when the block has ended well.
+
+    Raises OutputError.
+    """
+    if out == STDOUT:
+        with _flushed(standard_output()) as text:
+            yield text
+        return
+    text = StringIO(newline="")
+    yield text
+    with whole_file(Path(out)) as file:
+        file.write(text.getvalue().encode())
+
+
+def standard_output() -> TextIO:
+    """Standard output. Raises OutputError where it was closed before the command began."""
+    if sys.stdout is None:
+        raise OutputError("standard output: is closed; leave it open, or name a file with --out")
+    return sys.stdout
+
+
+@contextmanager
+def _flushed(text: TextIO) -> Iterator[TextIO]:
+    try:
+        yield text
+        text.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"standard output: {error.strerror or error}; name a file with --out") from error
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """A folder for several files, made if it is not there; where the block ends badly none is left that is empty.
+
+    Raises InputError.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror}; give another folder") from error
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
+        raise

@@ -1,0 +1,1 @@
+"""Commands that drive a scanner or read and write its logs."""

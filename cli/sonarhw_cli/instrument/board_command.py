@@ -1,0 +1,46 @@
+"""`make board`: the real firmware on an emulated board in the demo room, until it is interrupted.
+
+    python -m sonarhw_cli.instrument.board_command --pty LINK --pace 2
+
+Its first line of standard output is the URL; nothing that opens it can tell it from a board on the table.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sonarhw_cli.console.connect import read_pace
+from sonarhw_cli.console.demo_room import PLACE, demo_room
+from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.options import DEFAULT_BOARD
+
+
+def board(
+    pty: Annotated[Path | None, typer.Option(help="Name of a link to its pseudo-terminal.", metavar="LINK")] = None,
+    pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
+    seed: Annotated[int, typer.Option(help="Seed of everything random in the room.", min=0)] = 0,
+) -> None:
+    """Run the firmware on a board that is not there; the first line of standard output is its URL."""
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.predict.room_echoes import RoomEchoes
+    from sonarhw_sim.room.model import load_room
+
+    from sonarhw.device.emulated_board import emulated_board
+
+    with demo_room() as room_file:
+        room = load_room(room_file)
+    echoes = RoomEchoes(room, room.place(PLACE), load_board(DEFAULT_BOARD), seed)
+    # before anyone connects: a ping waits for its echoes, and with it the whole board
+    echoes.prepare()
+    with sigterm_raises(SystemExit), emulated_board(echoes, pty, read_pace(pace)) as running:
+        typer.echo(running.url)
+        running.wait()
+
+
+if __name__ == "__main__":
+    from sonarhw_cli.app import app, run
+
+    app.command("board")(board)
+    sys.exit(run(["board", *sys.argv[1:]]))

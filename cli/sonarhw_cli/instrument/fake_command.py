@@ -1,0 +1,76 @@
+"""`sonarhw fake`: a scanner that is not there, on a pseudo-terminal or a TCP port."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.connect import fake_device, read_pace
+from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.options import DEFAULT_BOARD, BoardName, PlaceName, RoomFile
+
+
+def fake(
+    room_file: RoomFile,
+    place: PlaceName = None,
+    board: BoardName = DEFAULT_BOARD,
+    pty: Annotated[Path | None, typer.Option(help="Serve on a pseudo-terminal behind this link.", metavar="LINK")] = (
+        None
+    ),
+    tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
+    faults: Annotated[
+        str, typer.Option(help="What goes wrong, such as drop=1/5000,reset@r20; see docs/faults.md.", metavar="SPEC")
+    ] = "",
+) -> None:
+    """Serve a scanner that is not there; the first line of standard output is its URL.
+
+    --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, deaf, mute, reset, nonsense,
+    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable; each of these with @SECONDS, @rPINGS or
+    @~SECONDS (again and again). A cable that comes back under another name prints its new URL.
+    """
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.room.model import load_room
+
+    from sonarhw.device.doors import host_and_port
+    from sonarhw.device.endpoint import Endpoint, open_door
+    from sonarhw.device.fault_schedule import read_faults
+
+    if pty is not None and tcp is not None:
+        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+    if tcp is not None:
+        host_and_port(tcp)
+    load_board(board)
+    load_room(room_file).place(place)
+    chosen_pace, schedule = read_pace(pace), read_faults(faults)
+    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
+        typer.echo(door.url)
+        # clients may connect from here on; the slow part comes behind the URL
+        device, echoes = fake_device(room_file, place, board, seed, schedule)
+        endpoint = Endpoint(device, door, chosen_pace, moved=typer.echo)
+        with _prepared_behind(echoes.prepare, endpoint.stop):
+            endpoint.run()
+
+
+@contextmanager
+def _prepared_behind(prepare: Callable[[], None], stop: Callable[[], None]) -> Iterator[None]:
+    """Run `prepare` in a thread; where it fails, `stop` is called and its error raised at the end."""
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            prepare()
+        except BaseException as failure:  # noqa: BLE001 - raised again in the main thread
+            failures.append(failure)
+            stop()
+
+    # a daemon: a compiler at work must not keep the process from ending
+    threading.Thread(target=run, name="prepare", daemon=True).start()
+    yield
+    if failures:
+        raise failures[0]

@@ -1,0 +1,103 @@
+"""`sonarhw info`: who answers at a URL, what it can, and how good the link is."""
+
+import math
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarhw.errors import CommandRefused
+from sonarhw.wire.messages import Feature
+from sonarhw_cli.console.connect import ScannerUrl, connect
+from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.number_format import counted
+
+if TYPE_CHECKING:
+    from sonarhw.host.device_info import DeviceInfo
+    from sonarhw.host.scanner import Scanner
+    from sonarhw.link.link_statistics import LinkStatistics
+    from sonarhw.wire.messages import Statistics
+
+_QUESTIONS = 20  # there and back, for the statistics
+
+
+def info(
+    url: ScannerUrl,
+    watch: Annotated[bool, typer.Option("--watch", help="Show the link once a second, until Ctrl-C.")] = False,
+) -> None:
+    """Tell who answers: firmware, protocol, serial number, capabilities, temperature, link statistics."""
+    with sigterm_raises(), connect(url) as scanner:
+        device = _try_the_link(scanner)
+        facts = [*_who(scanner.info), *_abilities(scanner.info), *_link(scanner, device)]
+        for name, value in facts:
+            typer.echo(f"{name:<14}{value}")
+        while watch:
+            time.sleep(1.0)
+            device = _device_statistics(scanner)
+            clock = f"; its clock differs by {scanner.clock_drift * 1e6:+.0f} millionths"
+            typer.echo(f"{scanner.state:<14}{_books(scanner.statistics)}{_device_books(device)}{clock}")
+
+
+def _try_the_link(scanner: "Scanner") -> "Statistics | None":
+    device = None
+    for _ in range(_QUESTIONS):
+        device = _device_statistics(scanner)
+        if device is None:
+            scanner.stop()  # older firmware answers this
+    return device
+
+
+def _device_statistics(scanner: "Scanner") -> "Statistics | None":
+    if scanner.info.protocol < (1, 1):
+        return None
+    try:
+        return scanner.device_statistics()
+    except CommandRefused:
+        return None
+
+
+def _who(who: "DeviceInfo") -> list[tuple[str, str]]:
+    return [
+        ("firmware", who.firmware),
+        ("protocol", f"{who.protocol[0]}.{who.protocol[1]}"),
+        ("serial", who.serial or "none"),
+        ("started", counted(who.boot, "time") if who.boot else "not counted"),
+        ("board", who.board or "not stated"),
+        ("traces", f"{who.trace_rate / 1000:g} kHz" if who.trace_rate else "none"),
+        ("turntable", f"{360 / who.microsteps:.4g} degrees a microstep" if who.microsteps else "not stated"),
+        ("temperature", "no thermometer" if who.temperature_c is None else f"{who.temperature_c:.1f} °C"),
+    ]
+
+
+def _abilities(who: "DeviceInfo") -> list[tuple[str, str]]:
+    can = who.capabilities
+    if can is None:
+        return [("capabilities", "not stated")]
+    features = [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
+    low, high = math.degrees(can.lowest_angle), math.degrees(can.highest_angle)
+    return [
+        ("capabilities", ", ".join(features) or "none"),
+        ("turns", f"{low:.6g} to {high:.6g} degrees, at most {math.degrees(can.fastest):.4g} degrees a second"),
+        ("listens", f"{can.longest_listen * 1000:.4g} ms, a ping every {can.ping_period * 1000:.4g} ms"),
+        ("line", f"up to {can.fastest_baud} baud" if can.fastest_baud else "has no speed of its own"),
+    ]
+
+
+def _link(scanner: "Scanner", device: "Statistics | None") -> list[tuple[str, str]]:
+    can = scanner.info.capabilities
+    speed = f", {scanner.baud} baud" if scanner.baud and can and can.fastest_baud else ""
+    return [("link", f"{_books(scanner.statistics)}{speed}{_device_books(device)}")]
+
+
+def _books(link: "LinkStatistics") -> str:
+    trip = "" if link.round_trip is None else f", {link.round_trip * 1000:.1f} ms there and back"
+    return (
+        f"{link.frames_received} frames, {link.missing_frames} missing, {link.rejected_blocks} rejected, "
+        f"{link.repeated_commands} commands repeated, lost {counted(link.losses, 'time')}{trip}"
+    )
+
+
+def _device_books(device: "Statistics | None") -> str:
+    if device is None:
+        return ""
+    return f"; the scanner: {device.frames} frames, {device.rejected} rejected, {device.overruns} bytes overrun"

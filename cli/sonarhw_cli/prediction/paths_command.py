@@ -1,0 +1,77 @@
+"""`sonarhw paths`: every path of a place, whatever the heading."""
+
+from typing import Annotated
+
+import typer
+from sonarhw_compare.headings import in_degrees
+
+from sonarhw_cli.console.number_format import write_csv
+from sonarhw_cli.console.options import (
+    DEFAULT_BOARD,
+    STDOUT,
+    EdgeStrengthChoice,
+    EdgeStrengthName,
+    Force,
+    PlaceName,
+    RoomFile,
+    checked_out,
+    chosen_place,
+)
+from sonarhw_cli.console.output import text_output
+from sonarhw_cli.console.room_input import open_room
+
+HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
+
+
+def paths(
+    room_file: RoomFile,
+    place: PlaceName = None,
+    max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="At most so many reflections.")] = 64,
+    max_range: Annotated[
+        float | None,
+        typer.Option(min=0, max=1000, help="Paths of length up to twice this, metres; default: the board's range."),
+    ] = None,
+    no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
+    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    faintest: Annotated[
+        float,
+        typer.Option(
+            max=0,
+            help="Leave out what an edge leaves fainter than this, dB; each 10 dB less take several times as long.",
+        ),
+    ] = -60.0,
+    out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
+    force: Force = False,
+) -> None:
+    """List every path of sound from a place back to it, shortest first."""
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.rays.diffraction import EdgeStrength
+    from sonarhw_sim.rays.paths import PathSearch
+    from sonarhw_sim.vertical.sections import paths_from
+
+    checked_out(out, (".csv", STDOUT), force, room_file)
+    room = open_room(room_file)
+    here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
+    reach = board.max_range if max_range is None else max_range
+    search = PathSearch(
+        2 * reach,
+        board.wavelength(room.air),
+        max_bounces,
+        not no_diffraction,
+        edge_strength=EdgeStrength(edge_strength.value),
+        faintest_bend=10 ** (faintest / 20),
+    )
+    with text_output(out) as file:
+        found = paths_from(room, here, search)
+        rows = (
+            (
+                float(found.lengths[k]),
+                in_degrees(float(found.departures[k])),
+                in_degrees(float(found.arrivals[k])),
+                float(found.gains[k]),
+                int(found.bounces[k]),
+                ">".join(found.via(k, room)),
+            )
+            for k in range(len(found))
+        )
+        write_csv(file, HEADER, rows)

@@ -1,0 +1,221 @@
+"""`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
+
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sonarhw.errors import InputError
+from sonarhw_cli.console.number_format import counted, write_csv
+from sonarhw_cli.console.options import (
+    DEFAULT_BOARD,
+    LOG,
+    STDOUT,
+    BoardName,
+    EdgeStrengthChoice,
+    EdgeStrengthName,
+    Force,
+    FromDegrees,
+    PlaceName,
+    ReceiverChoice,
+    ReceiverName,
+    RoomFile,
+    StepDegrees,
+    ToDegrees,
+    checked_out,
+    chosen_place,
+    chosen_receiver,
+    scan_order,
+)
+from sonarhw_cli.console.output import text_output
+from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.prediction.predicted_files import (
+    HEADER,
+    TraceKind,
+    TraceWish,
+    rows,
+    trace_wish,
+    write_log,
+    write_npz,
+    write_picture,
+)
+
+if TYPE_CHECKING:
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.predict.models import Model
+    from sonarhw_sim.predict.predicted_scan import PredictedScan
+    from sonarhw_sim.predict.prediction import PredictionOptions
+    from sonarhw_sim.room.model import Place
+
+    from sonarhw.readings import FloatArray, ScanOrder
+
+WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
+_FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
+
+
+class UnitChoice(StrEnum):
+    """What the transducer's body does to sound that passes it."""
+
+    PASS = "pass"
+    BLOCK = "block"
+    REFLECT = "reflect"
+
+
+class ModelChoice(StrEnum):
+    """The model that predicts."""
+
+    RAY_FOLLOWING = "ray-following"
+    NEAREST = "nearest"
+    CONE = "cone"
+    KUC_SIEGEL = "kuc-siegel"
+
+
+def simulate(
+    room_file: RoomFile,
+    place: PlaceName = None,
+    start: FromDegrees = WHOLE_CIRCLE[0],
+    stop: ToDegrees = WHOLE_CIRCLE[1],
+    step: StepDegrees = WHOLE_CIRCLE[2],
+    board: BoardName = DEFAULT_BOARD,
+    receiver: ReceiverChoice = None,
+    unit: Annotated[UnitChoice, typer.Option(help="What the transducer's face does to sound that passes it.")] = (
+        UnitChoice.PASS
+    ),
+    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    sections: Annotated[
+        int,
+        typer.Option(min=1, max=99, help="Horizontal sections across the face, where the place has a height."),
+    ] = 1,
+    model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    traces: Annotated[
+        TraceKind | None,
+        typer.Option(
+            help="Keep what the receiver has: rf with its carrier (.npz); sampled, the same by an 8-bit converter at "
+            "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(help="Of traces, Hz, up to 1000000. Default: rf 1000000, envelope 50000.")
+    ] = None,
+    noise: Annotated[
+        float, typer.Option(help="Of the receiver, rms, 0 to 1: full scale. For --traces and --receiver board.")
+    ] = 0.0,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of what is random; without one, nearest makes no errors.")
+    ] = None,
+    out: Annotated[str, typer.Option(help="FILE.csv, .npz, .png, .mcap, or - for CSV on standard output.")] = "-",
+    force: Force = False,
+) -> None:
+    """Predict a scan: what the board would report at each heading of the room, and by which path.
+
+    A board whose profile has a [mount] turns its face about an axis at the place. One with a [ring] has a row for each
+    sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
+    """
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.predict.models import Model, predict_with
+
+    kind = checked_out(out, _FORMATS, force, room_file, board)
+    wish = trace_wish(traces, rate, kind)
+    order = scan_order(start, stop, step)
+    room = open_room(room_file)
+    here, chosen = chosen_place(room, place), load_board(board)
+    options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
+    _check_noise(options, wish)
+    _check_meaning(Model(model.value), options, here)
+    scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
+    if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):
+        _warn_of_near_field(scan)
+    _warn_of_face_outside(scan)
+    match kind:
+        case ".npz":
+            write_npz(scan, wish, Path(out))
+        case ".png":
+            write_picture(scan, Path(out))
+        case ".mcap":
+            write_log(scan, wish, room_file.name, Path(out), force)
+        case _:
+            with text_output(out) as file:
+                write_csv(file, HEADER, rows(scan))
+
+
+def _options(
+    board: "Board",
+    receiver: ReceiverName | None,
+    unit: UnitChoice,
+    edge_strength: EdgeStrengthName,
+    noise: float,
+    seed: int | None,
+) -> "PredictionOptions":
+    from sonarhw_sim.board.mount import Unit
+    from sonarhw_sim.predict.prediction import PredictionOptions
+    from sonarhw_sim.rays.diffraction import EdgeStrength
+
+    return PredictionOptions(
+        unit=Unit(unit.value),
+        edge_strength=EdgeStrength(edge_strength.value),
+        receiver=chosen_receiver(receiver, board),
+        noise=noise,
+        seed=seed,
+    )
+
+
+def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
+    from sonarhw_sim.board.profile import Receiver
+
+    if not 0 <= options.noise <= 1:
+        raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
+    if options.noise and wish is None and options.receiver is Receiver.FIRST_ECHO:
+        raise InputError(f"--noise {options.noise:g}: nobody would hear it; add --traces or --receiver board")
+
+
+def _check_meaning(model: "Model", options: "PredictionOptions", place: "Place") -> None:
+    """Refuse what would make no difference: whoever gives it believes that it does."""
+    from sonarhw_sim.board.mount import Unit
+    from sonarhw_sim.predict.models import Model
+
+    if options.sections > 1 and place.height is None:
+        raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
+    if model in (Model.NEAREST, Model.CONE) and options.unit is not Unit.PASS:
+        raise InputError(f"--unit {options.unit}: --model {model} knows no sound that passes the unit; leave it out")
+
+
+def _warn_of_near_field(scan: "PredictedScan") -> None:
+    """One line where readings lie so near that the transducer's law does not hold."""
+    import numpy as np
+    from sonarhw_sim.board.transducer import far_field
+
+    begins = far_field(scan.board.aperture_radius, scan.board.wavelength(scan.room.air))
+    near = int((scan.distances[~np.isnan(scan.distances)] < begins).sum())
+    if near:
+        typer.echo(
+            f"sonarhw: warning: {counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
+            "transducer begins: what the beam takes of them is rough",
+            err=True,
+        )
+
+
+def _warn_of_face_outside(scan: "PredictedScan") -> None:
+    """One line where the place lies in the room, but what carries the face holds it out of it."""
+    if scan.board.carrier.turns_about_face or scan.room.is_outside(scan.place.position):
+        return
+    outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
+    if outside:
+        typer.echo(
+            f"sonarhw: warning: at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
+            f"holds the face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]",
+            err=True,
+        )
+
+
+def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray":
+    """The headings of an order, or those of a ring's sensors. Raises InputError where the order would turn a ring."""
+    if board.ring is None:
+        return order.angles()
+    if order != scan_order(*WHOLE_CIRCLE):
+        raise InputError(
+            f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which stands still: "
+            "leave out --from, --to and --step"
+        )
+    return board.ring.headings(place)

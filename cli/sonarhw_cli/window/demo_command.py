@@ -1,0 +1,59 @@
+"""`sonarhw demo`: the main job with no hardware: a fake scanner's scan of the demo room lands on its prediction."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sonarhw_cli.console.demo_room import PLACE, demo_room, demo_url
+from sonarhw_cli.console.output import made_folder, whole_file
+from sonarhw_cli.window.gui_command import show_demo
+
+RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
+STEP_DEGREES = 3.0
+
+
+def demo(
+    headless: Annotated[
+        Path | None, typer.Option(help="No window: leave scan.mcap, overlay.png and summary.json here.", metavar="DIR")
+    ] = None,
+) -> int:
+    """Scan the demo room with a fake scanner and see the scan over its prediction.
+
+    Its own files of an earlier run are written anew: the demo is seeded and gives the same again.
+    """
+    if headless is None and _has_display():
+        return show_demo()
+    folder = headless or RESULT
+    with demo_room() as room_file, made_folder(folder):
+        _without_a_window(room_file, folder)
+    return 0
+
+
+def _has_display() -> bool:
+    from sonarhw_gui.shell.display import NoDisplay, check_display
+
+    try:
+        check_display()
+    except NoDisplay:
+        typer.echo("No window can be opened here: the demo runs without one.")
+        return False
+    return True
+
+
+def _without_a_window(room_file: Path, folder: Path) -> None:
+    from sonarhw_cli.comparison.compare_command import compare_log, draw_comparison, summary_lines
+    from sonarhw_cli.instrument.scan_command import scan
+
+    log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
+    scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
+    comparison = compare_log(log, room_file, PLACE)
+    with whole_file(picture, "--headless") as file:
+        draw_comparison(comparison, file)
+    with whole_file(figures, "--headless") as file:
+        file.write((json.dumps(asdict(comparison.summary()), indent=2) + "\n").encode())
+    for line in summary_lines(comparison.summary()):
+        typer.echo(line)
+    typer.echo(f"The picture lies in {picture}, the scan in {log}, the figures in {figures}.")

@@ -1,0 +1,1 @@
+"""Explanations of single readings: which path won, and what would change that."""

@@ -1,0 +1,231 @@
+"""The fit from end to end: poses to begin with, refinement, several answers, uncertainties, warnings.
+
+Takes scans, a room, a board and what is free; hands on a `FitResult`.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.room.model import Room
+
+from sonarhw.errors import Cancelled, InputError
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.agreement import agreement
+from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
+from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem, make_problem
+from sonarhw_compare.fit.search.beginnings import Beginning, beginnings, is_same
+from sonarhw_compare.fit.search.posterior import REGION, samples_of
+from sonarhw_compare.fit.search.refine import covariance_of, refined
+from sonarhw_compare.fit.search.ridges import unending
+from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
+from sonarhw_compare.fit.values.parameters import OF_PLACE, Kind, Parameter
+from sonarhw_compare.matching.regions import mean_run
+
+_PROMISING = 25.0  # of the coarse likelihood's logarithm, of readings that err alone: what is worse is no other answer
+_OTHERS = 3  # answers beside the best that are climbed to
+_CLIMBS = 5  # more, at most, to the top of one answer
+_AS_GOOD = 6.0  # of the likelihood's logarithm: answers nearer than that to the best are told
+_NORMAL_REGION = 1.96  # standard deviations
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the work, from one share of the whole to another."""
+
+    doing: str
+    begin: float
+    end: float
+
+
+_SEARCH, _CLIMB, _SAMPLE = _Part("searching", 0.0, 0.5), _Part("refining", 0.5, 0.7), _Part("how sure", 0.7, 1.0)
+
+
+def fit_scans(
+    scans: Sequence[PlacedScan],
+    room: Room,
+    board: Board,
+    free: Sequence[Parameter],
+    *,
+    options: FitOptions | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> FitResult:
+    """What explains `scans` best, among all values of the `free` parameters, and how sure that is.
+
+    `progress` is called with the share that is done and what is being done; where `cancelled` says so, the fit ends
+    with `sonarhw.errors.Cancelled`. Raises InputError where nothing is free, a scan has no echo, or board or unit are
+    such that every heading has paths of its own in another way than by a head off its axis.
+    """
+    options = options or FitOptions()
+    check_fit(scans, board, free, options)
+    problem = make_problem(scans, room, board, free, options.prediction, options.all_echoes)
+
+    def tick(part: _Part, share: float) -> None:
+        if cancelled is not None and cancelled():
+            raise Cancelled("the fit was cancelled")
+        if progress is not None:
+            progress(part.begin + (part.end - part.begin) * share, part.doing)
+
+    telling = replace(problem, alike=_alike(problem))  # how sure a fit is, and which answers are about as good
+    found = _begin(problem, options, lambda share: tick(_SEARCH, share))
+    answers = _answers(problem, telling, found, lambda share: tick(_CLIMB, share))
+    best = answers[0].values
+    objective = telling.near(best)
+    samples = np.empty((0, problem.size))
+    if options.samples:
+        samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
+    tick(_SAMPLE, 1.0)
+    result = _result(problem, objective, answers, samples)
+    agreed = agreement(scans, result, options.prediction)
+    return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
+
+
+def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:
+    """Raises InputError where such a fit cannot be made."""
+    if not free:
+        raise InputError("nothing is free; name what the fit may choose")
+    if not scans:
+        raise InputError("nothing to fit: no scan was given")
+    for scan in scans:
+        if all(reading.range is None for reading in scan.readings):
+            raise InputError(f"nothing to fit: no reading of {scan.name or 'this scan'} has an echo")
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to fit")
+    if options.prediction.unit is not Unit.PASS:
+        raise InputError("a fit takes sound to pass the sensor (unit pass); block and reflect are for predictions")
+
+
+def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Beginning]]:
+    """The poses to begin with, for each scan."""
+    count = len(problem.scans)
+    if not options.global_search:
+        return [[Beginning(problem.start(), 0.0)] for _ in range(count)]
+    return [beginnings(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
+
+
+def _answers(
+    problem: Problem, telling: Problem, found: list[list[Beginning]], tick: Callable[[float], None]
+) -> list[Beginning]:
+    """The best values of all, and behind them others that by `telling` are about as good."""
+    starts = list(_starts(telling, found))
+    middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
+    middling.sort(key=lambda one: -one.score)
+    tops: list[Beginning] = []
+    count, promising = len(problem.parameters), _PROMISING * max(telling.alike)
+    for done, one in enumerate(middling):
+        tick(done / len(middling))
+        if middling[0].score - one.score < promising and not any(
+            is_same(problem, one.values, other.values) for other in tops
+        ):
+            # readings err alike whatever the answer: so what a rough climb leaves out tells none from the others
+            begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
+            tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
+    tops.sort(key=lambda one: -one.score)
+    told = [Beginning(one.values, telling.near(one.values)(one.values)) for one in tops]
+    return [one for one in told if told[0].score - one.score < _AS_GOOD]
+
+
+def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Beginning:
+    """Climbed for as long as that brings something: where readings hardly err, one climb may end on a step."""
+    top = _climbed(problem, values, (None,), tick)
+    for _ in range(_CLIMBS):
+        before, top = top, _climbed(problem, top.values, (None,), tick)
+        if top.score - before.score < 1.0:
+            break
+    return max(before, top, key=lambda one: one.score)
+
+
+def _climbed(
+    problem: Problem, values: FloatArray, stages: tuple[Noise | None, ...], tick: Callable[[], None]
+) -> Beginning:
+    top = refined(problem, values, None, stages, tick=tick)
+    return Beginning(top, problem.near(top)(top))
+
+
+def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArray]:
+    """The best pose of every scan together; then, one scan at a time, another one of it."""
+    best = problem.start()
+    for scan, several in enumerate(found):
+        rows = _pose_rows(problem, scan)
+        best[rows] = several[0].values[rows]
+    yield best
+    for scan, several in enumerate(found):
+        rows = _pose_rows(problem, scan)
+        for other in several[1 : 1 + _OTHERS]:
+            if several[0].score - other.score < _PROMISING * problem.alike[scan]:
+                start = best.copy()
+                start[rows] = other.values[rows]
+                yield start
+
+
+def _pose_rows(problem: Problem, scan: int) -> list[int]:
+    return [
+        row
+        for row, parameter in enumerate(problem.parameters)
+        if parameter.kind in OF_PLACE and parameter.scan in (scan, None)
+    ]
+
+
+def _result(problem: Problem, objective: Objective, answers: list[Beginning], samples: FloatArray) -> FitResult:
+    count, best = len(problem.parameters), answers[0]
+    if len(samples):
+        middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
+        lower, upper = np.percentile(samples, REGION, axis=0)
+    else:
+        middle, covariance = best.values, covariance_of(objective, best.values)
+        reach = _NORMAL_REGION * np.sqrt(np.diag(covariance))
+        lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
+    deviations = np.sqrt(np.diag(covariance))
+    estimates = {
+        parameter.name: _estimate(parameter, middle[row], deviations[row], lower[row], upper[row])
+        for row, parameter in enumerate(problem.parameters)
+    }
+    safe = np.maximum(deviations[:count], 1e-300)
+    room, places, board = problem.setting(middle)
+    result = FitResult(
+        parameters=problem.parameters,
+        estimates=estimates,
+        correlations=np.asarray(covariance[:count, :count] / np.outer(safe, safe)),
+        noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(problem.noises)},
+        warnings=(),
+        modes=tuple(_mode(problem, one, best.score) for one in answers),
+        room=room,
+        places=places,
+        board=board,
+        score=best.score,
+        samples=samples[:, :count],
+    )
+    lone = problem.prediction.receiver is Receiver.BOARD
+    return replace(result, warnings=warnings_of(result, unending(objective.problem, best.values, covariance), lone))
+
+
+def _alike(problem: Problem) -> tuple[float, ...]:
+    """Of each scan, how many readings there are to one that says something new.
+
+    Neighbours of one echo err alike where a board rounds it, or where the model of its receiver is only about right.
+    """
+    if not problem.rounding and problem.prediction.receiver is Receiver.FIRST_ECHO:
+        return (1.0,) * len(problem.scans)
+    return tuple(mean_run(scan.angles, scan.ranges[:, 0]) for scan in problem.scans)
+
+
+def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
+    # a heading in 0 up to 360°, and its region about it, all round at most
+    if parameter.kind is Kind.HEADING:
+        by = value % math.tau - value
+        lower, upper = max(lower, value - math.pi) + by, min(upper, value + math.pi) + by
+        value, deviation = value + by, min(deviation, math.pi)
+    return Estimate(float(value), float(deviation), float(lower), float(upper))
+
+
+def _mode(problem: Problem, answer: Beginning, best: float) -> Mode:
+    values = {
+        parameter.name: float(value % math.tau if parameter.kind is Kind.HEADING else value)
+        for parameter, value in zip(problem.parameters, answer.values, strict=False)
+    }
+    return Mode(values, answer.score - best)

@@ -1,0 +1,136 @@
+"""A plain search for where the turntable pointed, how far its ranges are off, and where nearby it stood.
+
+Takes readings and a prediction's ranges all round; hands on the heading, offset and place at which most readings agree.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.matching.match import TOLERANCE
+
+HEADINGS = 720  # tried all round: 0.5° apart
+OFFSETS = np.linspace(-0.06, 0.06, 25)  # m
+REACH = 0.03  # m: a place that somebody measured is off by no more
+STEP = 0.01  # m, from one position tried to the next
+PARAMETERS = ("heading", "offset", "position")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What explains a scan best."""
+
+    heading: float  # rad: of turntable step 0 in the room
+    offset: float  # m, added to every measured range
+    place: Place  # as given, but for a fitted position
+
+
+def fit_scan(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    free: frozenset[str],
+    *,
+    model: Model = Model.RAY_FOLLOWING,
+    options: PredictionOptions | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Fit:
+    """The heading, offset and position, where they are `free`, at which most readings lie within 5 cm of the model.
+
+    What is not free stays at the place's heading and position and no offset. Ties go to the smaller mean error, then to
+    the smaller offset, then to the nearer position. `tick` is called with the share that is done.
+    Raises InputError where `free` names something else, no reading has an echo, or a heading is sought for a ring,
+    which has no turntable.
+    """
+    _check(readings, free)
+    if board.ring is not None:
+        raise InputError(f"--fit: board {board.name!r} is a ring of sensors, and has no turntable to fit")
+    places = places_near(place) if "position" in free else [place]
+
+    def tables() -> Iterator[tuple[Place, FloatArray]]:
+        for done, near in enumerate(places):
+            tick(done / len(places))
+            yield near, predict_with(model, room, near, board, all_round(), options).ranges
+
+    best = best_agreement(readings, tables(), free)
+    tick(1.0)
+    return best
+
+
+def all_round() -> FloatArray:
+    """The headings in the room (rad) at which `best_agreement` wants ranges, (720,)."""
+    return np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
+
+
+def places_near(place: Place) -> list[Place]:
+    """The place at every position within 3 cm of its own on a grid of 1 cm, nearest first."""
+    steps = np.arange(-round(REACH / STEP), round(REACH / STEP) + 1) * STEP
+    moves = [(float(x), float(y)) for x in steps for y in steps if math.hypot(x, y) <= REACH + 1e-9]
+    x, y = place.position
+    return [replace(place, position=(x + dx, y + dy)) for dx, dy in sorted(moves, key=lambda move: math.hypot(*move))]
+
+
+def best_agreement(
+    readings: Sequence[Reading], tables: Iterable[tuple[Place, FloatArray]], free: frozenset[str]
+) -> Fit:
+    """Where most readings lie within 5 cm of ranges (720,) m all round, NaN for none, that places have, one or more."""
+    angles = np.array([reading.angle for reading in readings])
+    measured = np.array([math.nan if reading.range is None else reading.range for reading in readings])
+    offsets = OFFSETS if "offset" in free else np.zeros(1)
+    best: tuple[tuple[float, float, float], Fit] | None = None
+    for place, table in tables:
+        start = 0.0 if "heading" in free else place.heading
+        rows = np.round((start + angles) * (HEADINGS / math.tau)).astype(np.intp)
+        turns = HEADINGS if "heading" in free else 1
+        counts, means = _agreement(table, rows, measured, offsets, turns, TOLERANCE)
+        order = np.lexsort((np.broadcast_to(np.abs(offsets), counts.shape).ravel(), means.ravel(), -counts.ravel()))
+        turn, offset = divmod(int(order[0]), len(offsets))
+        score = (-counts[turn, offset], means[turn, offset], abs(float(offsets[offset])))
+        if best is None or score < best[0]:
+            best = score, Fit(start + turn * math.tau / HEADINGS, float(offsets[offset]), place)
+    if best is None:
+        raise ValueError("no places to choose from")
+    return best[1]
+
+
+def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:
+    unknown = free.difference(PARAMETERS)
+    if unknown:
+        raise InputError(f"--fit {sorted(unknown)[0]}: expected some of {', '.join(PARAMETERS)}")
+    if all(reading.range is None for reading in readings):
+        raise InputError("nothing to fit: no reading of this scan has an echo")
+
+
+@compiled
+def _agreement(
+    table: FloatArray,
+    rows: NDArray[np.intp],
+    measured: FloatArray,
+    offsets: FloatArray,
+    turns: int,
+    tolerance: float,
+) -> tuple[FloatArray, FloatArray]:
+    """How many readings agree at every turn of the head and offset, and their mean error, (turns, offsets) each."""
+    counts, means = np.zeros((turns, len(offsets))), np.zeros((turns, len(offsets)))
+    for turn in range(turns):
+        for k in range(len(rows)):
+            predicted = table[(rows[k] + turn) % len(table)]
+            for j in range(len(offsets)):
+                error = abs(measured[k] + offsets[j] - predicted)
+                if error <= tolerance:
+                    counts[turn, j] += 1.0
+                    means[turn, j] += error
+        for j in range(len(offsets)):
+            means[turn, j] /= max(counts[turn, j], 1.0)
+    return counts, means

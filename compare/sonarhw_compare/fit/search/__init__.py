@@ -1,0 +1,1 @@
+"""Search for the best parameters, and samples of their posterior."""

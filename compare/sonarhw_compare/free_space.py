@@ -1,0 +1,121 @@
+"""Free space: where in a room a sensor may stand.
+
+Takes a room; hands on a grid of points that its places can be walked to from without passing a wall. Where the room
+names no place, that is the largest piece of air.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from sonarhw_sim.rays.sight import distances_ahead
+from sonarhw_sim.room.model import Room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+_CELLS = 120  # along the longer side of the room, where nobody says how fine
+_TRIES = 100_000  # at drawing a position
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """The free part of a room, as square cells."""
+
+    room: Room
+    left: float  # m
+    bottom: float  # m
+    spacing: float  # m, side of a cell
+    free: BoolArray  # (rows, columns): which cells' middles a sensor may stand at
+
+    @property
+    def middles(self) -> FloatArray:
+        """Middles of the free cells, (n, 2) float, m."""
+        rows, columns = np.nonzero(self.free)
+        return np.column_stack((self.left + (columns + 0.5) * self.spacing, self.bottom + (rows + 0.5) * self.spacing))
+
+    def holds(self, point: FloatArray, clearance: float = 0.0) -> bool:
+        """Whether a sensor may stand at `point` (2,) m, with no wall or post nearer than `clearance` (m)."""
+        cell = np.floor((point - (self.left, self.bottom)) / self.spacing).astype(int)
+        column, row = np.clip(cell, 0, np.array(self.free.shape[::-1]) - 1)
+        middle = np.array([self.left + (column + 0.5) * self.spacing, self.bottom + (row + 0.5) * self.spacing])
+        away = middle - point
+        seen = distances_ahead(point[None], np.array([math.atan2(away[1], away[0])]), self.room.surfaces)[0]
+        return bool(self.free[row, column] and seen >= np.hypot(*away) and _distance(self.room, point) > clearance)
+
+    def draw(self, random: np.random.Generator, clearance: float = 0.0) -> tuple[float, float]:
+        """A position, each place in the free space as likely as any other, m.
+
+        Raises InputError where hardly any lies as far as `clearance` (m) from every wall and post.
+        """
+        rows, columns = self.free.shape
+        size = np.array([columns * self.spacing, rows * self.spacing])
+        for _ in range(_TRIES):
+            point = np.array([self.left, self.bottom]) + random.random(2) * size
+            if self.holds(point, clearance):
+                return float(point[0]), float(point[1])
+        raise InputError(f"room {self.room.name!r}: no place is {clearance:g} m from every wall and post; ask for less")
+
+
+def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:
+    """The free space of a room in cells of `spacing` (m); by default its longer side has 120 of them."""
+    low, high = _bounds(room)
+    spacing = float((high - low).max()) / _CELLS if spacing is None else spacing
+    columns, rows = np.maximum(1, np.ceil((high - low) / spacing - 1e-9)).astype(int)
+    x = low[0] + (np.arange(columns) + 0.5) * spacing
+    y = low[1] + (np.arange(rows) + 0.5) * spacing
+    middles = np.column_stack((np.tile(x, rows), np.repeat(y, columns)))
+    pieces = _pieces(room, middles, (int(rows), int(columns)), spacing)
+    free = np.isin(pieces, _inhabited(room, pieces, low, spacing)) & ~_in_posts(room, middles).reshape(rows, columns)
+    return FreeSpace(room, float(low[0]), float(low[1]), spacing, free)
+
+
+def _bounds(room: Room) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of walls, posts and places, (2,) m each."""
+    posts = [room.posts[:, :2] - room.posts[:, 2:], room.posts[:, :2] + room.posts[:, 2:]]
+    places = [np.array([place.position]) for place in room.places.values()]
+    points = np.vstack((room.walls.reshape(-1, 2), *posts, *places))
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _pieces(room: Room, middles: FloatArray, shape: tuple[int, int], spacing: float) -> NDArray[np.int32]:
+    """Number of the piece of air in which each cell lies, `shape` int: within one, cells in sight are neighbours."""
+    numbers = np.arange(len(middles)).reshape(shape)
+    clear = [
+        (distances_ahead(middles, np.full(len(middles), angle), room.surfaces) > spacing).reshape(shape)
+        for angle in (0.0, math.pi / 2)
+    ]
+    aside, above = clear[0][:, :-1], clear[1][:-1]
+    starts = np.concatenate((numbers[:, :-1][aside], numbers[:-1][above]))
+    ends = np.concatenate((numbers[:, 1:][aside], numbers[1:][above]))
+    links = coo_array((np.ones(len(starts)), (starts, ends)), shape=(len(middles), len(middles)))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int32).reshape(shape)
+
+
+def _inhabited(room: Room, pieces: NDArray[np.int32], low: FloatArray, spacing: float) -> NDArray[np.int32]:
+    """Numbers of the pieces in which the room's places lie; without places, of the largest."""
+    if room.places:
+        positions = np.array([place.position for place in room.places.values()])
+        last = np.array(pieces.shape[::-1]) - 1
+        columns, rows = np.clip(np.floor((positions - low) / spacing).astype(int), 0, last).T
+        return np.unique(pieces[rows, columns])
+    return np.array([np.bincount(pieces.ravel()).argmax()], dtype=np.int32)
+
+
+def _in_posts(room: Room, points: FloatArray) -> BoolArray:
+    gaps = np.hypot(*(points[:, None] - room.posts[:, :2]).transpose(2, 0, 1)) - room.posts[:, 2]
+    return np.asarray((gaps <= 0).any(axis=1))
+
+
+def _distance(room: Room, point: FloatArray) -> float:
+    """Distance from a point (2,) to the nearest wall or post, m; below 0 inside a post."""
+    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
+    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    walls = np.hypot(*(starts + share[:, None] * along - point).T)
+    posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
+    return float(min(walls.min(), posts.min(initial=math.inf)))

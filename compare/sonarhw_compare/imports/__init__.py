@@ -1,0 +1,1 @@
+"""Scans recorded by other programs, and the board that a log names."""

@@ -1,0 +1,1 @@
+"""Find the pose of a scan in a known room."""

@@ -1,0 +1,93 @@
+"""The picture of where a scan may have been taken: how well each position agrees, and the most probable poses.
+
+Takes a `Located`; hands on a matplotlib figure that the caller saves.
+"""
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from sonarhw_compare.locate.poses import NEAR, Located, Pose
+from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
+from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.points import points_at
+
+_DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as if it were that
+_MOST_POSES = 5
+_MARGIN = 0.05  # of the axes, round what is drawn
+_ARROW = 0.09  # of the room's longer side
+_BESIDE, _ABOVE = 8, 14  # points, from a mark to the end of its text, and to the middle of a line over or under it
+
+
+def draw_located(located: Located) -> Figure:
+    """A figure of the room: the lattice shaded by its posterior, the poses as arrows, the scan laid over the best."""
+    figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    _shade(axes, figure, located)
+    draw_room(axes, located.room)
+    best = located.poses[0]
+    heard = [reading for reading in located.readings if reading.range is not None]
+    headings = np.array([located.board.heading_at(reading.angle, best.heading) for reading in heard])
+    ranges = np.array([float(reading.range or 0) + best.offset for reading in heard])
+    axes.plot(*points_at(best.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
+    _draw_places(axes, located)
+    for pose in located.poses[:_MOST_POSES]:
+        _draw_pose(axes, pose, _ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
+    axes.plot([], [], "^", color=PREDICTED, ms=8, label="probable pose, turntable step 0 along the arrow")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{located.room.name}: where the scan was taken")
+    axes.set_aspect("equal")
+    # the shading would end the axes at the walls
+    axes.use_sticky_edges = False
+    axes.margins(_MARGIN)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08))
+    return figure
+
+
+def _shade(axes: Axes, figure: Figure, located: Located) -> None:
+    scores = located.scores
+    columns, rows = (
+        np.round((scores.positions[:, k] - scores.positions[:, k].min()) / scores.spacing).astype(int) for k in range(2)
+    )
+    image = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+    image[rows, columns] = np.maximum(located.lattice, -_DEEPEST)
+    left, bottom = scores.positions.min(axis=0) - scores.spacing / 2
+    extent = (
+        float(left),
+        float(left + image.shape[1] * scores.spacing),
+        float(bottom),
+        float(bottom + image.shape[0] * scores.spacing),
+    )
+    shown = axes.imshow(image, origin="lower", extent=extent, cmap="Greys", vmin=-_DEEPEST, vmax=0.0, alpha=0.7)
+    figure.colorbar(shown, ax=axes, shrink=0.7, label="natural logarithm of the probability, best position 0")
+
+
+def _draw_places(axes: Axes, located: Located) -> None:
+    """The room's places, each named behind the arrow of the pose that is found there."""
+    for name, place in located.room.places.items():
+        at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
+        axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6)
+        _write_beside(axes, name, place.position, at[0].heading + math.pi if at else math.pi, "black")
+
+
+def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:
+    right, up = math.cos(towards), math.sin(towards)
+    side = "center" if abs(right) < 0.5 else "left" if right > 0 else "right"
+    shift = (_BESIDE * right, _ABOVE * up)
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    axes.annotate(
+        text, position, shift, textcoords="offset points", color=color, ha=side, va="center", path_effects=halo
+    )
+
+
+def _draw_pose(axes: Axes, pose: Pose, length: float) -> None:
+    x, y = pose.position
+    tip = x + length * math.cos(pose.heading), y + length * math.sin(pose.heading)
+    arrow = {"arrowstyle": "-|>", "color": PREDICTED, "lw": 2, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tip, (x, y), arrowprops=arrow)
+    axes.plot(x, y, "^", color=PREDICTED, ms=8)
+    _write_beside(axes, f"{pose.probability:.0%}", (x, y), pose.heading - math.pi / 2, PREDICTED)

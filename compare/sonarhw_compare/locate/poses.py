@@ -1,0 +1,240 @@
+"""Where am I: the poses from which one scan may have been taken, and how probable each is, over a whole room.
+
+Takes readings, a room and a board; hands on a `Located`. A lattice all over the free space of the room is scored with
+every heading (`search.pose_search`); from its best maxima, and from the room's own places, the likelihood of a fit is
+climbed. What its peaks weigh against one another is the posterior, where every pose in the room was as likely before.
+
+Neighbouring readings of one echo err alike: an edge too loud in the model is too loud at ten headings. Likelihoods
+are those of readings that err independently, so their logarithm is divided by how many readings say the same thing.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_compare.fit.fitting import check_fit
+from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.objective import MIDDLING, Objective, Problem, make_problem
+from sonarhw_compare.fit.search.pose_search import QUICK, Scores, maxima, score_positions
+from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
+from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
+from sonarhw_compare.fit.values.parameters import free_parameters
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.matching.match import TOLERANCE
+from sonarhw_compare.matching.regions import mean_run
+
+_POSITIONS = 1000  # of the lattice, about
+_FINEST = 0.06  # m, from one to the next
+_MAXIMA = 12  # of the lattice, that are climbed from
+_HOPELESS = 60.0  # of the lattice's logarithm: what is worse by more is not climbed from
+_PROMISING = 12.0  # of the tempered logarithm, roughly climbed: what is worse by more is not climbed to the end
+_SAME = 0.03  # m, and
+_SAME_HEADING = math.radians(10)
+_TOLD = 1e-3  # probability under which a pose is not told
+NEAR = 0.1  # m from a place of the room within which a pose counts as that place
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One answer."""
+
+    position: tuple[float, float]  # m
+    heading: float  # rad: of turntable step 0 in the room, 0..2π
+    offset: float  # m, added to every measured range
+    probability: float
+    deviations: tuple[float, float, float]  # of x and y, m, and of the heading, rad; standard deviations
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where one scan may have been taken."""
+
+    room: Room
+    board: Board
+    readings: tuple[Reading, ...]
+    poses: tuple[Pose, ...]  # the most probable first; together 1 but for what is not worth telling
+    scores: Scores  # rough log-likelihoods of the lattice
+    readings_alike: float  # how many readings there are to one that says something new
+    explained: float  # share of the echoes that the room's lie within 5 cm of, at the most probable pose
+
+    @property
+    def lattice(self) -> FloatArray:
+        """Rough log-posterior of each position of the lattice, (p,); the best is 0, -inf where no sound comes back."""
+        summed = logsumexp(self.scores.scores / self.readings_alike, axis=1)
+        return np.asarray(summed - summed.max())
+
+    def place_near(self, pose: Pose, near: float = NEAR) -> str | None:
+        """Name of the place of the room nearest to a pose; None where none is within `near` (m)."""
+        away = {name: math.dist(pose.position, place.position) for name, place in self.room.places.items()}
+        name = min(away, key=away.__getitem__, default=None)
+        return None if name is None or away[name] > near else name
+
+    def places(self, near: float = NEAR) -> dict[str, float]:
+        """Of each place of the room, how probable it is that the scan was taken there, if it was at one of them.
+
+        A pose within `near` (m) of a place counts for the nearest; all 0 where none is near any.
+        """
+        shares = dict.fromkeys(self.room.places, 0.0)
+        for pose in self.poses:
+            if (name := self.place_near(pose, near)) is not None:
+                shares[name] += pose.probability
+        whole = sum(shares.values())
+        return {name: share / whole if whole else 0.0 for name, share in shares.items()}
+
+
+@dataclass(frozen=True)
+class _Top:
+    """A peak of the likelihood."""
+
+    score: float  # natural logarithm
+    values: FloatArray  # of the problem: x, y, heading, offset, and how readings err
+    objective: Objective
+
+
+def locate(
+    readings: Sequence[Reading],
+    room: Room,
+    board: Board,
+    *,
+    prediction: PredictionOptions | None = None,
+    height: float | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> Located:
+    """Where in the room, and in which direction, a scan of `board` was taken.
+
+    `height` (m) is that of the transducer, where floor, ceiling and heights of walls are to be heard; `tick` is called
+    with the share that is done. Raises InputError where no reading has an echo or the board is a ring of sensors.
+    """
+    options = FitOptions(prediction=prediction or PredictionOptions())
+    free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
+    scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))
+    check_fit([scan], board, free, options)
+    problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
+    scores = _score_lattice(problem, lambda share: tick(0.5 * share))
+    alike = mean_run(*_headings_and_ranges(readings))
+    starts = _starts(scores, room)
+    tops = _tops(problem, starts, alike, lambda share: tick(0.5 + 0.5 * share))
+    poses = _weighed(_different(tops), alike)
+    tick(1.0)
+    explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
+    return Located(room, board, tuple(readings), poses, scores, alike, explained)
+
+
+def _explained(
+    readings: Sequence[Reading], room: Room, board: Board, pose: Pose, place: Place, options: FitOptions
+) -> float:
+    heard = [reading for reading in readings if reading.range is not None]
+    headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in heard])
+    measured = np.array([reading.range for reading in heard], dtype=np.float64) + pose.offset
+    predicted = predict_scan(room, place, board, headings, options.prediction).ranges
+    return float((np.abs(measured - predicted) <= TOLERANCE).mean())
+
+
+def _headings_and_ranges(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
+    headings = np.array([reading.angle for reading in readings], dtype=np.float64)
+    return headings, np.array([math.nan if reading.range is None else reading.range for reading in readings])
+
+
+def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
+    room = problem.room
+    whole = find_free_space(room)
+    area = float(whole.free.sum()) * whole.spacing**2
+    spacing = max(_FINEST, math.sqrt(area / _POSITIONS))
+    positions = find_free_space(room, spacing).middles
+    done = iter(range(len(positions)))
+    return score_positions(
+        problem.scans[0],
+        room,
+        problem.board,
+        positions,
+        spacing,
+        problem.places[0].height,
+        lambda: tick(next(done) / len(positions)),
+    )
+
+
+def _starts(scores: Scores, room: Room) -> list[tuple[float, float, float]]:
+    """Where to climb from (x, y, heading): the lattice's maxima, and the room's places with their best headings."""
+    best = float(scores.scores.max())
+    starts = [
+        pose for pose in maxima(scores, _MAXIMA) if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS
+    ]
+    for place in room.places.values():
+        row = scores.scores[_nearest(scores, place.position)]
+        if best - row.max() < _HOPELESS:
+            starts.append((*place.position, float(scores.headings[row.argmax()])))
+    return starts
+
+
+def _nearest(scores: Scores, position: tuple[float, float]) -> int:
+    return int(np.hypot(*(scores.positions - position).T).argmin())
+
+
+def _tops(
+    problem: Problem, starts: list[tuple[float, float, float]], alike: float, tick: Callable[[float], None]
+) -> list[_Top]:
+    """The tops near those poses, roughly climbed all, and those that may be worth telling to the end."""
+    rough = []
+    for k, start in enumerate(starts):
+        tick(0.5 * k / len(starts))
+        values = problem.start()
+        values[: len(start)] = start
+        values = problem.with_noise(values, MIDDLING)
+        rough.append(_climb(problem, values, QUICK, MIDDLING))
+    best = max(rough, key=lambda top: top.score)
+    promising = _different([top for top in rough if best.score - top.score < _PROMISING * alike])
+    tops = []
+    for k, top in enumerate(promising):
+        tick(0.5 + 0.5 * k / len(promising))
+        tops.append(_climb(problem, top.values, None, None))
+    return tops
+
+
+def _climb(problem: Problem, values: FloatArray, prediction: PredictionOptions | None, noise: Noise | None) -> _Top:
+    """The top near `values`: found to the end, or where `noise` says how readings err, roughly."""
+    searches, iterations = (MOST_SEARCHES, MOST_ITERATIONS) if noise is None else (2, 15)
+    values = refined(problem, values, prediction, (noise,), searches=searches, iterations=iterations)
+    objective = problem.near(values, prediction)
+    return _Top(objective(values), values, objective)
+
+
+def _different(tops: list[_Top]) -> list[_Top]:
+    """The tops, the best first, without those that are another once more."""
+    kept: list[_Top] = []
+    for top in sorted(tops, key=lambda one: -one.score):
+        same = (
+            math.dist(top.values[:2], other.values[:2]) < _SAME
+            and abs(math.remainder(float(top.values[2] - other.values[2]), math.tau)) < _SAME_HEADING
+            for other in kept
+        )
+        if not any(same):
+            kept.append(top)
+    return kept
+
+
+def _weighed(tops: list[_Top], alike: float) -> tuple[Pose, ...]:
+    """The poses at the tops, the best first, with their probabilities: what lies under each peak of the posterior."""
+    promising = [top for top in tops if (tops[0].score - top.score) / alike < -math.log(_TOLD)]
+    spreads = [alike * covariance_of(top.objective, top.values)[:3, :3] for top in promising]
+    volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
+    weights = np.array([top.score / alike for top in promising]) + volumes
+    shares = np.exp(weights - weights.max())
+    shares /= shares.sum()
+    poses = [
+        _pose(top.values, float(share), np.sqrt(np.diag(spread)))
+        for top, share, spread in zip(promising, shares, spreads, strict=True)
+    ]
+    return tuple(sorted((pose for pose in poses if pose.probability >= _TOLD), key=lambda pose: -pose.probability))
+
+
+def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:
+    x, y, heading, offset = values[:4].tolist()
+    dx, dy, turn = deviations.tolist()
+    return Pose((x, y), heading % math.tau, offset, probability, (dx, dy, turn))

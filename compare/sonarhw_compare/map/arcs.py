@@ -1,0 +1,61 @@
+"""Arcs: the regions of constant depth of several scans, each where its sensor stood.
+
+Takes scans from known places; hands on `Arc`s. What made one is a wall that touches it, or a corner or an edge on it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.by_heading import standpoints
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.map.certainty import headings_and_ranges
+from sonarhw_compare.matching.regions import regions_of
+
+BoolArray = NDArray[np.bool_]
+
+_SURE = math.radians(2)  # of the middle of an arc
+
+
+@dataclass(frozen=True)
+class Arc:
+    """One region of constant depth."""
+
+    scan: int
+    rows: tuple[int, ...]  # of the scan's readings
+    centre: tuple[float, float]  # m, where the sensor stood
+    range: float  # m
+    bearing: float  # rad in the room, of its middle
+    half_width: float  # rad
+
+    @property
+    def middle(self) -> FloatArray:
+        """The point in the middle of the arc, (2,) m."""
+        return np.array(self.centre) + self.range * direction(self.bearing)
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation, rad, of where along it the echo came from: neighbours may have cut a side off."""
+        return max(_SURE, self.half_width)
+
+
+def direction(angle: float) -> FloatArray:
+    """The unit vector at an angle (rad), (2,)."""
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def arcs_of(scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]) -> tuple[Arc, ...]:
+    """The arcs of all scans, made of those readings that are `kept` ((n,) bool for each scan)."""
+    found = []
+    for number, (scan, wanted) in enumerate(zip(scans, kept, strict=True)):
+        headings, ranges = headings_and_ranges(scan, board)
+        for region in regions_of(headings, np.where(wanted, ranges, np.nan)):
+            (centre,) = standpoints(board, scan.place, np.array([region.bearing])).tolist()
+            half = region.width / 2
+            found.append(Arc(number, region.rows, (centre[0], centre[1]), region.range, region.bearing, half))
+    return tuple(found)

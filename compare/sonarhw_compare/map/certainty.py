@@ -1,0 +1,150 @@
+"""The certainty grid: how sure it is that each cell is empty or occupied, after readings taken for cones.
+
+Takes scans from known places; hands on a `CertaintyGrid` (Moravec and Elfes, High Resolution Maps from Wide Angle
+Sonar, 1985). A reading makes what lies before its range within ±15° emptier, and what lies at its range fuller; sound
+that was reflected on its way makes both where neither is true. Silence says nothing here: a wall at a slant is silent.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.models import CONE_HALF_ANGLE
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+
+BoolArray = NDArray[np.bool_]
+
+CELL = 0.02  # m
+DEPTH = 0.05  # m: how far before and behind its range a reading may have met something
+_MARGIN = 0.2  # m round the farthest reading
+_MOST_CELLS = 1200  # along a side
+_RIM = math.tan(CONE_HALF_ANGLE)
+
+
+@dataclass(frozen=True)
+class CertaintyGrid:
+    """Square cells, row by row from the lower left corner."""
+
+    left: float  # m
+    bottom: float  # m
+    cell: float  # m
+    empty: FloatArray  # (rows, columns): certainty 0..1 that there is nothing
+    occupied: FloatArray  # (rows, columns): certainty 0..1 that there is something
+
+    @property
+    def certainty(self) -> FloatArray:
+        """-1 surely empty .. 0 unknown .. 1 surely occupied, (rows, columns): whichever is surer (their eq. 7)."""
+        return np.where(self.occupied >= self.empty, self.occupied, -self.empty)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top, m."""
+        rows, columns = self.empty.shape
+        return self.left, self.left + columns * self.cell, self.bottom, self.bottom + rows * self.cell
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Certainty at points (n, 2) m, (n,); 0 outside."""
+        column, row = np.floor((points - (self.left, self.bottom)) / self.cell).astype(int).T
+        rows, columns = self.empty.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.where(inside, self.certainty[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], 0.0)
+
+
+def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
+    """Where each reading pointed, rad in the room, and its range, m, NaN where there is no echo; (n,) each."""
+    headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
+    ranges = [np.nan if reading.range is None else reading.range for reading in scan.readings]
+    return np.array(headings, dtype=np.float64), np.array(ranges, dtype=np.float64) - board.range_offset
+
+
+def certainty_grid(
+    scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray], cell: float | None = None
+) -> CertaintyGrid:
+    """The grid after every reading of the scans that is `kept` ((n,) bool for each), cells of `cell` (m)."""
+    stands, headings, ranges = _cones(scans, board, kept)
+    ends = stands + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
+    corners = np.vstack((stands, ends, *(np.array([scan.place.position]) for scan in scans)))
+    low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
+    cell = max(CELL, float((high - low).max()) / _MOST_CELLS) if cell is None else cell
+    columns, rows = np.ceil((high - low) / cell).astype(int)
+    empty, occupied = np.zeros((rows, columns)), np.zeros((rows, columns))
+    # all that is empty first: what must be occupied is then looked for in what is left (their section 4)
+    for lay in (_lay_empty, _lay_occupied):
+        for (x, y), heading, distance in zip((stands - low).tolist(), headings.tolist(), ranges.tolist(), strict=True):
+            lay(empty, occupied, cell, x, y, heading, distance)
+    most = occupied.max(initial=0.0)
+    return CertaintyGrid(float(low[0]), float(low[1]), cell, empty, occupied / most if most else occupied)
+
+
+def _cones(
+    scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where the readings with an echo were taken (n, 2), where they point (n,), and how far they go (n,)."""
+    stands, directions, distances = [], [], []
+    for scan, wanted in zip(scans, kept, strict=True):
+        headings, ranges = headings_and_ranges(scan, board)
+        use = wanted & ~np.isnan(ranges)
+        stands.append(standpoints(board, scan.place, headings[use]))
+        directions.append(headings[use])
+        distances.append(ranges[use])
+    return np.vstack(stands), np.concatenate(directions), np.concatenate(distances)
+
+
+@compiled
+def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """First and last row and column of the cells within reach of a point of the grid, the last not included."""
+    low_row, high_row = int((y - reach) / cell), int((y + reach) / cell) + 1
+    low_column, high_column = int((x - reach) / cell), int((x + reach) / cell) + 1
+    return max(0, low_row), min(shape[0], high_row), max(0, low_column), min(shape[1], high_column)
+
+
+@compiled
+def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float) -> tuple[float, float]:
+    """How far a cell is away, m, and how much of the cone is there: 1 on its axis, 0 from its rim on."""
+    dx, dy = (column + 0.5) * cell - x, (row + 0.5) * cell - y
+    ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
+    if ahead <= 0.0 or abs(aside) >= ahead * _RIM:
+        return 0.0, 0.0
+    return math.hypot(ahead, aside), 1.0 - (math.atan2(aside, ahead) / CONE_HALF_ANGLE) ** 2
+
+
+@compiled
+def _lay_empty(
+    empty: FloatArray, _occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """What lies before the range of a reading taken at x, y (m from the grid's corner) becomes emptier."""
+    before = distance - DEPTH
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, before)
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            if share > 0.0 and away < before:
+                empty[row, column] += share * (1.0 - (away / before) ** 2) * (1.0 - empty[row, column])
+
+
+@compiled
+def _lay_occupied(
+    empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
+) -> None:
+    """What lies at the range of a reading becomes fuller; one thing made the echo, so its arc shares one certainty."""
+    first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
+    there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            away, share = _seen(cell, row, column, x, y, heading)
+            off = (away - distance) / DEPTH
+            if share > 0.0 and abs(off) < 1.0:
+                there[row - first_row, column - first_column] = share * (1.0 - off**2) * (1.0 - empty[row, column])
+    whole = there.sum()
+    if whole > 0.0:
+        for row in range(first_row, last_row):
+            for column in range(first_column, last_column):
+                more = there[row - first_row, column - first_column] / whole
+                occupied[row, column] += more * (1.0 - occupied[row, column])

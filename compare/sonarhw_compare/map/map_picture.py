@@ -1,0 +1,97 @@
+"""The picture of a map: what all readings say, beside what is left without those of several reflections.
+
+Takes a `RoomMap` and, where one is known, the room to hold it against; hands on a matplotlib figure that the caller
+saves.
+"""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from sonarhw_sim.room.model import Room
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.map.arcs import Arc, direction
+from sonarhw_compare.map.room_map import Layer, RoomMap
+from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+
+_ARC_STEPS = 20
+_MARGIN = 0.08  # round what is drawn, of its longer side
+_SHADES = "Greys"  # empty is white, unknown grey, occupied black
+
+
+def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
+    """A figure of two plans: certainty grid, arcs, walls and points; `room` is drawn dotted over both."""
+    figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, layer, title in zip(figure.subplots(1, 2), (found.plain, found.direct), _titles(found), strict=True):
+        _draw_layer(axes, layer)
+        if room is not None:
+            for x0, y0, x1, y1 in room.walls:
+                axes.plot((x0, x1), (y0, y1), ":", color=WALL, lw=1.2)
+        stands = np.array([scan.place.position for scan in found.scans])
+        axes.plot(*stands.T, "^", color="black", ms=7, ls="none", label="sensor")
+        axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
+        axes.set_aspect("equal")
+        _zoom(axes, [*_marks(layer), stands, *([] if room is None else [room.walls.reshape(-1, 2)])])
+    handles, _ = figure.axes[0].get_legend_handles_labels()
+    shades = [
+        Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
+        for share, name in ((0.0, "empty"), (0.5, "unknown"), (1.0, "occupied"))
+    ]
+    figure.legend(handles=[*handles, *shades], loc="outside lower center", ncols=9)
+    return figure
+
+
+def _titles(found: RoomMap) -> tuple[str, str]:
+    echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
+    if found.believed is None:
+        left = "the same: no walls were found to follow sound round"
+    elif found.rejected:
+        left = f"direct ones: {echoes - found.rejected}; by several reflections, left out: {found.rejected}"
+    else:
+        left = "the same: no echo came by several reflections"
+    return f"all echoes taken for direct ones: {echoes}", left
+
+
+def _draw_layer(axes: Axes, layer: Layer) -> None:
+    axes.set_facecolor(colormaps[_SHADES](0.5))
+    axes.imshow(layer.grid.certainty, origin="lower", extent=layer.grid.extent, cmap=_SHADES, vmin=-1.0, vmax=1.0)
+    features = layer.features
+    for arc in features.arcs:
+        axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)
+    axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
+    for wall in features.walls:
+        axes.plot(*np.transpose((wall.start, wall.end)), "-", color=PREDICTED, lw=3)
+    axes.plot([], [], "-", color=PREDICTED, lw=3, label="wall")
+    for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
+        at = np.array([point.position for point in features.points if point.is_corner == is_corner]).reshape(-1, 2)
+        axes.plot(*at.T, mark, color=PREDICTED, mec="white", ms=9, ls="none", label=name)
+
+
+def _marks(layer: Layer) -> list[FloatArray]:
+    """Points on all that is drawn over the grid, (k, 2) m each."""
+    features = layer.features
+    points = [np.array([point.position]) for point in features.points]
+    return (
+        [_outline(arc).T for arc in features.arcs]
+        + [np.array((wall.start, wall.end)) for wall in features.walls]
+        + points
+    )
+
+
+def _zoom(axes: Axes, shown: list[FloatArray]) -> None:
+    """Leave out cones that end far behind all that was found: what they empty is told by their beginnings."""
+    points = np.vstack(shown)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+
+
+def _outline(arc: Arc) -> FloatArray:
+    """The points of an arc, (2, k) m."""
+    angles = np.linspace(arc.bearing - arc.half_width, arc.bearing + arc.half_width, _ARC_STEPS)
+    points = [np.array(arc.centre) + arc.range * direction(float(angle)) for angle in angles]
+    return np.asarray(np.transpose(points))

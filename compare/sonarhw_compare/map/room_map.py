@@ -1,0 +1,88 @@
+"""The map: certainty grid and features of all readings, and again without those that came by several reflections.
+
+Takes scans from known places and a board, and a room where one is known; hands on a `RoomMap`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import Room
+
+from sonarhw.errors import InputError
+from sonarhw_compare.fit.values.fit_result import PlacedScan
+from sonarhw_compare.fit.values.given_twice import check_given_once
+from sonarhw_compare.map.arcs import arcs_of
+from sonarhw_compare.map.certainty import BoolArray, CertaintyGrid, certainty_grid
+from sonarhw_compare.map.features import Features, find_features
+from sonarhw_compare.map.rejection import direct_readings, room_of
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What some of the readings say the room is."""
+
+    kept: tuple[BoolArray, ...]  # (n,) for each scan
+    grid: CertaintyGrid
+    features: Features
+
+
+@dataclass(frozen=True)
+class RoomMap:
+    """What scans say the room is."""
+
+    scans: tuple[PlacedScan, ...]
+    plain: Layer  # all readings taken at their word
+    believed: Room | None  # the room round which sound was followed: the one given, else one of the walls found
+    direct: Layer  # without readings that came by several reflections
+
+    @property
+    def rejected(self) -> int:
+        """How many readings with an echo were given up."""
+        return sum(
+            reading.range is not None and not keep
+            for scan, kept in zip(self.scans, self.direct.kept, strict=True)
+            for reading, keep in zip(scan.readings, kept.tolist(), strict=True)
+        )
+
+
+def map_scans(
+    scans: Sequence[PlacedScan],
+    board: Board,
+    room: Room | None = None,
+    tick: Callable[[float], None] = lambda _share: None,
+) -> RoomMap:
+    """What scans from known places say the room is.
+
+    Sound is followed round `room` where it is given, else round the walls that the scans themselves agree on. `tick` is
+    called with the share that is done. Raises InputError where no reading has an echo, a scan is given twice or the
+    board is a ring.
+    """
+    if board.ring is not None:
+        raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to map with")
+    if all(reading.range is None for scan in scans for reading in scan.readings):
+        raise InputError("nothing to map: no reading has an echo")
+    check_given_once(scans)
+    parts = count()
+
+    def begin_part() -> None:
+        # a layer of all readings, each scan held against the room, a layer of those kept
+        tick(next(parts) / (len(scans) + 2))
+
+    begin_part()
+    plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
+    believed = room_of(plain.features) if room is None else room
+    if believed is None:
+        direct = plain
+    else:
+        kept = direct_readings(scans, believed, board, begin_part)
+        begin_part()
+        direct = _layer(scans, board, kept)
+    tick(1.0)
+    return RoomMap(tuple(scans), plain, believed, direct)
+
+
+def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:
+    return Layer(kept, certainty_grid(scans, board, kept), find_features(arcs_of(scans, board, kept)))

@@ -1,0 +1,1 @@
+"""Match measured readings with predicted ones, and group them into regions of constant depth."""

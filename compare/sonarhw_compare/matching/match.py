@@ -1,0 +1,181 @@
+"""Measured against predicted: every reading laid over what the model says at its heading, and classed.
+
+Takes readings, a room, a place and a board; hands on a `Comparison`, whose summary is what `compare --json` prints.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.readings import Reading
+from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.matching.silence import roc_area
+
+# m: measured and predicted that differ by no more agree; a hair over 5 cm, for boards that report whole centimetres
+TOLERANCE = 0.05 + 1e-9
+
+
+class Kind(StrEnum):
+    """How a reading compares with its prediction."""
+
+    MATCH = "match"
+    SHORT = "short"  # measured nearer than predicted
+    LONG = "long"  # measured farther than predicted
+    MISSED = "missed"  # predicted, not measured
+    EXTRA = "extra"  # measured, not predicted
+    BOTH_SILENT = "both_silent"
+
+
+@dataclass(frozen=True)
+class Matched:
+    """One reading beside its prediction."""
+
+    index: int  # row among the prediction's headings
+    reading: Reading
+    heading: float  # rad in the room
+    measured: float | None  # m, offset added
+    predicted: float | None  # m
+    kind: Kind
+    path: int | None  # row of the predicted path that accounts for the reading; None: no path does
+
+    @property
+    def residual(self) -> float | None:
+        """Measured less predicted, m; None where either is silent."""
+        return None if self.measured is None or self.predicted is None else self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The figures of a comparison; the keys of `compare --json`."""
+
+    n: int
+    n_echo: int
+    matched: int
+    within_5cm: float | None  # matched / n_echo; None where nothing was measured
+    median_abs_error_m: float | None
+    no_echo_agreement: float | None  # balanced accuracy of silence; None where one side is empty
+    no_echo_roc_area: float | None  # how well predicted levels tell silent headings from sounding ones; None likewise
+    classes: dict[str, int]
+    explained: float | None  # share of n_echo with some predicted echo within 5 cm
+    heading_deg: float  # of turntable step 0 in the room
+    offset_m: float
+    x_m: float  # of the sensor in the room
+    y_m: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every reading of a scan beside its prediction."""
+
+    prediction: PredictedScan  # at exactly the readings' headings
+    rows: tuple[Matched, ...]
+    heading: float  # rad: of turntable step 0 in the room
+    offset: float  # m: added to every measured range
+
+    def summary(self) -> Summary:
+        """The figures of the whole scan."""
+        kinds = Counter(row.kind for row in self.rows)
+        echoes = [row for row in self.rows if row.measured is not None]
+        errors = [abs(row.residual) for row in self.rows if row.residual is not None]
+        matched = kinds[Kind.MATCH]
+        return Summary(
+            n=len(self.rows),
+            n_echo=len(echoes),
+            matched=matched,
+            within_5cm=matched / len(echoes) if echoes else None,
+            median_abs_error_m=float(np.median(errors)) if errors else None,
+            no_echo_agreement=_balanced_accuracy(kinds),
+            no_echo_roc_area=roc_area(self.prediction.over_threshold, [row.measured is not None for row in self.rows]),
+            classes={kind.value: kinds[kind] for kind in Kind},
+            explained=sum(row.path is not None for row in echoes) / len(echoes) if echoes else None,
+            heading_deg=in_degrees(self.heading),
+            offset_m=self.offset,
+            x_m=self.prediction.place.position[0],
+            y_m=self.prediction.place.position[1],
+        )
+
+
+def compare_readings(
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    *,
+    heading: float | None = None,
+    offset: float = 0.0,
+    model: Model = Model.RAY_FOLLOWING,
+    options: PredictionOptions | None = None,
+    paths: Paths | None = None,
+) -> Comparison:
+    """Readings beside the prediction at their headings.
+
+    `heading` (rad in the room) is where turntable step 0 points, the place's own unless given; `offset` (m) is added to
+    every measured range; `paths` already known for this place and board save finding them again, where one search
+    serves all headings. Raises InputError where the board is a ring and a reading lies along none of its sensors.
+    """
+    heading = place.heading if heading is None else heading
+    headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)
+    options = options or PredictionOptions()
+    place = replace(place, heading=heading)
+    if paths is not None and paths_serve_all_headings(board, options.unit):
+        prediction = received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
+    else:
+        prediction = predict_with(model, room, place, board, headings, options)
+    ranges = prediction.ranges
+    rows = tuple(
+        _matched(prediction, index, reading, float(ranges[index]), offset) for index, reading in enumerate(readings)
+    )
+    return Comparison(prediction, rows, heading, offset)
+
+
+def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted: float, offset: float) -> Matched:
+    measured = None if reading.range is None else reading.range + offset
+    expected = None if math.isnan(predicted) else predicted
+    return Matched(
+        index=index,
+        reading=reading,
+        heading=float(prediction.headings[index]),
+        measured=measured,
+        predicted=expected,
+        kind=classify(measured, expected),
+        path=None if measured is None else _accounting_path(prediction, index, measured, expected),
+    )
+
+
+def classify(measured: float | None, predicted: float | None) -> Kind:
+    """The class of a reading, from its measured and predicted range (m; None: no echo)."""
+    if measured is None:
+        return Kind.BOTH_SILENT if predicted is None else Kind.MISSED
+    if predicted is None:
+        return Kind.EXTRA
+    if abs(measured - predicted) <= TOLERANCE:
+        return Kind.MATCH
+    return Kind.SHORT if measured < predicted else Kind.LONG
+
+
+def _accounting_path(prediction: PredictedScan, index: int, measured: float, predicted: float | None) -> int | None:
+    """The path that is reported where it agrees, else the nearest in range of all audible there; None beyond 5 cm."""
+    winner = int(prediction.winners[index])
+    if winner >= 0 and predicted is not None and abs(predicted - measured) <= TOLERANCE:
+        return winner
+    echoes = prediction.echoes(index)
+    nearest = min(echoes, key=lambda echo: abs(echo.range - measured), default=None)
+    return nearest.path if nearest is not None and abs(nearest.range - measured) <= TOLERANCE else None
+
+
+def _balanced_accuracy(kinds: Counter[Kind]) -> float | None:
+    silent = kinds[Kind.BOTH_SILENT] + kinds[Kind.MISSED]
+    sounding = kinds.total() - silent
+    if silent == 0 or sounding == 0:
+        return None
+    return (kinds[Kind.BOTH_SILENT] / silent + (sounding - kinds[Kind.EXTRA]) / sounding) / 2

@@ -1,0 +1,240 @@
+"""Figures 10 to 13: the corner of two boxes in the open, at an obtuse angle and at a right one, a reading every 3°."""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.optimize import brentq
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.predict.models import Model
+
+from sonarhw_compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
+from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_compare.paper.setting import Answer, Scene, ranges, span
+from sonarhw_compare.pictures.points import points_at
+
+OBLIQUE = Scene("oblique_corner", "near", (-60.0, 63.0, 3.0))
+OBLIQUE_FAR = replace(OBLIQUE, place="far")
+RIGHT = Scene("right_corner", "figure12", (-30.0, 123.0, 3.0))
+RIGHT_NEARER = replace(RIGHT, place="figure13")
+
+
+def walls_do_not_meet(scene: Scene = OBLIQUE) -> Claim:
+    """A gap of headings, and of ranges."""
+    lower, upper = scene.heard("lower"), scene.heard("upper")
+    if not (lower and upper):
+        return Claim(_APART, "one of the walls is not heard", False)
+    between = [answer for answer in scene.answers if lower[-1].degrees < answer.degrees < upper[0].degrees]
+    jump = ranges(lower)[-1] - ranges(upper)[0]
+    return Claim(
+        _APART,
+        f"`lower` {ranges(lower)[0]:.3f} m over {span(lower)}, `upper` {ranges(upper)[0]:.3f} m over {span(upper)}; "
+        f"{len(between)} silent headings between them, and {jump * 1000:.0f} mm of range",
+        len(between) > 0 and not ranges(between) and abs(jump) > 0.05,
+    )
+
+
+_APART = "an oblique corner looks like two walls that do not meet"
+
+
+def lower_is_seen_behind_upper(scene: Scene = OBLIQUE) -> Claim:
+    """The arc of the lower wall, beyond where the upper one stands."""
+    truly = replace(scene, model=Model.NEAREST)
+    behind = [
+        answer.range - wall.range
+        for answer, wall in zip(scene.answers, truly.answers, strict=True)
+        if answer.via == ("lower",) and wall.via == ("upper",) and answer.range and wall.range
+    ]
+    nearer = min(ranges(scene.heard("upper")), default=math.inf) < min(ranges(scene.heard("lower")), default=math.inf)
+    deepest = max(behind, default=0.0)
+    return Claim(
+        "the lower wall is seen behind the true position of the nearer, upper wall",
+        f"{len(behind)} readings of `lower` lie behind `upper`, by up to {deepest * 1000:.0f} mm",
+        nearer and len(behind) >= 2 and deepest > 0.02,
+    )
+
+
+def oblique_walls_are_lost_at_a_slant(scene: Scene = OBLIQUE) -> Claim:
+    """Nothing answers beyond the critical angle."""
+    return _lost_beyond_the_critical_angle(scene, (("upper",), ("lower",)))
+
+
+def corner_is_a_tangential_wall(scene: Scene = RIGHT) -> Claim:
+    """One range, that of the vertex."""
+    corner = _corner(scene)
+    away = math.dist(scene.scan.place.position, _vertex(scene))
+    off = max((abs(distance - away) for distance in ranges(corner)), default=math.inf)
+    return Claim(
+        "the corner becomes a wall tangential to it",
+        f"one range over {span(corner)}, {ranges(corner)[0] if corner else math.nan:.3f} m; the vertex is "
+        f"{away:.3f} m away",
+        len(corner) >= 5 and off < 1e-3,
+    )
+
+
+def hole_at_each_side(scene: Scene = RIGHT) -> Claim:
+    """Silence between the corner and each wall."""
+    seen = _shape(scene)
+    told = f"{seen.before} silent headings before it, {seen.after} behind" if seen else "no corner between two walls"
+    return Claim("with one hole at each side", told, seen is not None)
+
+
+def almost_unchanged_as_it_nears(scene: Scene = RIGHT, nearer: Scene = RIGHT_NEARER) -> Claim:
+    """The same picture from nearer by."""
+    first, second = _shape(scene), _shape(nearer)
+    if first is None or second is None:
+        return Claim(_UNCHANGED, "no corner between two walls", False)
+    moved = math.dist(scene.scan.place.position, _vertex(scene)) - math.dist(
+        nearer.scan.place.position, _vertex(nearer)
+    )
+    step = scene.degrees[2]
+    wide = (first.corner * step, second.corner * step)
+    return Claim(
+        _UNCHANGED,
+        f"{moved:.3f} m nearer: the corner's wall {wide[0]:g}° and {wide[1]:g}° wide, the holes "
+        f"{first.before} and {first.after}, then {second.before} and {second.after} headings",
+        moved > 0.3 and first.differs_from(second) <= 1,
+    )
+
+
+_UNCHANGED = "almost unchanged as the robot moves towards it"
+
+
+def right_walls_are_lost_at_a_slant(scene: Scene = RIGHT) -> Claim:
+    """Nothing answers beyond the critical angle."""
+    return _lost_beyond_the_critical_angle(scene, (("upper",), ("right",), ("upper", "right")))
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A corner between two holes, in headings."""
+
+    before: int
+    corner: int
+    after: int
+
+    def differs_from(self, other: "_Shape") -> int:
+        """The largest difference of its three parts."""
+        return max(abs(self.before - other.before), abs(self.corner - other.corner), abs(self.after - other.after))
+
+
+def _shape(scene: Scene) -> _Shape | None:
+    """Wall, one hole, corner, one hole, wall; None where it is anything else."""
+    runs = [(via, len(list(run))) for via, run in groupby(answer.via for answer in scene.answers)]
+    while runs and runs[0][0] == ():
+        runs.pop(0)
+    while runs and runs[-1][0] == ():
+        runs.pop()
+    ways = [via for via, _ in runs]
+    if ways != [("right",), (), ("upper", "right"), (), ("upper",)]:
+        return None
+    return _Shape(runs[1][1], runs[2][1], runs[3][1])
+
+
+def _corner(scene: Scene) -> list[Answer]:
+    return scene.heard("upper", "right")
+
+
+def _vertex(scene: Scene) -> tuple[float, float]:
+    """Where the two boxes meet."""
+    x, y = scene.scan.room.walls[0][2:]
+    return float(x), float(y)
+
+
+def _lost_beyond_the_critical_angle(scene: Scene, ways: tuple[tuple[str, ...], ...]) -> Claim:
+    """Whether every way is heard up to the angle at which its echo sinks under the threshold, and no farther."""
+    scan = scene.scan
+    heard_to = max((_slant(scene, answer) for via in ways for answer in scene.heard(*via)), default=math.nan)
+    others = [answer for answer in scene.answers if answer.via not in ((), *ways)]
+    critical = _critical_degrees(scene)
+    return Claim(
+        "beyond the critical angle a wall in the open is lost",
+        f"answers up to {heard_to:.0f}° from straight on; a perfect wall sinks under the threshold of "
+        f"{scan.board.threshold_db:g} dB at {critical:.1f}°; {np.isnan(scan.ranges).sum()} of {len(scan.headings)} "
+        "headings are silent",
+        critical - 2 * scene.degrees[2] < heard_to < critical and not others and bool(np.isnan(scan.ranges).any()),
+    )
+
+
+def _slant(scene: Scene, answer: Answer) -> float:
+    """How far off the axis the sound of an answer left, degrees."""
+    scan = scene.scan
+    row = next(k for k, other in enumerate(scene.answers) if other is answer)
+    departure = scan.paths.departures[scan.winners[row]]
+    return abs((math.degrees(departure) - answer.degrees + 180) % 360 - 180)
+
+
+def _critical_degrees(scene: Scene) -> float:
+    """Where the main lobe, both ways, meets the threshold."""
+    board = scene.scan.board
+    ka = board.wavenumber(scene.scan.room.air) * board.aperture_radius
+    null = math.asin(3.8317 / ka)
+
+    def over(angle: float) -> float:
+        return 40 * math.log10(float(beam_gain(np.array([angle]), ka)[0])) - board.threshold_db
+
+    return math.degrees(brentq(over, 1e-3, null * 0.999))
+
+
+def _draw_oblique() -> Figure:
+    figure = sheet(11, 6)
+    bounds = (-0.5, 1.3, -1.05, 0.75)
+    places = ((OBLIQUE, "near"), (OBLIQUE_FAR, "half as far again"))
+    for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):
+        _draw_corner(axes, scene, f"oblique corner, {title}", bounds, ("upper", "lower"))
+        _note_at(axes, scene, scene.heard("lower")[-1], "lower,\nbehind upper", (0.3, 0.12))
+    return figure
+
+
+def _draw_right() -> Figure:
+    figure = sheet(11, 6)
+    bounds = (-0.35, 1.05, -0.5, 1.05)
+    places = ((RIGHT, "first place"), (RIGHT_NEARER, "nearer"))
+    for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):
+        _draw_corner(axes, scene, f"right-angle corner, {title}", bounds, ("upper", "right"))
+        _note_at(axes, scene, _corner(scene)[3], "the corner, as a wall", (-0.35, -0.17))
+    return figure
+
+
+def _draw_corner(axes: Axes, scene: Scene, title: str, bounds: Bounds, walls: tuple[str, str]) -> None:
+    mark_silence(axes, scene, 0.18)
+    label_walls(axes, scene, walls)
+    plan(axes, scene, title, bounds, "lower left")
+
+
+def _note_at(axes: Axes, scene: Scene, answer: Answer, text: str, aside: tuple[float, float]) -> None:
+    """Words beside the point of one answer."""
+    headings, distances = np.radians([answer.degrees]), np.array(ranges([answer]))
+    x, y = points_at(scene.scan.place.position, headings, distances)[0]
+    note(axes, text, (x, y), (x + aside[0], y + aside[1]))
+
+
+EXHIBITS = (
+    Exhibit(
+        "figure10_11",
+        "Figures 10 and 11: an oblique corner",
+        "Two boxes at an obtuse angle, open otherwise, a reading every 3°. The measures are ours: the "
+        "upper box stands 120 mm nearer, and the corner lies near the foot of the lower one, so that the "
+        "lower box's arc reaches behind the upper.",
+        (OBLIQUE, OBLIQUE_FAR),
+        _draw_oblique,
+        (walls_do_not_meet, lower_is_seen_behind_upper, oblique_walls_are_lost_at_a_slant),
+    ),
+    Exhibit(
+        "figure12_13",
+        "Figures 12 and 13: a right-angle corner",
+        "Two boxes at a right angle, open otherwise, a reading every 3°; then from nearer to the corner. The measures "
+        "are ours.",
+        (RIGHT, RIGHT_NEARER),
+        _draw_right,
+        (
+            corner_is_a_tangential_wall,
+            hole_at_each_side,
+            almost_unchanged_as_it_nears,
+            right_walls_are_lost_at_a_slant,
+        ),
+    ),
+)

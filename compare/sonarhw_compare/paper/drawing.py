@@ -1,0 +1,121 @@
+"""What the pictures have in common: sheets, colours, and a scan in the plan of its room.
+
+Takes scenes; draws into matplotlib axes. Colours are those of every other picture: Okabe and Ito's.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.points import points_at
+
+GREEN = "#009E73"
+ORANGE = "#E69F00"
+Bounds: TypeAlias = tuple[float, float, float, float]  # left, right, bottom, top, m
+Corner: TypeAlias = Literal["upper left", "upper center", "upper right", "lower left", "center left"]
+__all__ = ["GREEN", "MEASURED", "ORANGE", "PREDICTED", "WALL"]
+
+
+def sheet(width: float, height: float) -> Figure:
+    """An empty figure, inches."""
+    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def plan(axes: Axes, scene: Scene, title: str, bounds: Bounds, legend: Corner = "upper left") -> None:
+    """The room within `bounds` (left, right, bottom, top; m), the sensor, and the scan over it."""
+    draw_room(axes, scene.scan.room)
+    points(axes, scene, "predicted")
+    mark_sensor(axes, scene)
+    finish_plan(axes, title, bounds, legend)
+
+
+def points(axes: Axes, scene: Scene, label: str, colour: str = PREDICTED, marker: str = "o", size: float = 4.5) -> None:
+    """What a scan reports, where a user would draw it; neighbours by the same way are joined."""
+    scan = scene.scan
+    where = points_at(scan.standpoints, scan.headings, scan.ranges)
+    axes.plot(*where.T, marker, mfc="none", mec=colour, ms=size, label=label)
+    for here, there in pairwise(range(len(where))):
+        if scan.winners[here] == scan.winners[there] >= 0 or _same_wall(scene, here, there):
+            axes.plot(*where[[here, there]].T, "-", color=colour, lw=1.0)
+
+
+def _same_wall(scene: Scene, here: int, there: int) -> bool:
+    first, second = scene.answers[here], scene.answers[there]
+    return first.via == second.via != () and first.range == second.range
+
+
+def mark_sensor(axes: Axes, scene: Scene, label: str = "sensor") -> None:
+    """Where the sensor stands, or the axis it turns about."""
+    axes.plot(*scene.scan.place.position, "^", color="black", mec="white", ms=8, label=label, zorder=5)
+
+
+def mark_silence(axes: Axes, scene: Scene, radius: float) -> None:
+    """Headings without echo, as ticks round the sensor at `radius` (m)."""
+    scan = scene.scan
+    silent = scan.headings[np.isnan(scan.ranges)]
+    away = np.full(len(silent), radius)
+    ends = [points_at(scan.place.position, silent, away * part) for part in (0.85, 1.0)]
+    for k, (inner, outer) in enumerate(zip(*ends, strict=True)):
+        label = "heading without echo" if k == 0 else None
+        axes.plot(*np.array([inner, outer]).T, "-", color=MEASURED, lw=1.2, label=label)
+
+
+def finish_plan(axes: Axes, title: str, bounds: Bounds, legend: Corner) -> None:
+    """Scale, labels and legend of a plan; `legend` is a place of matplotlib's."""
+    left, right, bottom, top = bounds
+    axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(left, right), ylim=(bottom, top))
+    axes.set_title(title, fontsize=11)
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.25)
+    axes.legend(loc=legend, fontsize=8, framealpha=0.9)
+
+
+def note(axes: Axes, text: str, at: tuple[float, float], beside: tuple[float, float]) -> None:
+    """Words beside a point of a picture, with a line to it; data units."""
+    axes.annotate(
+        text,
+        at,
+        beside,
+        fontsize=9,
+        ha="center",
+        va="center",
+        arrowprops={"arrowstyle": "-", "lw": 0.8, "color": "black"},
+        bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
+        zorder=6,
+    )
+
+
+def label_walls(axes: Axes, scene: Scene, names: Sequence[str], with_reflectance: bool = False) -> None:
+    """Names along walls, on the side away from the sensor."""
+    room, sensor = scene.scan.room, np.array(scene.scan.place.position)
+    for name in names:
+        row = room.names.index(name)
+        start, end = room.walls[row].reshape(2, 2)
+        along = (end - start) / np.hypot(*(end - start))
+        aside = np.array([-along[1], along[0]])
+        if aside @ (sensor - start) > 0:
+            aside = -aside
+        tilt = (np.degrees(np.arctan2(along[1], along[0])) + 90) % 180 - 90
+        text = f"{name}, reflectance {room.reflectances[row]:g}" if with_reflectance else name
+        middle = (start + end) / 2
+        axes.annotate(
+            text,
+            middle,
+            xytext=tuple(aside * 14),
+            textcoords="offset points",
+            rotation=tilt,
+            fontsize=9,
+            color=WALL,
+            ha="center",
+            va="center",
+        )

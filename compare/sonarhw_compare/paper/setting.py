@@ -1,0 +1,124 @@
+"""A scene: one scan of one figure, as the command line would order it.
+
+Takes names: a room that ships, a place, a board; hands on the predicted scan, made once, and its answers heading by
+heading.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.resources import files
+
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import Receiver, load_board
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.model import Room, parse_room
+
+from sonarhw.readings import ScanOrder, headings_between
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the board says at one heading."""
+
+    degrees: float
+    range: float | None  # m; None: no echo
+    via: tuple[str, ...]  # what the sound touched on its way
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is scanned, from where and by what."""
+
+    room: str  # a file of rooms/, without its ending
+    place: str  # a name in it, or X,Y
+    degrees: tuple[float, float, float]  # from, to, step
+    board: str = "paper"
+    unit: Unit = Unit.PASS
+    receiver: Receiver = Receiver.FIRST_ECHO
+    model: Model = Model.RAY_FOLLOWING
+    seed: int | None = None
+    reach: float | None = None  # m: listen no farther; None: as far as the board does
+
+    @property
+    def scan(self) -> PredictedScan:
+        """The prediction."""
+        return _scan(self)
+
+    @property
+    def answers(self) -> tuple[Answer, ...]:
+        """The prediction heading by heading."""
+        return _answers(self)
+
+    @property
+    def command(self) -> str:
+        """The command that predicts the same."""
+        start, stop, step = self.degrees
+        words = ["sonarhw simulate", f"rooms/{self.room}.toml", f"--place {self.place}", f"--board {self.board}"]
+        words.append(f"--from {start:g} --to {stop:g} --step {step:g}")
+        if self.unit is not Unit.PASS:
+            words.append(f"--unit {self.unit.value}")
+        if self.receiver is not Receiver.FIRST_ECHO:
+            words.append(f"--receiver {self.receiver.value}")
+        if self.model is not Model.RAY_FOLLOWING:
+            words.append(f"--model {self.model.value}")
+        if self.seed is not None:
+            words.append(f"--seed {self.seed}")
+        if self.reach is not None:
+            words.append(f"  # here only to {self.reach:g} m")
+        return " ".join(words)
+
+    def at(self, degrees: float) -> Answer:
+        """The answer at one of its headings."""
+        return next(answer for answer in self.answers if math.isclose(answer.degrees, degrees, abs_tol=1e-6))
+
+    def heard(self, *via: str) -> list[Answer]:
+        """The answers by just this way."""
+        return [answer for answer in self.answers if answer.via == via]
+
+
+@lru_cache(maxsize=256)
+def _scan(scene: Scene) -> PredictedScan:
+    room, board = room_called(scene.room), load_board(scene.board)
+    if scene.reach is not None:
+        board = replace(board, max_range=scene.reach)
+    start, stop, step = scene.degrees
+    order = ScanOrder(math.radians(start), math.radians(step), headings_between(start, stop, step))
+    options = PredictionOptions(unit=scene.unit, receiver=scene.receiver, seed=scene.seed)
+    return predict_with(scene.model, room, room.place(scene.place), board, order.angles(), options)
+
+
+@lru_cache(maxsize=256)
+def _answers(scene: Scene) -> tuple[Answer, ...]:
+    scan = scene.scan
+    rows = zip(scan.headings, scan.ranges, scan.winners, strict=True)
+    return tuple(
+        Answer(
+            round(math.degrees(heading), 6),
+            None if math.isnan(distance) else float(distance),
+            scan.paths.via(int(winner), scan.room) if winner >= 0 else (),
+        )
+        for heading, distance, winner in rows
+    )
+
+
+@lru_cache(maxsize=32)
+def room_called(name: str) -> Room:
+    """The room that ships under this name."""
+    return parse_room((files("sonarhw_rooms") / f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
+
+
+def ranges(answers: Iterable[Answer]) -> list[float]:
+    """Their ranges, m, without the silent ones."""
+    return [answer.range for answer in answers if answer.range is not None]
+
+
+def span(answers: Sequence[Answer]) -> str:
+    """Their headings from first to last, for people."""
+    if not answers:
+        return "no heading"
+    first, last = answers[0].degrees, answers[-1].degrees
+    return f"{first:g}°" if first == last else f"{first:g} to {last:g}°"

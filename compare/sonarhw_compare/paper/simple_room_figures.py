@@ -1,0 +1,222 @@
+"""Figures 7, 8 and 9: the room of shelving, as the unit read it and as the paper's simulation did.
+
+And the robot of the text beside figure 9, whose body stands in the way of the false wall.
+"""
+
+import math
+from dataclasses import replace
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import Receiver
+
+from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, mark_sensor, note, plan, points, sheet
+from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_compare.paper.setting import Answer, Scene, ranges, span
+from sonarhw_compare.pictures.overlay_picture import draw_room
+
+_ROUND = (0.0, 360.0, 3.0)
+FIGURE_7 = Scene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
+FIGURE_7_BOARD = replace(FIGURE_7, board="polaroid-6500", receiver=Receiver.BOARD)
+FIGURE_8 = replace(FIGURE_7, unit=Unit.BLOCK)
+FIGURE_9 = Scene("simple", "figure9", _ROUND)
+# its face 85 mm from the lower wall, as in figure 9; the longer the ways, the more of them a round body opens
+ROBOT = replace(FIGURE_9, place="0.574,0.237", board="paper-b12", reach=2.0)
+_HEIGHT = 0.742  # m, of the room
+_NEAR_CIRCLE = 0.005  # m beyond blanking
+_VERY_CLOSE = 0.6  # m
+
+
+def very_close_at_the_right(scene: Scene = FIGURE_7) -> Claim:
+    """Sound that rings between the wall at the right and the face until blanking ends."""
+    answer = scene.at(0.0)
+    wall, face = answer.via.count("right"), answer.via.count("unit")
+    around = _within(scene, 15.0)
+    close = [distance for distance in ranges(around) if distance < _VERY_CLOSE]
+    return Claim(
+        'at the right the unit reads "very close", where the paper\'s simulation returned infinity',
+        f"{_metres(answer)} at 0°: the wall, 94 mm away, {wall} times and the unit's face {face} times; very close at "
+        f"{len(close)} of the {len(around)} headings within 15° of it, for at a slant the face throws the sound aside",
+        answer.range is not None and answer.range < _VERY_CLOSE and face > 0 and wall == face + 1,
+    )
+
+
+def circle_of_minimum_range(scene: Scene = FIGURE_7_BOARD) -> Claim:
+    """Readings that stick at the end of blanking."""
+    blanked = scene.scan.board.blanked_range(scene.scan.room.air)
+    close = [answer for answer in scene.answers if answer.range is not None and answer.range < blanked + _NEAR_CIRCLE]
+    walls = {answer.via[0] for answer in close}
+    found = ranges(close)
+    extent = f", at {min(found):.3f} to {max(found):.3f} m, towards {', '.join(sorted(walls))}" if found else ""
+    return Claim(
+        "round the unit lies a circle of readings of minimum range",
+        f"{len(close)} of {len(scene.answers)} readings within {_NEAR_CIRCLE * 1000:g} mm of where blanking "
+        f"ends{extent}",
+        len(close) >= 12 and walls >= {"top", "bottom", "right"},
+    )
+
+
+def far_wall_is_wavy(scene: Scene = FIGURE_8) -> Claim:
+    """Two corners and the wall between them."""
+    upper, wall, lower = scene.heard("top", "left"), scene.heard("left"), scene.heard("bottom", "left")
+    if not (upper and wall and lower):
+        return Claim(_WAVY, "one of its three parts is not heard at all", False)
+    parts = [(part, ranges(part)[0]) for part in (upper, wall, lower)]
+    told = "; ".join(f"{distance:.3f} m over {span(part)}" for part, distance in parts)
+    in_order = upper[-1].degrees < wall[0].degrees and wall[-1].degrees < lower[0].degrees
+    return Claim(_WAVY, told, in_order and min(parts[0][1], parts[2][1]) > parts[1][1] + 0.05)
+
+
+_WAVY = "the far wall is wavy: two corners, and the wall between them"
+
+
+def nothing_near_at_the_right(scene: Scene = FIGURE_8) -> Claim:
+    """The side on which the paper's simulation is silent."""
+    nearest = min(ranges(_within(scene, 6.0)), default=math.inf)
+    return Claim(
+        "at the right the simulation returns infinity (ours follows the sound for longer, and a closed room of "
+        "reflectance 0.95 is never silent: nothing near answers, and what does is far outside the room)",
+        f"nearest reading between -6 and 6°: {nearest:.3f} m, where the wall stands 0.094 m away",
+        nearest > 1.5,
+    )
+
+
+def upper_wall_is_true(scene: Scene = FIGURE_9) -> Claim:
+    """The far wall, straight."""
+    answer = scene.at(90.0)
+    return Claim(
+        "the upper wall is where it is, 657 mm away",
+        f"{_metres(answer)} at 90°, {_way(answer)}",
+        answer.via == ("top",) and answer.range is not None and abs(answer.range - 0.657) < 1e-3,
+    )
+
+
+def lower_wall_is_false(scene: Scene = FIGURE_9) -> Claim:
+    """The near wall by way of the far one."""
+    answer = scene.at(270.0)
+    false = scene.heard("bottom", "top", "bottom")
+    return Claim(
+        "the lower wall, 85 mm away, is false: sound goes to the lower wall, past the unit to the upper, past the unit "
+        "to the lower wall and to the unit",
+        f"{_metres(answer)} at 270°, {_way(answer)}; the same over {span(false)}",
+        answer.via == ("bottom", "top", "bottom")
+        and answer.range is not None
+        and abs(answer.range - 0.827) < 1e-3
+        and len(false) >= 5,
+    )
+
+
+def corridor_of_twice_the_width(scene: Scene = FIGURE_9) -> Claim:
+    """Both walls together."""
+    up, down = scene.at(90.0).range, scene.at(270.0).range
+    width = math.nan if up is None or down is None else up + down
+    return Claim(
+        "it looks like a corridor of twice the true width, with the robot nearer the true wall",
+        f"{up:.3f} + {down:.3f} = {width:.3f} m; twice {_HEIGHT} m is {2 * _HEIGHT:.3f} m",
+        up is not None and down is not None and abs(width - 2 * _HEIGHT) < 1e-3 and up < down,
+    )
+
+
+def body_takes_the_false_wall_away(scene: Scene = ROBOT) -> Claim:
+    """The robot before the same wall."""
+    answer = scene.at(270.0)
+    false = [other for other in scene.answers if other.range is not None and abs(other.range - 0.827) < 0.02]
+    rattling = set(answer.via) == {"bottom", "body"}
+    return Claim(
+        "on a B12 robot the body blocks the return, and the chirp rattles between body and wall until minimum range",
+        f"{_metres(answer)} at 270°, the wall {answer.via.count('bottom')} times and the body "
+        f"{answer.via.count('body')} times; {len(false)} readings near 0.827 m",
+        rattling and answer.range is not None and answer.range < 0.45 and not false,
+    )
+
+
+def _within(scene: Scene, degrees: float) -> list[Answer]:
+    """The answers at headings so near to 0°."""
+    return [answer for answer in scene.answers if abs((answer.degrees + 180) % 360 - 180) <= degrees]
+
+
+def _metres(answer: Answer) -> str:
+    return "no echo" if answer.range is None else f"{answer.range:.3f} m"
+
+
+def _way(answer: Answer) -> str:
+    return f"by {' > '.join(answer.via)}" if answer.via else "by no path"
+
+
+def _draw_7() -> Figure:
+    figure = sheet(11, 5.6)
+    left, right = figure.subplots(1, 2)
+    bounds = (-0.6, 1.9, -0.9, 1.6)
+    plan(left, FIGURE_7, "the paper's receiver, face reflecting", bounds, "center left")
+    note(left, "0.470 m:\nwall 5 ×, face 4 ×", (1.304, 0.345), (1.36, 0.66))
+    plan(right, FIGURE_7_BOARD, "the ranging board's own receiver", bounds, "center left")
+    blanked = FIGURE_7_BOARD.scan.board.blanked_range(FIGURE_7_BOARD.scan.room.air)
+    right.add_patch(Circle((0.834, 0.345), blanked, fill=False, ec=MEASURED, ls="--", lw=1.2))
+    note(right, "minimum range", (0.834 - blanked * 0.71, 0.345 - blanked * 0.71), (0.1, -0.5))
+    return figure
+
+
+def _draw_8() -> Figure:
+    figure = sheet(7.5, 6.5)
+    axes = figure.add_subplot()
+    plan(axes, FIGURE_8, "Figure 8: as the paper's simulation has it", (-0.7, 1.7, -0.75, 1.5))
+    note(axes, "wavy far wall", (-0.02, 0.2), (-0.42, -0.35))
+    note(axes, "nothing near", (0.928, 0.345), (1.35, 0.345))
+    return figure
+
+
+def _draw_9() -> Figure:
+    figure = sheet(11, 5.8)
+    left, right = figure.subplots(1, 2)
+    bounds = (-0.8, 1.8, -1.2, 1.4)
+    plan(left, FIGURE_9, "Figure 9", bounds)
+    note(left, "true wall", (0.72, 0.742), (0.3, 1.1))
+    note(left, "false wall", (0.75, -0.742), (0.3, -0.98))
+    _draw_robot(right, bounds)
+    return figure
+
+
+def _draw_robot(axes: Axes, bounds: Bounds) -> None:
+    draw_room(axes, ROBOT.scan.room)
+    points(axes, ROBOT, "predicted")
+    mark_sensor(axes, ROBOT, "middle of its body")
+    note(axes, "0.425 m: rattling", (0.574, 0.085 - 0.425), (0.574, -0.9))
+    finish_plan(axes, "the same wall before a B12 robot", bounds, "upper left")
+
+
+_MEASURES = (
+    "Room and places are the paper's: 928 × 742 mm of shelving. Its reflectance, 0.95, is ours. Readings every 3°."
+)
+
+EXHIBITS = (
+    Exhibit(
+        "figure7",
+        "Figure 7: the simple room, as the unit read it",
+        f"{_MEASURES} The sensor stands 397 mm from the top and 94 mm from the right. The unit's face "
+        "reflects. Left: first arrival over the threshold. Right: the ranging board's own receiver, which "
+        "integrates, so that whatever still sounds when blanking ends is read there.",
+        (FIGURE_7, FIGURE_7_BOARD),
+        _draw_7,
+        (very_close_at_the_right, circle_of_minimum_range),
+    ),
+    Exhibit(
+        "figure8",
+        "Figure 8: the simple room, as the paper's simulation read it",
+        f"{_MEASURES} The same place; the unit blocks the sound that comes back to its face.",
+        (FIGURE_8,),
+        _draw_8,
+        (far_wall_is_wavy, nothing_near_at_the_right),
+    ),
+    Exhibit(
+        "figure9",
+        "Figure 9: a false wall, and a robot that loses it",
+        f"{_MEASURES} The sensor stands 657 mm from the top and 154 mm from the right; sound passes it. "
+        "The robot of the text has a round body of 152 mm radius (its measure, and where along the wall "
+        "it stands, are ours), and its face, too, is 85 mm from the lower wall when it looks there.",
+        (FIGURE_9, ROBOT),
+        _draw_9,
+        (upper_wall_is_true, lower_wall_is_false, corridor_of_twice_the_width, body_takes_the_false_wall_away),
+    ),
+)

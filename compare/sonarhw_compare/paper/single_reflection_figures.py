@@ -1,0 +1,67 @@
+"""Figure 6: a room like Kuc and Siegel's, by their model of single reflections and by ray following."""
+
+from dataclasses import replace
+
+from matplotlib.figure import Figure
+from sonarhw_sim.predict.models import Model
+
+from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
+from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_compare.paper.setting import Answer, Scene
+from sonarhw_compare.pictures.overlay_picture import draw_room
+
+RAY_FOLLOWING = Scene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
+KUC_SIEGEL = replace(RAY_FOLLOWING, model=Model.KUC_SIEGEL)
+
+
+def single_readings_are_theirs(followed: Scene = RAY_FOLLOWING, theirs: Scene = KUC_SIEGEL) -> Claim:
+    """Where one reflection makes the reading, both models agree."""
+    single = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) == 1]
+    apart = [abs(mine.range - his.range) for mine, his in single if mine.range and his.range]
+    return Claim(
+        "readings by a single reflection are those of Kuc and Siegel's model",
+        f"{len(single)} headings read by one reflection; their model answers at {len(apart)} of them, at most "
+        f"{max(apart, default=0.0) * 1000:.1f} mm off",
+        len(apart) == len(single) > 0 and max(apart) < 1e-6,
+    )
+
+
+def several_reflections_are_lacking(followed: Scene = RAY_FOLLOWING, theirs: Scene = KUC_SIEGEL) -> Claim:
+    """Where more than one makes it, theirs has nothing of the kind."""
+    several = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) > 1]
+    same = sum(mine.range == his.range for mine, his in several)
+    silent = sum(his.range is None for _, his in several)
+    return Claim(
+        "readings by several reflections, which their model lacks",
+        f"{len(several)} of {len(followed.answers)} headings; theirs is silent at {silent} of them and agrees at "
+        f"{same}",
+        len(several) > len(followed.answers) / 4 and same == 0,
+    )
+
+
+def _pairs(followed: Scene, theirs: Scene) -> list[tuple[Answer, Answer]]:
+    return list(zip(followed.answers, theirs.answers, strict=True))
+
+
+def _draw() -> Figure:
+    figure = sheet(9, 7.4)
+    axes = figure.add_subplot()
+    draw_room(axes, RAY_FOLLOWING.scan.room)
+    points(axes, RAY_FOLLOWING, "ray following")
+    points(axes, KUC_SIEGEL, "single reflections only (Kuc and Siegel)", MEASURED, "x", 5)
+    mark_sensor(axes, RAY_FOLLOWING)
+    finish_plan(axes, "One room by two models, every 3°", (-3.8, 5.4, -2.9, 4.9), "upper left")
+    return figure
+
+
+EXHIBITS = (
+    Exhibit(
+        "figure6",
+        "Figure 6: a room in the manner of Kuc and Siegel's",
+        "Walls, inner corners and an outer corner. The measures are ours. Points far outside the walls are readings by "
+        "several reflections.",
+        (RAY_FOLLOWING, KUC_SIEGEL),
+        _draw,
+        (single_readings_are_theirs, several_reflections_are_lacking),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Pictures of scans: overlay, B-scan, colours."""

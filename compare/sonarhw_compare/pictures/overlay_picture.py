@@ -1,0 +1,47 @@
+"""Pictures on paper: the plan of a room with a scan, measured over predicted.
+
+Takes a prediction and, where there is one, a measured scan; hands on a matplotlib figure that the caller saves.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from sonarhw_sim.predict.by_heading import standpoints
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.room.model import Room
+
+from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.points import points_at
+
+
+def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (), title: str = "") -> Figure:
+    """A figure of the room with predicted points and `measured` (heading rad, range m) over them."""
+    figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_room(axes, scan.room)
+    x, y = scan.place.position
+    predicted = points_at(scan.standpoints, scan.headings, scan.ranges)
+    axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
+    if measured:
+        headings, ranges = np.array(measured).T
+        stands = standpoints(scan.board, scan.place, headings)
+        axes.plot(*points_at(stands, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
+    axes.plot(x, y, "^", color="black", ms=9, label="sensor")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=title or f"{scan.room.name}, place {scan.place.name}")
+    axes.set_aspect("equal")
+    axes.grid(alpha=0.25)
+    axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    return figure
+
+
+def draw_room(axes: Axes, room: Room) -> None:
+    """Draw walls and posts."""
+    for x0, y0, x1, y1 in room.walls:
+        axes.plot((x0, x1), (y0, y1), "-", color=WALL, lw=2)
+    for x, y, radius in room.posts:
+        axes.add_patch(Circle((x, y), radius, color=WALL))

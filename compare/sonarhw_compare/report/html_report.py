@@ -1,0 +1,250 @@
+"""The report: one HTML file with everything about a scan, for somebody who has neither log nor program.
+
+Takes a comparison and the log it is of; hands on the text of the page. Pictures are inside it, nothing is fetched.
+"""
+
+import math
+import platform
+from base64 import b64encode
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.errors import InputError
+from sonarhw.log import Log, LogMetadata
+from sonarhw.readings import Reading
+from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
+from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
+from sonarhw_compare.report.report_regions import millimetres, regions_table
+
+MOST_READINGS = 3600  # the newest are told; no page is read that is longer
+Facts = Sequence[tuple[str, str]]
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 68em; margin: 2em auto; padding: 0 1em; }
+h1 { margin-bottom: 0; } h2 { margin-top: 1.8em; border-bottom: 1px solid #ccc; }
+img { max-width: 100%; } table { border-collapse: collapse; } .facts td:first-child { color: #555; }
+td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; }
+:is(.readings, .regions) td:nth-child(-n+5) {
+  text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.regions th { border-bottom: 1px solid #ccc; }
+.readings th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #ccc; }
+pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 1.15em; }
+@media print { .readings th { position: static; } }
+"""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a report is about."""
+
+    name: str  # of the log
+    comparison: Comparison
+    log: Log | None = None
+    link: Facts = ()  # what has passed over the link, where that is known
+    left_out: int = 0  # older readings that are not told
+
+
+def report_of(
+    name: str,
+    readings: Sequence[Reading],
+    room: Room,
+    place: Place,
+    board: Board,
+    options: PredictionOptions,
+    *,
+    log: Log | None = None,
+    link: Facts = (),
+) -> Report:
+    """The report on readings taken at a place, compared anew; of very many the newest. Raises InputError for none."""
+    if not readings:
+        raise InputError(f"{name}: holds no readings; there is nothing to report")
+    standing = Place(place.name, place.position, board.heading_at(0.0, place.heading), place.height)
+    comparison = compare_readings(readings[-MOST_READINGS:], room, standing, board, options=options)
+    return Report(name, comparison, log, link, max(0, len(readings) - MOST_READINGS))
+
+
+def report_html(report: Report) -> str:
+    """The page. Raises NotALog where a trace can no longer be read."""
+    return "\n".join(
+        ("<!DOCTYPE html>", '<html lang="en">', *_head(report), "<body>", *_body(report), "</body></html>")
+    )
+
+
+def _head(report: Report) -> Iterator[str]:
+    yield f'<head><meta charset="utf-8"><title>{escape(_title(report))}</title><style>{_STYLE}</style></head>'
+
+
+def _title(report: Report) -> str:
+    prediction = report.comparison.prediction
+    return f"{prediction.room.name}, place {prediction.place.name}"
+
+
+def _body(report: Report) -> Iterator[str]:
+    comparison, log = report.comparison, report.log
+    summary = comparison.summary()
+    yield f"<h1>{escape(_title(report))}</h1>"
+    when = f", recorded {_date(log.metadata.started)}" if log and log.metadata.started else ""
+    yield f"<p>{escape(report.name)}{when}</p>"
+    yield f'<p class="lead">{escape(_lead(summary))}</p>'
+    yield "<h2>The scan in the room</h2>"
+    yield _picture("svg+xml", plan_svg(comparison), "Plan of the room with measured and predicted points")
+    yield "<h2>Range against heading</h2>"
+    yield _picture("svg+xml", ranges_svg(comparison), "Measured and predicted ranges and their residuals over heading")
+    bscan = bscan_png(comparison)
+    if bscan is not None:
+        yield "<h2>B-scan</h2>"
+        yield _picture("png", bscan, "Traces side by side, measured and predicted, heading by range")
+    yield "<h2>Figures</h2>"
+    yield _facts(_figures(summary))
+    yield "<h2>Regions of constant depth</h2>"
+    yield from regions_table(comparison)
+    yield from _settings(report)
+    yield from _readings(report)
+
+
+def _lead(summary: Summary) -> str:
+    if summary.within_5cm is None:
+        return f"No echo in {summary.n} readings."
+    median = "" if summary.median_abs_error_m is None else f"; median error {summary.median_abs_error_m * 1000:.1f} mm"
+    return f"{summary.within_5cm:.0%} of {summary.n_echo} echoes lie within 5 cm of the prediction{median}."
+
+
+def _figures(summary: Summary) -> Facts:
+    facts = [("readings", str(summary.n)), ("with an echo", str(summary.n_echo))]
+    facts += [(kind.value.replace("_", " "), str(summary.classes[kind.value])) for kind in Kind]
+    for name, share in (
+        ("within 5 cm of the prediction", summary.within_5cm),
+        ("within 5 cm of some predicted echo", summary.explained),
+        ("silence told from sound (balanced accuracy)", summary.no_echo_agreement),
+    ):
+        if share is not None:
+            facts.append((name, f"{share:.1%}"))
+    if summary.no_echo_roc_area is not None:
+        facts.append(("area under the ROC curve of predicted levels", f"{summary.no_echo_roc_area:.2f}"))
+    if summary.median_abs_error_m is not None:
+        facts.append(("median error", f"{summary.median_abs_error_m * 1000:.1f} mm"))
+    facts.append(("turntable step 0 at", heading_text(math.radians(summary.heading_deg))))
+    if summary.offset_m:
+        facts.append(("range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
+    return facts
+
+
+def _settings(report: Report) -> Iterator[str]:
+    prediction = report.comparison.prediction
+    room, place, board = prediction.room, prediction.place, prediction.board
+    where = [("position", f"x {place.position[0]:g} m, y {place.position[1]:g} m")]
+    if place.height is not None:
+        where.append(("height", f"{place.height:g} m"))
+    air = room.air
+    weather = [
+        ("temperature", f"{air.temperature_c:g} °C"),
+        ("relative humidity", f"{air.relative_humidity:.0%}"),
+        ("pressure", f"{air.pressure_kpa:g} kPa"),
+        ("speed of sound", f"{air.speed_of_sound:.2f} m/s"),
+    ]
+    hearing = [("receiver", prediction.receiver.value), ("sound that comes back to the unit", prediction.unit.value)]
+    versions = [("sonarhw", version("sonarhw")), ("Python", platform.python_version()), ("NumPy", version("numpy"))]
+    for title, facts in (
+        ("Place", where),
+        ("Air", weather),
+        ("Board", _board(board)),
+        ("Prediction", hearing),
+        ("Log", _log(report)),
+        ("Link", report.link),
+        ("Made with", versions),
+    ):
+        if facts:
+            yield f"<h2>{title}</h2>"
+            yield _facts(facts)
+    for name, text in (("room file", room.text), ("board profile", board.text)):
+        if text:
+            yield f"<details><summary>The {name}</summary><pre>{escape(text)}</pre></details>"
+
+
+def _board(board: Board) -> Facts:
+    gain = f"{len(board.gain_steps)} steps of {board.gain_step_db:g} dB" if board.gain_steps else "ideal"
+    return (
+        ("name", board.name),
+        ("aperture radius", f"{board.aperture_radius * 1000:g} mm"),
+        ("frequency", f"{board.frequency / 1000:g} kHz"),
+        ("burst", f"{board.transmit_cycles} cycles"),
+        ("blanking", f"{board.blanking * 1000:g} ms"),
+        ("farthest range", f"{board.max_range:g} m"),
+        ("threshold", f"{board.threshold_db:g} dB"),
+        ("gain", "fixed" if board.fixed_gain else gain),
+        ("range offset", f"{board.range_offset * 1000:g} mm"),
+        ("home angle", f"{board.home_angle_deg:g}°"),
+    )
+
+
+def _log(report: Report) -> Facts:
+    log = report.log
+    if log is None:
+        return ()
+    facts = [*_made(log.metadata)]
+    if log.info is not None:
+        device = log.info
+        number = f", serial number {device.serial}" if device.serial else ""
+        facts.append(("device", f"{device.firmware}{number}, protocol {device.major}.{device.minor}"))
+    made = sum(scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans)
+    kept = len(log.readings)
+    scans = "one scan" if len(log.scans) == 1 else f"{len(log.scans)} scans"
+    facts.append(("readings", f"{kept} in {scans}, {max(0, made - kept)} lost"))
+    facts.append(("frames", str(len(log.frames))))
+    facts.append(("file", f"{log.condition}: {log.torn}" if log.torn else log.condition))
+    facts += [("angles in doubt", scan.doubt) for scan in log.scans if scan.doubt]
+    return facts
+
+
+def _made(metadata: LogMetadata) -> Iterator[tuple[str, str]]:
+    yield "made by", f"{metadata.made_by}, sonarhw {metadata.product_version}" if metadata.started else "unknown"
+    if metadata.room_file:
+        yield "recorded with room file", metadata.room_file
+
+
+def _readings(report: Report) -> Iterator[str]:
+    comparison = report.comparison
+    yield "<h2>Readings</h2>"
+    if report.left_out:
+        yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
+    yield '<table class="readings"><thead><tr>'
+    names = ("no.", "heading (°)", "measured (m)", "predicted (m)", "residual (mm)", "class", "what it says")
+    yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
+    for row in comparison.rows:
+        cells = (
+            str(row.reading.number),
+            f"{in_degrees(row.heading, 1):.1f}",
+            _metres(row.measured),
+            _metres(row.predicted),
+            "" if row.residual is None else millimetres(row.residual),
+            row.kind.value.replace("_", " "),
+            explain(comparison, row.index),
+        )
+        yield "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+    yield "</tbody></table>"
+
+
+def _metres(length: float | None) -> str:
+    return "" if length is None else f"{length:.3f}"
+
+
+def _facts(facts: Iterable[tuple[str, str]]) -> str:
+    rows = "".join(f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in facts)
+    return f'<table class="facts">{rows}</table>'
+
+
+def _picture(kind: str, content: bytes, meaning: str) -> str:
+    return f'<img alt="{escape(meaning)}" src="data:image/{kind};base64,{b64encode(content).decode("ascii")}">'
+
+
+def _date(started: float) -> str:
+    return f"{datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,0 +1,185 @@
+"""The pictures of a report: the scan in the plan, ranges and residuals over heading, and the B-scan of its traces.
+
+Takes a comparison; hands on the bytes of SVG and PNG files.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from io import BytesIO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from sonarhw_sim.predict.by_heading import standpoints
+
+from sonarhw.readings import FloatArray, Trace
+from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, Matched
+from sonarhw_compare.pictures.bscan import BScan, RangeCells, bscan_of, cells_for, heading_key, predicted_row, trace_row
+from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT
+from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures.trace_levels import floor_of, in_db
+
+# colour and marker of every class that is drawn: the same colours as in the window
+CLASSES: dict[Kind, tuple[str, str]] = {
+    Kind.MATCH: (MEASURED, "o"),
+    Kind.SHORT: (SHORT, "v"),
+    Kind.LONG: (LONG, "^"),
+    Kind.EXTRA: (EXTRA, "s"),
+    Kind.MISSED: (MISSED, "x"),
+}
+_MOST_RESIDUAL = 250.0  # mm; what is farther off is drawn at the edge
+_BEYOND = 0.3  # of the room's longer side
+_COLUMNS = 720  # of a B-scan
+_SAMPLE = 0.004  # m: how far samples of a predicted envelope lie apart
+
+
+def plan_svg(comparison: Comparison) -> bytes:
+    """The room to scale with what was measured, by class, over what is predicted."""
+    figure, (axes,) = _figure((7.6, 6.4), 1)
+    prediction = comparison.prediction
+    draw_room(axes, prediction.room)
+
+    def place(headings: FloatArray, ranges: FloatArray) -> FloatArray:
+        return points_at(standpoints(prediction.board, prediction.place, headings), headings, ranges)
+
+    predicted = place(prediction.headings, prediction.ranges)
+    axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
+    _draw_classes(axes, comparison.rows, lambda headings, ranges: place(np.radians(headings), ranges), _drawn_at)
+    axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.set_aspect("equal")
+    _look_at_room(axes, comparison, place)
+    axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    return _saved(figure, "svg")
+
+
+def ranges_svg(comparison: Comparison) -> bytes:
+    """Ranges over heading, measured and predicted, and below them what is left between the two."""
+    figure, (ranges, residuals) = _figure((10, 5.6), 2)
+    prediction = comparison.prediction
+    headings = np.degrees(prediction.headings) % 360
+    ranges.plot(headings, prediction.ranges, "o", mfc="none", mec=PREDICTED, ms=6, label="predicted")
+    _draw_classes(ranges, comparison.rows, _side_by_side, _drawn_at)
+    ranges.set(ylabel="range (m)", ylim=(0, None))
+    ranges.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    residuals.axhspan(-TOLERANCE * 1000, TOLERANCE * 1000, color="#EAF3F8")
+    _draw_classes(residuals, comparison.rows, _side_by_side, _residual)
+    residuals.set(
+        xlabel="heading in the room (°)",
+        ylabel="measured less\npredicted (mm)",
+        ylim=(-1.1 * _MOST_RESIDUAL, 1.1 * _MOST_RESIDUAL),
+        xlim=(-4, 364),
+        xticks=range(0, 361, 45),
+    )
+    return _saved(figure, "svg")
+
+
+def bscan_png(comparison: Comparison) -> bytes | None:
+    """Measured traces side by side, above predicted ones; None where none was recorded. Raises NotALog."""
+    traced = [row for row in comparison.rows if row.reading.trace is not None]
+    if not traced:
+        return None
+    cells = _cells(traced[0], comparison)
+    rows = {heading_key(row.heading): row for row in traced}  # the newest of each heading
+    measured = {key: _trace_row(row, cells) for key, row in rows.items()}
+    prediction = comparison.prediction
+    predicted = {key: predicted_row(prediction, row.heading, cells) for key, row in rows.items()}
+    figure, panes = _figure((10, 6.4), 2)
+    floor = floor_of(prediction.board)
+    for axes, name, levels in zip(panes, ("measured", "predicted"), (measured, predicted), strict=True):
+        image = axes.imshow(
+            _image(bscan_of(levels, cells), floor),
+            extent=(0, 360, 0, cells.reach),
+            origin="lower",
+            aspect="auto",
+            cmap="cividis",
+            vmin=floor,
+            vmax=0,
+        )
+        axes.set(ylabel=f"{name}: range (m)", xticks=range(0, 361, 45))
+    panes[-1].set(xlabel="heading in the room (°)")
+    figure.colorbar(image, ax=panes, label="dB of full scale")
+    return _saved(figure, "png")
+
+
+def _look_at_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
+    """Leave out what lies far off, as echoes by several walls do, and say how many readings that are."""
+    room = comparison.prediction.room
+    corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], [comparison.prediction.place.position]))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    beyond = _BEYOND * float((high - low).max())
+    low, high = low - beyond, high + beyond
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    drawn = np.array([(row.heading, at) for row in comparison.rows if (at := _drawn_at(row)) is not None])
+    points = place(*drawn.T) if len(drawn) else np.empty((0, 2))
+    outside = int(((points < low) | (points > high)).any(axis=1).sum())
+    if outside:
+        axes.set_title(f"{outside} of {len(points)} lie farther off", fontsize="medium", loc="right")
+
+
+def _figure(size: tuple[float, float], rows: int) -> tuple[Figure, Sequence[Axes]]:
+    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    panes = [*figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]]
+    for axes in panes:
+        axes.grid(alpha=0.25)
+    return figure, panes
+
+
+def _saved(figure: Figure, kind: str) -> bytes:
+    out = BytesIO()
+    # without a date the same report is the same file
+    figure.savefig(out, format=kind, metadata={"Date": None} if kind == "svg" else {"Software": None})
+    return out.getvalue()
+
+
+def _draw_classes(
+    axes: Axes,
+    rows: Sequence[Matched],
+    place: Callable[[FloatArray, FloatArray], FloatArray],
+    value: Callable[[Matched], float | None],
+) -> None:
+    for kind, (colour, marker) in CLASSES.items():
+        found = [(math.degrees(row.heading) % 360, at) for row in rows if row.kind is kind and (at := value(row))]
+        if found:
+            points = place(*np.array(found).T)
+            axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.value} ({len(found)})")
+
+
+def _side_by_side(headings: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack((headings, values))
+
+
+def _drawn_at(row: Matched) -> float | None:
+    """Where a reading is drawn, m: a missed echo where it should have been."""
+    return row.predicted if row.measured is None else row.measured
+
+
+def _residual(row: Matched) -> float | None:
+    if row.residual is None:
+        return None
+    return float(np.clip(row.residual * 1000, -_MOST_RESIDUAL, _MOST_RESIDUAL))
+
+
+def _trace(row: Matched) -> Trace:
+    assert row.reading.trace is not None
+    return row.reading.trace
+
+
+def _trace_row(row: Matched, cells: RangeCells) -> FloatArray:
+    return trace_row(_trace(row), row.reading.speed_of_sound, cells)
+
+
+def _cells(row: Matched, comparison: Comparison) -> RangeCells:
+    """Cells for as far as the first trace reaches."""
+    trace, metres = _trace(row), row.reading.speed_of_sound / 2
+    reach = float(trace.times[-1]) * metres if len(trace.samples) else comparison.prediction.board.max_range
+    return cells_for(reach, max(_SAMPLE, metres / trace.rate))
+
+
+def _image(bscan: BScan, floor: float) -> FloatArray:
+    rows = bscan.rows_at(np.linspace(0, math.tau, _COLUMNS, endpoint=False))
+    levels = np.vstack((bscan.levels, np.full((1, bscan.cells.count), np.nan)))  # a gap picks the last
+    return in_db(levels[rows], floor).T

@@ -1,0 +1,77 @@
+"""Results of a study for a notebook: the folder as an `xarray.Dataset`, or as Arrow tables.
+
+Takes a finished folder; hands on arrays with the scans along one axis and their headings along the other.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from sonarhw_compare.study.labelled_arrays import load_xarray
+from sonarhw_compare.study.parts import read_manifest, unfinished_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
+    """A row a scan, and a row a heading (None where a study kept figures alone), in order of scans.
+
+    Raises InputError where the folder is no finished study.
+    """
+    folder = Path(folder)
+    unfinished = unfinished_of(folder)
+    if not folder.exists() and unfinished.exists():
+        raise InputError(f"{folder}: not finished yet; go on with sonarhw study --resume")
+    read_manifest(folder)
+    headings = folder / "headings"
+    return _table(folder / "scans"), _table(headings) if headings.is_dir() else None
+
+
+def _table(folder: Path) -> pa.Table:
+    parts = sorted(folder.glob("part-*.parquet"))
+    return pa.concat_tables([pq.read_table(part) for part in parts]).combine_chunks()
+
+
+def read_study(folder: Path | str) -> "xr.Dataset":
+    """The results of a study: `scan` along the first axis, what varied as coordinates along it, figures as variables.
+
+    Readings, where they were kept, are variables along `scan` and `heading_deg`, or `reading` where scans differ in
+    their headings; NaN where there is no echo. Raises InputError where the folder is no finished study, or xarray is
+    not installed.
+    """
+    xarray = load_xarray()
+    scans, headings = read_tables(folder)
+    columns = {name: scans[name].to_numpy() for name in scans.column_names}
+    number = columns.pop("scan")
+    first_figure = list(columns).index("n")
+    along = {name: ("scan", values) for name, values in list(columns.items())[:first_figure]}
+    figures = {name: ("scan", values) for name, values in list(columns.items())[first_figure:]}
+    dataset = xarray.Dataset(
+        figures, coords={"scan": number} | along, attrs={"study": read_manifest(Path(folder))["study"]}
+    )
+    return cast("xr.Dataset", dataset if headings is None else dataset.assign(_arrays(headings, columns["n"])))
+
+
+def _arrays(headings: pa.Table, counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
+    """Every column of the readings as an array of scans by readings, NaN where a scan has no more."""
+    xr = load_xarray()
+    filled = np.arange(counts.max()) < counts[:, None]
+
+    def spread(name: str) -> FloatArray:
+        values: FloatArray = np.full(filled.shape, np.nan)
+        values[filled] = headings[name].cast(pa.float64()).to_numpy()
+        return values
+
+    names = [name for name in headings.column_names if name not in ("scan", "heading_deg")]
+    degrees = spread("heading_deg")
+    if (degrees == degrees[0]).all():
+        coords = {"heading_deg": degrees[0]}
+        return {name: xr.DataArray(spread(name), dims=("scan", "heading_deg"), coords=coords) for name in names}
+    found = {name: xr.DataArray(spread(name), dims=("scan", "reading")) for name in names}
+    return found | {"heading_deg": xr.DataArray(degrees, dims=("scan", "reading"))}

@@ -1,0 +1,256 @@
+"""Study files: what may stand in one, checked at the door.
+
+Takes a `*.toml`; hands on a frozen `Study` that carries the text of every room and board it names, so that any process
+on any machine can work on it. Whatever is wrong is refused with the file and the key, before anything is predicted.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from sonarhw_sim.board.profile import Board, BoardFile, board_from, load_board
+from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.room_file import AirSection, Material
+from sonarhw_sim.toml_file import TomlModel, checked, parse_table, parse_toml, read_text
+
+from sonarhw.errors import InputError
+from sonarhw.readings import headings_between
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.study.axes import Axis, Drawn, Listed, Value, WrittenAxis
+
+ANYWHERE = "anywhere"  # a place that every draw draws anew
+MOST_SCANS = 100_000_000
+
+Degrees = Annotated[float, Field(ge=-720, le=720)]
+
+
+class HeadingsSection(TomlModel):
+    """`[headings]`: of every scan, in the room, as `simulate` takes them; degrees."""
+
+    start: Annotated[Degrees, Field(alias="from")] = 0.0
+    stop: Annotated[Degrees, Field(alias="to")] = 360.0
+    step: Annotated[float, Field(gt=0, le=360)] = 5.0
+
+    @model_validator(mode="after")
+    def _some(self) -> Self:
+        headings_between(self.start, self.stop, self.step)
+        return self
+
+
+class RoomSection(TomlModel):
+    """`[[rooms]]`."""
+
+    file: str
+    places: Annotated[tuple[str, ...], Field(min_length=1)] | None = (
+        None  # names, X,Y or anywhere; default: all it names
+    )
+    clearance: Annotated[float, Field(ge=0, le=1000)] = 0.1  # m from anything, of a place drawn anywhere
+
+
+class OptionValues(TomlModel):
+    """One value for each key of `[vary.options]`."""
+
+    model: Literal["ray-following", "nearest", "cone", "kuc-siegel"] = "ray-following"
+    receiver: Literal["first-echo", "board"] = "first-echo"
+    unit: Literal["pass", "block", "reflect"] = "pass"
+    edge_strength: Literal["paper", "keller"] = "paper"
+    diffraction: bool = True
+    max_bounces: Annotated[int, Field(ge=0, le=1000)] = 64
+    rays: Annotated[int, Field(ge=8, le=1_000_000)] = 5760
+    sections: Annotated[int, Field(ge=1, le=99)] = 1
+    noise: Annotated[float, Field(ge=0, le=1)] = 0.0  # rms of the receiver, 1 is full scale
+
+
+class VarySection(TomlModel):
+    """`[vary]`: every key a value, a list (a grid) or a draw."""
+
+    board: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of a board profile
+    mount: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of its [mount]
+    air: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of a room's [air]
+    materials: dict[str, dict[str, WrittenAxis]] = Field(default_factory=dict)  # keys of a room's materials
+    options: dict[str, WrittenAxis] = Field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[tuple[str, Axis], ...]:
+        """Every axis with its key, as `board.threshold_db`."""
+        sections = ["board", "mount", "air", "options"]
+        plain = [(f"{name}.{key}", axis) for name in sections for key, axis in getattr(self, name).items()]
+        materials = [
+            (f"materials.{name}.{key}", axis) for name, keys in self.materials.items() for key, axis in keys.items()
+        ]
+        return (*plain, *materials)
+
+
+class StudyFile(TomlModel):
+    """A whole study file."""
+
+    name: str
+    rooms: Annotated[tuple[RoomSection, ...], Field(min_length=1)]
+    boards: Annotated[tuple[str, ...], Field(min_length=1)] = ("polaroid-6500",)
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    draws: Annotated[int, Field(ge=1, le=MOST_SCANS)] = 1  # of everything drawn; each goes through the whole grid
+    rows: Literal["headings", "scans"] = "headings"  # what is kept: every heading, or the figures of each scan alone
+    headings: HeadingsSection = HeadingsSection()
+    vary: VarySection = VarySection()
+
+
+@dataclass(frozen=True)
+class StudyRoom:
+    """A room of a study."""
+
+    name: str  # as its own file has it: what follows from it is the same wherever that lies
+    text: str
+    places: tuple[str, ...]
+    clearance: float  # m
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that a study's results follow from."""
+
+    name: str
+    text: str  # the study file
+    rooms: tuple[StudyRoom, ...]
+    boards: tuple[tuple[str, str], ...]  # name and profile
+    seed: int
+    draws: int
+    rows: str
+    headings: tuple[float, float, float]  # degrees: from, to, step
+    axes: tuple[tuple[str, Axis], ...]  # key as `board.threshold_db`, in the order of the file
+
+    @property
+    def points(self) -> int:
+        """How many points the grid has."""
+        count = sum(len(room.places) for room in self.rooms) * len(self.boards)
+        for _, axis in self.axes:
+            count *= len(axis.values) if isinstance(axis, Listed) else 1
+        return count
+
+    @property
+    def scans(self) -> int:
+        """How many scans there are to predict."""
+        return self.draws * self.points
+
+
+def load_study(path: Path) -> Study:
+    """The study in a file; rooms and boards are files beside it, or what ships. Raises InputError."""
+    text = read_text(path, "study file")
+    file = parse_toml(text, str(path), StudyFile)
+    rooms = tuple(_read_room(section, path, number) for number, section in enumerate(file.rooms))
+    _check_names([room for room, _ in rooms], path)
+    boards = tuple(_read_board(name, path, number) for number, name in enumerate(file.boards))
+    _check_axes(file.vary, str(path), [room for _, room in rooms], boards)
+    study = Study(
+        file.name,
+        text,
+        tuple(room for room, _ in rooms),
+        tuple((name, board.text) for name, board in zip(file.boards, boards, strict=True)),
+        file.seed,
+        file.draws,
+        file.rows,
+        (file.headings.start, file.headings.stop, file.headings.step),
+        file.vary.axes,
+    )
+    _check_count(study, str(path))
+    return study
+
+
+def _check_count(study: Study, where: str) -> None:
+    if study.scans > MOST_SCANS:
+        raise InputError(f"{where}: makes {study.scans} scans, more than {MOST_SCANS}; list fewer values or draw less")
+    drawn = any(isinstance(axis, Drawn) or key == "options.noise" for key, axis in study.axes)
+    if study.draws > 1 and not drawn and not any(ANYWHERE in room.places for room in study.rooms):
+        raise InputError(f"{where}: draws: {study.draws} draws of a study in which nothing is drawn would all be alike")
+
+
+def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom, Room]:
+    try:
+        text = read_text(spec.parent / section.file, "room file")
+        room = parse_room(text, section.file)
+    except InputError as error:
+        raise InputError(f"{spec}: rooms[{number}].file: {error}") from error
+    places = tuple(room.places) if section.places is None else section.places
+    where = f"{spec}: rooms[{number}].places"
+    if not places:
+        raise InputError(f"{where}: {section.file} names no places; give X,Y or {ANYWHERE!r}")
+    if len(set(places)) < len(places):
+        raise InputError(f"{where}: expected every place once, got {list(places)}")
+    for name in places:
+        if name != ANYWHERE:
+            try:
+                room.place(name)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from error
+    if ANYWHERE in places:
+        _check_clearance(room, section.clearance, f"{spec}: rooms[{number}].clearance")
+    return StudyRoom(room.name, text, places, section.clearance), room
+
+
+def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
+    """Raise InputError where two rooms have one name: results name rooms by it."""
+    texts: dict[str, str] = {}
+    for number, room in enumerate(rooms):
+        if texts.setdefault(room.name, room.text) != room.text:
+            raise InputError(
+                f"{spec}: rooms[{number}].file: another room of the study is called {room.name!r}, too, and results "
+                "could not be told apart; change its name in the room file"
+            )
+
+
+def _check_clearance(room: Room, clearance: float, where: str) -> None:
+    """Raise InputError where no place that is drawn could keep so far from everything."""
+    try:
+        find_free_space(room).draw(np.random.default_rng(0), clearance)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _read_board(name: str, spec: Path, number: int) -> Board:
+    try:
+        return load_board(str(spec.parent / name) if name.endswith(".toml") else name)
+    except InputError as error:
+        raise InputError(f"{spec}: boards[{number}]: {error}") from error
+
+
+def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[Board, ...]) -> None:
+    """Raise InputError where a key is unknown, or a value of it is one that its file would not take."""
+    for section, keys in (("board", vary.board), ("mount", vary.mount)):
+        for key, axis in keys.items():
+            for board, value in product(boards, axis.extremes):
+                board_with(board.text, {f"{section}.{key}": value}, f"{where}: vary.{section}")
+    for key, axis in vary.air.items():
+        for value in axis.extremes:
+            checked({key: value}, f"{where}: vary.air", AirSection)
+    for material, keys in vary.materials.items():
+        if not any(material in room.materials for room in rooms):
+            raise InputError(f"{where}: vary.materials.{material}: no room has anything made of it")
+        for key, axis in keys.items():
+            for value in axis.extremes:
+                checked({"reflectance": 1.0, key: value}, f"{where}: vary.materials.{material}", Material)
+    for key, axis in vary.options.items():
+        for value in axis.extremes:
+            checked({key: value}, f"{where}: vary.options", OptionValues)
+    _check_noise(vary.options, where, boards)
+
+
+def _check_noise(options: dict[str, Axis], where: str, boards: tuple[Board, ...]) -> None:
+    """Raise InputError where there is noise and no scan has a receiver that hears it."""
+    noisy = "noise" in options and any(options["noise"].extremes)
+    named = options["receiver"].extremes if "receiver" in options else [board.receiver.value for board in boards]
+    if noisy and "board" not in named:
+        raise InputError(f'{where}: vary.options: noise: nobody would hear it; add receiver = "board"')
+
+
+def board_with(profile: str, values: dict[str, Value], where: str) -> Board:
+    """The board of a profile with the values of `board.…` and `mount.…` keys in place of its own. Raises InputError."""
+    table = parse_table(profile, where)
+    for name, value in values.items():
+        section, _, key = name.partition(".")
+        if section == "board":
+            table[key] = value
+        elif section == "mount":
+            table["mount"] = table.get("mount", {}) | {key: value}
+    return board_from(checked(table, where, BoardFile))

@@ -1,0 +1,173 @@
+"""Scans of a study: each predicted, and what is kept of it.
+
+Takes a `Study` and a range of scan numbers; hands on two Arrow tables: a row a scan, with what varied and the figures
+of the scan, and a row a heading. Which scans share a call makes no difference to any of them.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pyarrow as pa
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.predict.levels import strengths
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, received_by, search_for, weigh_paths
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.rays.sight import distances_ahead
+from sonarhw_sim.vertical.sections import cut, standing_at
+
+from sonarhw.readings import FloatArray
+from sonarhw_compare.matching.match import TOLERANCE
+from sonarhw_compare.study.cases import Case, Cases
+from sonarhw_compare.study.spec import Study
+
+_PATHS_KEPT = 16  # sets of paths: points of the grid that come back to a place soon
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What is kept of the readings of one scan, (n,) each; NaN where there is no echo."""
+
+    heading_deg: FloatArray
+    range_m: FloatArray
+    path_m: FloatArray
+    level_db: FloatArray
+    bounces: FloatArray
+    bent: FloatArray  # 1 where an edge bends the path, else 0
+    axis_m: FloatArray  # m straight ahead to the first wall or post; NaN where there is none
+
+
+class PathsAtHand:
+    """The paths of the last few places, so that scans of one place follow the sound once."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[object, Paths] = OrderedDict()
+
+    def of(self, case: Case) -> Paths:
+        """All that the board of a case could hear, at any threshold of its study."""
+        options = case.options
+        search = search_for(case.room, case.keenest, options)
+        key = case.where, search, case.board.aperture_radius, options.sections
+        paths = self._kept.pop(key, None)
+        if paths is None:
+            paths = paths_for(case.room, case.place, case.keenest, options)
+        self._kept[key] = paths
+        if len(self._kept) > _PATHS_KEPT:
+            self._kept.popitem(last=False)
+        return paths
+
+
+@lru_cache(maxsize=4)
+def cases_of(study: Study) -> Cases:
+    """The cases of a study, laid out once a process."""
+    return Cases(study)
+
+
+def predict_case(case: Case, at_hand: PathsAtHand) -> PredictedScan:
+    """What the board of a case reports."""
+    room, place, board, options = case.room, case.place, case.board, case.options
+    if case.model is Model.RAY_FOLLOWING and paths_serve_all_headings(board, options.unit):
+        return received_by(weigh_paths(room, place, board, case.headings, at_hand.of(case), options.unit), options)
+    return predict_with(case.model, room, place, board, case.headings, options)
+
+
+def columns_of(scan: PredictedScan) -> Columns:
+    """What is kept of a scan's readings."""
+    heard = scan.winners >= 0
+    winners = scan.winners[heard]
+
+    def where_heard(values: FloatArray) -> FloatArray:
+        filled = np.full(len(heard), np.nan)
+        filled[heard] = values
+        return filled
+
+    return Columns(
+        # rounded as every command writes them
+        np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
+        scan.ranges,
+        where_heard(scan.paths.lengths[winners]),
+        where_heard(_levels(scan, heard)),
+        where_heard(scan.paths.bounces[winners].astype(np.float64)),
+        where_heard((scan.paths.edges[winners] >= 0).astype(np.float64)),
+        _axis_distances(scan),
+    )
+
+
+def _levels(scan: PredictedScan, heard: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+    """Level of the winning path at each heading at which there is one, dB relative to a perfect wall straight ahead."""
+    winners, headings = scan.winners[heard], scan.headings[heard]
+    paths = scan.paths.select(winners)
+    senders = headings if scan.sent_at is None else scan.sent_at[winners]
+    ka = scan.board.wavenumber(scan.room.air) * scan.board.aperture_radius
+    both = strengths(scan.room, scan.board, paths)
+    for vectors, towards in ((paths.leaving, senders), (paths.arriving, headings)):
+        cosines = vectors[:, 0] * np.cos(towards) + vectors[:, 1] * np.sin(towards)
+        both = both * beam_gain(np.arccos(np.clip(cosines, -1.0, 1.0)), ka)
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(both))
+
+
+def _axis_distances(scan: PredictedScan) -> FloatArray:
+    height = scan.place.height
+    room = scan.room if height is None else cut(scan.room, standing_at(scan.room, height))
+    ahead = distances_ahead(scan.standpoints, scan.headings, room.surfaces)
+    return np.where(np.isfinite(ahead), ahead, np.nan)
+
+
+def figures_of(columns: Columns) -> dict[str, float]:
+    """The figures of one scan; shares are of its echoes, NaN where it has none."""
+    echo = ~np.isnan(columns.range_m)
+    count = int(echo.sum())
+    several = columns.bounces[echo] + columns.bent[echo] > 1
+    errors = np.abs(columns.range_m - columns.axis_m)[echo]
+    found = errors[~np.isnan(errors)]
+    return {
+        "n": len(echo),
+        "n_echo": count,
+        "by_several": float(several.mean()) if count else np.nan,
+        "by_edge": float(columns.bent[echo].mean()) if count else np.nan,
+        "within_5cm_of_axis": float((errors <= TOLERANCE).mean()) if count else np.nan,
+        "median_abs_error_m": float(np.median(found)) if len(found) else np.nan,
+    }
+
+
+def predict_scans(study: Study, first: int, last: int) -> tuple[pa.Table, pa.Table]:
+    """Scans `first` up to, not including, `last`: a row a scan, and a row a heading.
+
+    Raises InputError where what is drawn for one of them does not go together.
+    """
+    cases, at_hand = cases_of(study), PathsAtHand()
+    told, readings, numbers = [], [], []
+    for number in range(first, last):
+        case = cases.case(number)
+        columns = columns_of(predict_case(case, at_hand))
+        told.append(_description(case) | figures_of(columns))
+        if study.rows == "headings":
+            readings.append(columns)
+            numbers.append(np.full(len(columns.range_m), number))
+    return _scan_table(told), _reading_table(numbers, readings)
+
+
+def _description(case: Case) -> dict[str, object]:
+    x, y = case.place.position
+    here = {"room": case.room_name, "place": case.place.name, "x_m": x, "y_m": y, "board": case.board_name}
+    return {"scan": case.number, "draw": case.draw} | here | case.values
+
+
+def _scan_table(rows: list[dict[str, object]]) -> pa.Table:
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    return pa.table({key: pa.array(np.array(values), from_pandas=True) for key, values in columns.items()})
+
+
+def _reading_table(numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[Columns]) -> pa.Table:
+    if not readings:
+        return pa.table({})
+    several = {key: np.concatenate([getattr(one, key) for one in readings]) for key in vars(readings[0])}
+    table = {"scan": pa.array(np.concatenate(numbers))}
+    table |= {key: pa.array(values, from_pandas=True) for key, values in several.items()}
+    table["bounces"] = table["bounces"].cast(pa.int16())
+    table["bent"] = table["bent"].cast(pa.bool_())
+    return pa.table(table)

@@ -1,0 +1,240 @@
+"""The B-scan: heading by range as an image, measured, predicted and their difference, flat or polar.
+
+Takes what is shown; hands on what a person wants to see of it, which reading was clicked, and where the mouse points.
+The pictures themselves come ready from a worker's thread; here they are only put in their place.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
+from PySide6.QtCore import QEvent, QPointF, Signal, Slot
+from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from sonarhw_compare.headings import heading_text
+from sonarhw_compare.pictures.bscan import RangeCells
+
+from sonarhw_gui.bscan.bscan_pane import BScanPane
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.marks import WHOLE
+from sonarhw_gui.plots.pick import is_plain_click
+from sonarhw_gui.plots.reach import first_look
+from sonarhw_gui.plots.view_actions import add_buttons, view_action
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.bscan_picture import BScanWish, Pane
+from sonarhw_gui.work.bscan_request import BScans
+
+_CHOICES = (
+    ("Measured", "F2", (Pane.MEASURED,), "What the board received"),
+    ("Predicted", "F3", (Pane.PREDICTED,), "What it should have received"),
+    ("Difference", "F4", (Pane.DIFFERENCE,), "Measured less predicted"),
+    ("All three", "Shift+F4", tuple(Pane), "Measured, predicted and difference, with one zoom"),
+)
+
+
+class BScanView(QWidget):
+    """Draws traces side by side."""
+
+    picked = Signal(int)  # a reading
+    pointed = Signal(object)  # Cursor or None
+    wished = Signal(object)  # BScanWish; None while nobody looks
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: Shown | None = None
+        self._drawn: BScans | None = None
+        self._laid_out: BScanWish | None = None
+        self._zoomed = False  # whether the zoom is one for these images
+        self._cells: RangeCells | None = None
+        self.choices = QActionGroup(self)
+        for name, key, panes, tip in _CHOICES:
+            choice = view_action(self, name, key, tip)
+            choice.setData(panes)
+            self.choices.addAction(choice)
+        self.choices.actions()[0].setChecked(True)
+        self.polar = view_action(self, "Polar", "O", "Range round the place, over the room; else heading by range")
+        self.decibels = view_action(self, "dB", "B", "Levels in decibels of full scale; else linear")
+        self.decibels.setChecked(True)
+        self.note = QLabel()
+        self.canvas = pg.GraphicsLayoutWidget()
+        self.canvas.setViewportUpdateMode(WHOLE)
+        self.panes: dict[Pane, BScanPane] = {}  # each is made when it is first looked at
+        self._arrange()
+        self._connect()
+
+    @property
+    def wish(self) -> BScanWish:
+        """What is to be seen."""
+        return BScanWish(self.choices.checkedAction().data(), self.polar.isChecked(), self.decibels.isChecked())
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self.canvas.setBackground(shown.look.palette.paper)
+            for pane in self.panes.values():
+                pane.dress(shown.look)
+            self._make_panes(shown.look)
+            self._lay_out()
+            self._drawn = None
+        if self.isVisible():
+            self._draw(shown)
+
+    @Slot()
+    def fit(self) -> None:
+        """Show all of the images."""
+        self._fit(None)
+
+    def _fit(self, reach: float | None) -> None:
+        for kind in self.wish.panes:
+            if kind in self.panes:
+                self.panes[kind].fit(reach)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Somebody looks: have it worked out."""
+        self.wished.emit(self.wish)
+        if self._shown is not None:
+            self._draw(self._shown)
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Nobody looks any more."""
+        self.wished.emit(None)
+
+    def eventFilter(self, watched: object, event: QEvent) -> bool:
+        """Tell when the mouse has left the images."""
+        if event.type() == QEvent.Type.Leave:
+            self.pointed.emit(None)
+        return False
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout()
+        row.setContentsMargins(8, 4, 8, 2)
+        row.setSpacing(3)
+        add_buttons(row, self.choices.actions())
+        row.addSpacing(12)
+        add_buttons(row, (self.polar, self.decibels))
+        row.addStretch(1)
+        self.note.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.note.setContentsMargins(8, 0, 8, 2)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(row)
+        column.addWidget(self.canvas, stretch=1)
+        column.addWidget(self.note)
+
+    def _connect(self) -> None:
+        for chosen in (self.choices, self.polar, self.decibels):
+            chosen.triggered.connect(self._wish_anew)
+        self.canvas.scene().sigMouseClicked.connect(self._click)
+        self.canvas.scene().sigMouseMoved.connect(self._tell_pointed)
+        self.canvas.viewport().installEventFilter(self)
+
+    @Slot()
+    def _wish_anew(self) -> None:
+        if self._shown is not None:
+            self._make_panes(self._shown.look)
+            self._lay_out()
+        self._drawn = None
+        self.wished.emit(self.wish)
+
+    def _make_panes(self, look: Look) -> None:
+        for kind in self.wish.panes:
+            if kind not in self.panes:
+                self.panes[kind] = BScanPane(kind)
+                self.panes[kind].dress(look)
+
+    def _lay_out(self) -> None:
+        """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
+        wish, before = self.wish, self._laid_out
+        first = self.panes[wish.panes[0]]
+        if before is not None and before.polar == wish.polar:
+            first.plot.vb.setRange(self.panes[before.panes[0]].plot.vb.viewRect(), padding=0)
+        else:
+            self._zoomed = False
+        self._laid_out = wish
+        self.canvas.clear()
+        for number, kind in enumerate(wish.panes):
+            pane = self.panes[kind]
+            row, column = divmod(number, 2 if wish.polar else 1)
+            self.canvas.addItem(pane.plot, row=row, col=column)
+            pane.turn(wish.polar, len(wish.panes), kind is wish.panes[-1])
+            pane.plot.setXLink(None if pane is first else first.plot)
+            pane.plot.setYLink(None if pane is first else first.plot)
+
+    def _draw(self, shown: Shown) -> None:
+        bscan = shown.bscan
+        if bscan is not None and bscan.wish == self.wish and bscan is not self._drawn:
+            for kind in bscan.wish.panes:
+                self.panes[kind].draw(bscan, shown)
+            if not self._zoomed or self._cells != bscan.rows.cells:
+                self._zoomed, self._cells = True, bscan.rows.cells
+                self._fit(first_look(shown))
+            self._drawn = bscan
+        self.note.setText(_pointed(bscan, shown) or _note(bscan, self.wish))
+        for kind in self.wish.panes:
+            self.panes[kind].point(shown)
+
+    def _click(self, event: MouseClickEvent) -> None:
+        place = self._place_under(event.scenePos())
+        if self._shown is None or place is None or not is_plain_click(event):
+            return
+        index = reading_along(self._shown, place.heading)
+        if index is not None:
+            event.accept()
+            self.picked.emit(index)
+
+    @Slot(object)
+    def _tell_pointed(self, position: QPointF) -> None:
+        self.pointed.emit(self._place_under(position))
+
+    def _place_under(self, position: QPointF) -> Cursor | None:
+        for kind in self.wish.panes:
+            place = self.panes[kind].place_at(position)
+            if place is not None:
+                return place
+        return None
+
+
+def reading_along(shown: Shown, heading: float) -> int | None:
+    """The newest of the readings whose heading lies nearest to `heading`, rad; None without readings."""
+    if not shown.readings:
+        return None
+    zero = shown.scene.standing.heading
+    angles = np.array([reading.angle for reading in shown.readings])
+    apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
+    nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
+    return int(nearest[-1])
+
+
+def _pointed(bscan: BScans | None, shown: Shown) -> str:
+    """What measured and predicted are where the cursor points; empty where it points nowhere."""
+    cursor = shown.cursor
+    if bscan is None or cursor is None:
+        return ""
+    told = [f"{heading_text(cursor.heading)}, {shown.look.unit.text(cursor.range)}:"]
+    for name, image in (("measured", bscan.measured), ("predicted", bscan.predicted)):
+        level = image.level_at(cursor.heading, cursor.range)
+        if level is not None:
+            told.append(f"{name} {_decibels(level)}")
+    return "  ".join(told) if len(told) > 1 else ""
+
+
+def _decibels(level: float) -> str:
+    return f"{20 * math.log10(level):.0f} dB".replace("-", "−") if level > 0 else "silent"
+
+
+def _note(bscan: BScans | None, wish: BScanWish) -> str:
+    if bscan is None:
+        return "being worked out"
+    told = []
+    if Pane.MEASURED in wish.panes and not bscan.rows.traced and len(bscan.measured.headings):
+        told.append("no traces recorded: marks at the reported ranges, without a level")
+    if Pane.DIFFERENCE in wish.panes and not bscan.rows.traced:
+        told.append("no difference without recorded traces")
+    if bscan.rows.outline is None:
+        told.append("no prediction")
+    if bscan.rows.done < 1:
+        told.append(f"{bscan.rows.done:.0%} worked out")
+    return " · ".join(told)

@@ -1,0 +1,1 @@
+"""The actions of menus, toolbar and keys, with their dialogs."""

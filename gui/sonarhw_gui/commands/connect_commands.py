@@ -1,0 +1,42 @@
+"""The command that connects a scanner: opens the dialog and keeps it up with the ports.
+
+Takes the session's choice of scanners; tells it which one is wanted.
+"""
+
+from PySide6.QtCore import QObject, Slot
+from PySide6.QtWidgets import QMainWindow
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.commands.connect_dialog import ConnectDialog, open_connect_dialog
+from sonarhw_gui.live.scanner_choice import ScannerChoice
+
+
+class ConnectCommands(QObject):
+    """At most one dialog at a time."""
+
+    def __init__(self, commands: Commands, scanners: ScannerChoice, window: QMainWindow) -> None:
+        super().__init__(window)
+        self._window = window
+        self._scanners = scanners
+        self.dialog: ConnectDialog | None = None
+        commands.connect_scanner.setEnabled(scanners.possible)
+        commands.connect_scanner.triggered.connect(self._open)
+
+    @Slot()
+    def _open(self) -> None:
+        if self.dialog is None:
+            self.dialog = dialog = open_connect_dialog(self._window)
+            dialog.show_urls(self._scanners.urls)
+            dialog.chosen.connect(self._scanners.choose)
+            dialog.refreshed.connect(self._scanners.look)
+            dialog.all_asked.connect(self._scanners.ask_all)
+            self._scanners.ports_changed.connect(dialog.show_ports)
+            dialog.destroyed.connect(self._forget)
+            dialog.show_ports(())
+            self._scanners.look()
+        self.dialog.show()
+        self.dialog.raise_()
+
+    @Slot()
+    def _forget(self) -> None:
+        self.dialog = None

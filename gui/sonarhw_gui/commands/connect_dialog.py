@@ -1,0 +1,144 @@
+"""The connect dialog: the ports of this machine with what answers there, and a line for any other URL.
+
+Takes rows of ports; hands on the URL that was chosen. Not modal: what runs goes on.
+"""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import QModelIndex, Qt, Signal, Slot
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QDialog,
+    QDialogButtonBox,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw_gui.work.port_book import PortRow
+
+_EXAMPLES = "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT or fake:ROOM.toml?place=NAME"
+
+
+class ConnectDialog(QDialog):
+    """Chooses a scanner."""
+
+    chosen = Signal(str)  # URL
+    refreshed = Signal()  # look up the ports again
+    all_asked = Signal()
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Connect a scanner")
+        self._rows: tuple[PortRow, ...] = ()
+        self.ports = QTableWidget(0, 3)
+        self.ports.setHorizontalHeaderLabels(["port", "device", "what answers"])
+        self.ports.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.ports.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.ports.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.ports.verticalHeader().hide()
+        for column in (0, 1):
+            self.ports.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+        self.ports.horizontalHeader().setStretchLastSection(True)
+        self.none = QLabel("No serial port is there. Plug the scanner in and press Look again, or type a URL.")
+        self.none.setWordWrap(True)
+        self.again, self.ask_all = QPushButton("Look again"), QPushButton("Ask all ports")
+        self.ask_all.setToolTip("Asking may reset whatever hangs on a port")
+        self.url = QComboBox(editable=True)
+        self.url.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.field = QLineEdit(placeholderText=_EXAMPLES)
+        self.url.setLineEdit(self.field)
+        self.url.setToolTip(_EXAMPLES)
+        self.buttons = QDialogButtonBox()
+        self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self._lay_out()
+        self._connect()
+        self.resize(640, 340)
+        self._show_whether_ready()
+
+    def show_ports(self, rows: Sequence[PortRow]) -> None:
+        """Show what is known of the ports; the one that was chosen stays chosen."""
+        self._rows, chosen = tuple(rows), self.url.currentText()
+        self.ports.setRowCount(len(rows))
+        for k, row in enumerate(rows):
+            for column, text in enumerate((row.device, row.description, row.answer)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(text)
+                self.ports.setItem(k, column, item)
+        self.none.setVisible(not rows)
+        self.ports.setVisible(bool(rows))
+        self.ask_all.setEnabled(any(row.answer == "not asked" for row in rows))
+        answering = [row.device for row in rows if row.answers]
+        if not chosen and len(answering) == 1:
+            self.url.setEditText(answering[0])
+        self._mark(self.url.currentText(), rows)
+
+    def show_urls(self, urls: Sequence[str]) -> None:
+        """Offer URLs that were used before; the text that stands there stays."""
+        text = self.url.currentText()
+        self.url.clear()
+        self.url.addItems(list(urls))
+        self.url.setEditText(text)
+
+    def _mark(self, url: str, rows: Sequence[PortRow]) -> None:
+        row = next((k for k, row in enumerate(rows) if row.device == url), -1)
+        if row >= 0:
+            self.ports.selectRow(row)
+
+    def _lay_out(self) -> None:
+        beside = QHBoxLayout()
+        beside.addWidget(self.again)
+        beside.addWidget(self.ask_all)
+        beside.addStretch(1)
+        column = QVBoxLayout(self)
+        column.addWidget(self.none)
+        column.addWidget(self.ports, stretch=1)
+        column.addLayout(beside)
+        column.addWidget(QLabel("Port or URL"))
+        column.addWidget(self.url)
+        column.addWidget(self.buttons)
+
+    def _connect(self) -> None:
+        self.ports.clicked.connect(self._take_row)
+        self.ports.doubleClicked.connect(self._choose_row)
+        self.url.editTextChanged.connect(self._show_whether_ready)
+        self.again.clicked.connect(self.refreshed)
+        self.ask_all.clicked.connect(self.all_asked)
+        self.buttons.accepted.connect(self._choose)
+        self.buttons.rejected.connect(self.close)
+
+    @Slot(QModelIndex)
+    def _take_row(self, index: QModelIndex) -> None:
+        self.url.setEditText(self._rows[index.row()].device)
+
+    @Slot(QModelIndex)
+    def _choose_row(self, index: QModelIndex) -> None:
+        self._take_row(index)
+        self._choose()
+
+    @Slot()
+    def _choose(self) -> None:
+        url = self.url.currentText().strip()
+        if url:
+            self.close()
+            self.chosen.emit(url)
+
+    @Slot()
+    def _show_whether_ready(self) -> None:
+        self.connect_button.setEnabled(bool(self.url.currentText().strip()))
+        self.connect_button.setDefault(True)
+
+
+def open_connect_dialog(parent: QWidget) -> ConnectDialog:
+    """A dialog that goes when it is closed."""
+    dialog = ConnectDialog(parent)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    return dialog

@@ -1,0 +1,126 @@
+"""The commands about files: opened by a dialog, from the list of recent ones, or dropped on the window; rooms saved.
+
+Takes commands and session; tells the session which file is meant. Nothing modal: what runs goes on.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import count
+from pathlib import Path
+
+from PySide6.QtCore import QMimeData, Qt, Slot
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
+from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.store.files import can_open
+
+
+class FileCommands(QMenu):
+    """Connects the commands with the session; is itself the menu of recent files."""
+
+    def __init__(self, commands: Commands, session: Session, window: QMainWindow) -> None:
+        super().__init__("Open recent", window)
+        self._window = window
+        self._session = session
+        commands.open_log.triggered.connect(self._ask_log)
+        commands.open_room.triggered.connect(self._ask_room)
+        self.recordings: RecordingsDialog | None = None
+        commands.recordings.triggered.connect(self._show_recordings)
+        commands.save_room.triggered.connect(self._ask_where_to_save_room)
+        self.triggered.connect(self._open_recent)
+        session.recent_changed.connect(self.show_recent)
+        self.show_recent(session.documents.recent)
+
+    @Slot(object)
+    def show_recent(self, paths: Sequence[str]) -> None:
+        """Offer these files, the newest first."""
+        self.clear()
+        for path in paths:
+            action = self.addAction(Path(path).name)
+            action.setData(path)
+            action.setToolTip(path)
+        self.setToolTipsVisible(True)
+        self.setEnabled(bool(paths))
+
+    def can_drop(self, dropped: QMimeData) -> bool:
+        """Whether what is held over the window can be opened, by its names."""
+        return bool(_paths(dropped)) and not self._session.status.scanning
+
+    def drop(self, dropped: QMimeData) -> None:
+        """Open what was dropped: of several files the rooms last, so that the readings come to lie in them."""
+        for path in sorted(_paths(dropped), key=lambda path: path.suffix.lower() == ".toml"):
+            self._session.open_file(str(path))
+
+    @Slot(QAction)
+    def _open_recent(self, action: QAction) -> None:
+        self._session.open_file(action.data())
+
+    @Slot()
+    def _ask_log(self) -> None:
+        self._ask_file("Open log", "Logs and scans (*.mcap *.csv)", self._session.open_file)
+
+    @Slot()
+    def _ask_room(self) -> None:
+        self._ask_file("Open room", "Rooms (*.toml)", self._session.open_file)
+
+    @Slot()
+    def ask_board(self) -> None:
+        """Ask for the profile of a board, to predict with."""
+        self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.take_board)
+
+    @Slot()
+    def _show_recordings(self) -> None:
+        if self.recordings is None:
+            self.recordings = dialog = RecordingsDialog(self._session.live.wish.folder, self._window)
+            dialog.chosen.connect(self._session.open_file)
+            dialog.failed.connect(self._session.warned)
+            dialog.destroyed.connect(self._forget_recordings)
+        self.recordings.show()
+        self.recordings.raise_()
+
+    @Slot()
+    def close_recordings(self) -> None:
+        """Close the list, and end its thread."""
+        if self.recordings is not None:
+            self.recordings.close()
+
+    @Slot()
+    def _forget_recordings(self) -> None:
+        self.recordings = None
+
+    def _ask_file(self, title: str, pattern: str, chosen: Callable[[str], None]) -> None:
+        dialog = self._dialog(title, pattern, chosen)
+        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
+        dialog.show()
+
+    @Slot()
+    def _ask_where_to_save_room(self) -> None:
+        room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_to_keep)
+        dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix("toml")
+        dialog.setDirectory(str(folder))
+        if room is not None:
+            dialog.selectFile(_new_name(Path(self._session.shown.scene.room_file or "room.toml"), folder))
+        dialog.show()
+
+    def _dialog(self, title: str, pattern: str, chosen: Callable[[str], None]) -> QFileDialog:
+        recent = self._session.documents.recent
+        dialog = QFileDialog(self._window, title, str(Path(recent[0]).parent) if recent else "", pattern)
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.fileSelected.connect(chosen)
+        return dialog
+
+
+def _new_name(file: Path, folder: Path) -> str:
+    """A name for an edited room that no file of that folder has."""
+    stem = file.stem.partition("-edited")[0]
+    names = (f"{stem}-edited{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
+    return next(name for name in names if not (folder / name).exists())
+
+
+def _paths(dropped: QMimeData) -> list[Path]:
+    paths = [Path(url.toLocalFile()) for url in dropped.urls() if url.isLocalFile()]
+    return [path for path in paths if can_open(path)]

@@ -1,0 +1,98 @@
+"""The help page: what the window shows, how to ask it, and every key, on one screen.
+
+Takes groups of commands; shows their names and keys. Not modal: it can stay open beside the window.
+"""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
+
+from sonarhw_gui.look.appearance import Look
+
+_COLUMNS = 3
+_ABOUT = (
+    "The scan lands on its prediction. <b>Click a reading</b>, in the plan, the range view or the table: the sentence "
+    "says how it came about, the plan draws the path its sound took, the trace names every echo. "
+    "<b>Drag the sensor</b> to move it, its beam to turn it: the prediction follows; Esc takes the drag back. "
+    "<b>Drop a file</b> on the window: a log, a room, or a scan as CSV."
+)
+
+
+class HelpPage(QDialog):
+    """One page."""
+
+    def __init__(
+        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, most: QSize
+    ) -> None:
+        """No larger than `most`: what does not fit is scrolled to."""
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("sonarhw — help")
+        self.area = QScrollArea(widgetResizable=True)
+        self.area.setFrameShape(QScrollArea.Shape.NoFrame)
+        bar = self.area.verticalScrollBar().sizeHint().width()
+        for columns in range(_COLUMNS, 0, -1):
+            page = _page(_shared_out(groups, columns), look)
+            if page.minimumSizeHint().width() + bar <= most.width():
+                break
+        self.area.setWidget(page)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.area)
+        width = page.minimumSizeHint().width()
+        whole = QSize(width, page.heightForWidth(width))
+        self.resize((whole + QSize(bar, 0)).boundedTo(most))
+
+
+def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QWidget:
+    page = QWidget()
+    about = QLabel(_ABOUT)
+    about.setWordWrap(True)
+    keys = QGridLayout()
+    keys.setHorizontalSpacing(28)
+    for column, part in enumerate(columns):
+        label = QLabel("".join(_table(name, actions, look) for name, actions in part))
+        label.setAlignment(Qt.AlignmentFlag.AlignTop)
+        keys.addWidget(label, 0, column)
+    layout = QVBoxLayout(page)
+    layout.setContentsMargins(18, 14, 18, 14)
+    layout.addWidget(about)
+    layout.addLayout(keys)
+    return page
+
+
+def _shared_out(
+    groups: Mapping[str, Sequence[QAction]], most_columns: int
+) -> list[list[tuple[str, Sequence[QAction]]]]:
+    """The groups in columns of about one height, in their order."""
+    heights = {name: len(actions) + 2 for name, actions in groups.items()}
+    most = sum(heights.values()) / most_columns
+    columns: list[list[tuple[str, Sequence[QAction]]]] = [[]]
+    height = 0.0
+    for name, actions in groups.items():
+        if columns[-1] and height + heights[name] / 2 > most and len(columns) < most_columns:
+            columns.append([])
+            height = 0.0
+        columns[-1].append((name, actions))
+        height += heights[name]
+    return columns
+
+
+def _table(name: str, actions: Sequence[QAction], look: Look) -> str:
+    rows = "".join(
+        f"<tr><td><b>{escape(keys)}</b>&nbsp;&nbsp;</td><td>{escape(_plain(action.text()))}</td></tr>"
+        for action in actions
+        if (keys := _keys(action))
+    )
+    return f'<p style="color: {look.palette.predicted}; margin: 4px 0 2px 0">{escape(name)}</p><table>{rows}</table>'
+
+
+def _keys(action: QAction) -> str:
+    return ", ".join(key.toString(QKeySequence.SequenceFormat.NativeText) for key in action.shortcuts())
+
+
+def _plain(text: str) -> str:
+    return text.replace("&", "").strip("▶■● …")

@@ -1,0 +1,164 @@
+"""The commands that keep what is shown: pictures of views, data, the report. Each asks where; nothing waits for it.
+
+Takes commands, session, window and views; tells the session's keeping what to write where.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.live.device_words import line_figures
+from sonarhw_gui.plots.view_picture import png_pixels, svg_text
+from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.store.keeping import CSV, HTML, JSON, NPZ, PNG, SVG, Content, Data, Picture, ReportPage
+
+_FILTERS = {
+    PNG: "Picture (*.png)",
+    SVG: "Drawing that can be scaled (*.svg)",
+    CSV: "Readings (*.csv)",
+    NPZ: "Readings with traces, for NumPy (*.npz)",
+    JSON: "Figures of the comparison (*.json)",
+    HTML: "Report (*.html)",
+}
+PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (CSV, NPZ, JSON), (HTML,), (PNG,)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is to be kept, as a dialog asks for it."""
+
+    name: str
+    endings: tuple[str, ...]
+    view: QWidget | None = None  # of a picture
+
+
+class KeepCommands(QObject):
+    """Asks where to keep something, and has it written."""
+
+    def __init__(
+        self,
+        commands: Commands,
+        session: Session,
+        window: QWidget,
+        stage: QStackedWidget,
+        large: Sequence[QWidget],
+        trace: QWidget,
+        ranges: QWidget,
+    ) -> None:
+        """`large`: what is drawn in each of the views on the `stage`."""
+        super().__init__(window)
+        self._commands, self._session, self._window = commands, session, window
+        self._stage, self._large, self._trace, self._ranges = stage, large, trace, ranges
+        self._subject = Subject("", ())
+        self.dialog: QFileDialog | None = None
+        commands.keep_view.triggered.connect(self._keep_view)
+        commands.keep_trace.triggered.connect(self._keep_trace)
+        commands.keep_ranges.triggered.connect(self._keep_ranges)
+        commands.keep_window.triggered.connect(self._keep_window)
+        commands.keep_data.triggered.connect(self._keep_data)
+        commands.report.triggered.connect(self._keep_report)
+
+    @Slot()
+    def _keep_view(self) -> None:
+        at = self._stage.currentIndex()
+        self._ask(Subject(self._commands.views.actions()[at].text(), PICTURES, self._large[at]))
+
+    @Slot()
+    def _keep_trace(self) -> None:
+        self._ask(Subject("Trace", PICTURES, self._trace))
+
+    @Slot()
+    def _keep_ranges(self) -> None:
+        self._ask(Subject("Ranges", PICTURES, self._ranges))
+
+    @Slot()
+    def _keep_window(self) -> None:
+        self._ask(Subject("Window", WINDOW, self._window))
+
+    @Slot()
+    def _keep_data(self) -> None:
+        if self._can_keep_readings():
+            self._ask(Subject("Readings", DATA))
+
+    @Slot()
+    def _keep_report(self) -> None:
+        if self._session.shown.scene.room is None:
+            self._session.warned.emit("a report needs a room to compare with; open a room file")
+        elif self._can_keep_readings():
+            self._ask(Subject("Report", REPORT))
+
+    def _can_keep_readings(self) -> bool:
+        if self._session.recorded is None:
+            self._session.warned.emit("there are no readings to keep; scan, or open a log")
+        return self._session.recorded is not None
+
+    def _ask(self, subject: Subject) -> None:
+        self._subject = subject
+        if self.dialog is not None:
+            self.dialog.destroyed.disconnect(self._forget)
+            self.dialog.close()
+        folder = self._session.documents.folder(self._session.log_to_keep)
+        self.dialog = dialog = QFileDialog(self._window, f"Keep {subject.name.lower()}", str(folder))
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setNameFilters([_FILTERS[ending] for ending in subject.endings])
+        dialog.setDefaultSuffix(subject.endings[0])
+        dialog.selectFile(f"{self._stem()}_{subject.name.lower().replace(' ', '-')}{subject.endings[0]}")
+        dialog.filterSelected.connect(self._choose_ending)
+        dialog.fileSelected.connect(self._write)
+        dialog.destroyed.connect(self._forget)
+        dialog.show()
+
+    @Slot()
+    def _forget(self) -> None:
+        self.dialog = None
+
+    @Slot(str)
+    def _choose_ending(self, chosen: str) -> None:
+        """The name takes the ending of the kind of file that was chosen."""
+        if self.dialog is None:
+            return
+        ending = next(ending for ending, name in _FILTERS.items() if name == chosen)
+        self.dialog.setDefaultSuffix(ending)
+        for name in self.dialog.selectedFiles():
+            self.dialog.selectFile(Path(name).with_suffix(ending).name)
+
+    @Slot(str)
+    def _write(self, name: str) -> None:
+        path = Path(name)
+        self._session.documents.saved_in = path.parent
+        content = self._content(path.suffix.lower())
+        if content is not None:
+            self._session.keeping.write(content, path, overwrite=True)  # the dialog has asked
+
+    def _content(self, ending: str) -> Content | None:
+        subject, session = self._subject, self._session
+        scene, recorded = session.shown.scene, session.recorded
+        if subject.view is not None:
+            return self._picture(subject.view, ending)
+        if recorded is None:
+            return None
+        if subject.endings == DATA:
+            return Data(recorded, scene)
+        link = session.live.link
+        live = link is not None and not session.replay.loaded
+        facts = [(name, figure) for name, figure, _ in line_figures(link)] if live else []
+        return ReportPage(self._log_name(), recorded, scene, facts)
+
+    def _picture(self, view: QWidget, ending: str) -> Picture:
+        look = self._session.shown.look
+        title = "" if view is self._window else f"{self._session.shown.scene.title} · {self._subject.name.lower()}"
+        if ending == SVG:
+            return Picture(None, svg_text(view, title, look))
+        return Picture(png_pixels(view, title, look), endings=self._subject.endings)
+
+    def _log_name(self) -> str:
+        recorded = self._session.recorded
+        return recorded.name if isinstance(recorded, Path) else self._session.status.log_name
+
+    def _stem(self) -> str:
+        return Path(self._log_name()).stem or self._session.shown.scene.standing.name or "sonarhw"

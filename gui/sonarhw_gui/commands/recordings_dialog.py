@@ -1,0 +1,134 @@
+"""The recordings of this person as a list that can be searched; one of them is opened.
+
+Takes rows; hands on the path that was chosen. Not modal: what runs goes on.
+"""
+
+import time
+from pathlib import Path
+
+from PySide6.QtCore import QModelIndex, Qt, QTimer, Signal, Slot
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QDialog,
+    QDialogButtonBox,
+    QHeaderView,
+    QLabel,
+    QLineEdit,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw_gui.store.recordings import Listed, Recording, Recordings
+
+_COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
+_PATH = Qt.ItemDataRole.UserRole
+_TICK = 50  # ms
+
+
+class RecordingsDialog(QDialog):
+    """Chooses a recording."""
+
+    chosen = Signal(str)  # path
+    failed = Signal(str)
+
+    def __init__(self, folder: Path, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.setWindowTitle("Recordings")
+        self._recordings = Recordings(folder)
+        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
+        self.table = QTableWidget(0, len(_COLUMNS))
+        self.table.setHorizontalHeaderLabels(_COLUMNS)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.table.verticalHeader().hide()
+        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table.horizontalHeader().setStretchLastSection(True)
+        self.told = QLabel(wordWrap=True)
+        self.buttons = QDialogButtonBox()
+        self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
+        column = QVBoxLayout(self)
+        for part in (self.words, self.table, self.told, self.buttons):
+            column.addWidget(part)
+        self.resize(860, 420)
+        self._timer = QTimer(self, interval=_TICK)
+        self._timer.timeout.connect(self._take)
+        self._timer.start()
+        self.words.textChanged.connect(self._sift)
+        self.table.itemSelectionChanged.connect(self._show_whether_ready)
+        self.table.doubleClicked.connect(self._choose)
+        self.buttons.accepted.connect(self._choose)
+        self.buttons.rejected.connect(self.reject)
+        self._draw(self._recordings.listed)
+
+    @Slot()
+    def _take(self) -> None:
+        if self._recordings.take():
+            self._draw(self._recordings.listed)
+        for message in self._recordings.failures:
+            self.failed.emit(message)
+        self._recordings.failures.clear()
+
+    def _draw(self, listed: Listed) -> None:
+        chosen = self._chosen()
+        self.table.setRowCount(len(listed.rows))
+        for number, row in enumerate(listed.rows):
+            for column, text in enumerate(_texts(row)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(str(row.path))
+                item.setData(_PATH, str(row.path))
+                self.table.setItem(number, column, item)
+            if str(row.path) == chosen:
+                self.table.selectRow(number)
+        if listed.rows and not chosen:
+            self.table.selectRow(0)
+        self.told.setText(_told(listed))
+        self._sift()
+
+    @Slot()
+    def _sift(self) -> None:
+        """Hide the rows that do not have every word."""
+        words = self.words.text().lower().split()
+        for number in range(self.table.rowCount()):
+            cells = (self.table.item(number, column) for column in range(len(_COLUMNS)))
+            text = " ".join(cell.text() for cell in cells if cell is not None).lower()
+            self.table.setRowHidden(number, not all(word in text for word in words))
+        self._show_whether_ready()
+
+    def _chosen(self) -> str:
+        """The path of the chosen row; empty where there is none, or it is hidden."""
+        found = [item for item in self.table.selectedItems() if not self.table.isRowHidden(item.row())]
+        return str(found[0].data(_PATH)) if found else ""
+
+    @Slot()
+    def _show_whether_ready(self) -> None:
+        self.open_button.setEnabled(bool(self._chosen()))
+
+    @Slot()
+    @Slot(QModelIndex)
+    def _choose(self) -> None:
+        if path := self._chosen():
+            self.chosen.emit(path)
+            self.accept()
+
+    def done(self, result: int) -> None:
+        """End the thread, however it is closed."""
+        self._timer.stop()
+        self._recordings.close()
+        super().done(result)
+
+
+def _texts(row: Recording) -> tuple[str, ...]:
+    date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row.began))
+    return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
+
+
+def _told(listed: Listed) -> str:
+    if not listed.files:
+        return f"{listed.folder}: nothing has been recorded yet; every scan that is made in the window is"
+    reading = "" if listed.complete else f", {len(listed.rows)} read"
+    return f"{listed.folder}: {listed.files} recordings{reading}"

@@ -1,0 +1,1 @@
+"""Sources of readings: the live scanner and the replay of a log."""

@@ -1,0 +1,114 @@
+"""Where the readings come from: the live scanner, or a log that is played back.
+
+Takes the way to a scanner, or a log; hands on the readings made by now, how fast they come, and how that stands.
+"""
+
+import time
+from pathlib import Path
+
+from PySide6.QtCore import QObject
+
+from sonarhw.log import Log
+from sonarhw.readings import Reading
+from sonarhw_gui.live.live_feed import LiveFeed
+from sonarhw_gui.live.live_scan import ScannerOpener, ScanWish
+from sonarhw_gui.live.rate import RateMeter
+from sonarhw_gui.live.replay import Replay
+from sonarhw_gui.live.status import Source, Status, lost_in
+from sonarhw_gui.scene.scene import Scene, room_name
+
+
+class Intake:
+    """A scanner and a log; the log is what is shown while there is one."""
+
+    def __init__(self, opener: ScannerOpener | None, wish: ScanWish, parent: QObject) -> None:
+        self.live = LiveFeed(opener, wish)
+        self.replay = Replay(parent)
+        self._rate = RateMeter()
+        self._log_name, self._lost_in_log = "", 0
+        self._log: Log | None = None
+        self._log_path: Path | None = None
+        self._played: tuple[Reading, ...] = ()
+        self._scanned_room = ""  # the one in which the last live scan began
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Those made by now; the same object as before where none has been added."""
+        return self._up_to_now() if self.replay.loaded else self.live.readings
+
+    @property
+    def all_readings(self) -> tuple[Reading, ...]:
+        """Those of the log, also what it has not come to yet; else those of the scanner."""
+        return self.replay.readings or self.live.readings
+
+    @property
+    def log_file(self) -> str:
+        """The file that holds the readings shown; empty where there is none."""
+        path = self._log_path if self.replay.loaded else self.live.status.recording if self.live.readings else None
+        return "" if path is None else str(path.absolute())
+
+    @property
+    def recorded(self) -> Log | Path | None:
+        """The log whose readings are shown, or the file that holds it; None where there is none."""
+        if self.replay.loaded:
+            return self._log
+        return self.live.status.recording if self.live.readings else None
+
+    def begin(self) -> None:
+        """Count anew: other readings are shown from now on."""
+        self._rate = RateMeter()
+
+    def scan(self, scene: Scene) -> None:
+        """Scan live; a log is put away."""
+        self.begin()
+        self.replay.unload()
+        self._scanned_room = room_name(scene)
+        self.live.start(scene)
+
+    def load(self, log: Log, name: str, path: Path | None = None) -> None:
+        """Show a log, at its end; `path` is where to find it again."""
+        self.begin()
+        self._log, self._log_name, self._log_path = log, name, path
+        self._lost_in_log = sum(map(lost_in, log.scans))
+        self.replay.load(log)
+
+    def stop(self) -> None:
+        """Stop the scanner, whatever it is at, or the playback."""
+        self.live.stop()
+        self.replay.pause()
+
+    def take(self, now: float) -> tuple[bool, str]:
+        """Whether the scanner has made readings since the last call, and what is to be told."""
+        fresh, told = self.live.take()
+        self._rate.add(fresh, now)
+        return bool(fresh), told
+
+    def status(self, now: float, predicting: bool, room: str = "") -> Status:
+        """How things stand; `room` is the name of the room that is shown."""
+        live, replaying = self.live.status, self.replay.loaded
+        readings = self.readings
+        warmth = readings[-1].temperature_c if replaying and readings else live.temperature_c
+        return Status(
+            source=Source.REPLAY if replaying else Source.LIVE if self.live.phase else Source.NONE,
+            phase=self.live.phase,
+            can_scan=self.live.possible,
+            readings=len(readings),
+            rate=self._rate.rate(now),
+            lost=self._lost_in_log if replaying else live.lost,
+            temperature_c=warmth,
+            recording=live.recording,
+            log_name=self._log_name if replaying else "",
+            predicting=predicting,
+            wish=self.live.wish,
+            link=self.live.link,
+            trouble=self.live.trouble,
+            angle=live.angle,
+            own_readings=bool(readings) and self.live.made_readings and room == self._scanned_room,
+        )
+
+    def _up_to_now(self) -> tuple[Reading, ...]:
+        before, count = self._played, self.replay.count
+        if len(before) != count or (count and before[-1] is not self.replay.readings[count - 1]):
+            self._rate.add(max(0, count - len(before)), time.monotonic())
+            self._played = self.replay.readings[:count]
+        return self._played

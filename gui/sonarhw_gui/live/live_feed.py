@@ -1,0 +1,157 @@
+"""The live scanner as the session sees it: sent on errands, stopped, and asked every tick for what is new.
+
+Takes the way to a scanner; hands on readings, how things stand, and once, when an errand has failed, what to tell.
+"""
+
+from sonarhw.errors import LogError, SonarError
+from sonarhw.readings import Reading
+from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.live_scan import (
+    ConnectErrand,
+    Errand,
+    HomeErrand,
+    ScanErrand,
+    ScannerOpener,
+    ScanWish,
+    TurnErrand,
+)
+from sonarhw_gui.live.live_status import LinkSeen, LiveStatus, Phase, trouble
+from sonarhw_gui.live.packed_trace import with_packed_trace
+from sonarhw_gui.scene.scene import Scene
+
+_IDLE = LiveStatus(Phase.DONE)
+
+
+class LiveFeed:
+    """At most one connection, at most one errand on it, and what the last scan has brought."""
+
+    def __init__(self, opener: ScannerOpener | None, wish: ScanWish) -> None:
+        self.wish = wish
+        self.readings: tuple[Reading, ...] = ()
+        self._opener = opener
+        self._device: LiveDevice | None = None
+        self._reads_its_own = False  # whether the readings came from the scanner that the way leads to
+        self._seen = _IDLE  # of the errand, when its readings were taken last
+        self._end_told = True
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a way to a scanner."""
+        return self._opener is not None
+
+    @property
+    def phase(self) -> Phase | None:
+        """How far the errand is; None before the first, and where all it did was to connect and hang up again."""
+        device = self._device
+        if device is None or (device.over and self._seen.phase is Phase.READY and not self.readings):
+            return None
+        return self._seen.phase
+
+    @property
+    def status(self) -> LiveStatus:
+        """What is known of the errand: no more than of its readings, so that none comes after the end."""
+        return self._seen
+
+    @property
+    def link(self) -> LinkSeen | None:
+        """The connection as it was seen last; None where there is none."""
+        return self._device.link if self._device else None
+
+    @property
+    def made_readings(self) -> bool:
+        """Whether the scanner that is connected made the readings."""
+        return self.link is not None and self._reads_its_own
+
+    @property
+    def trouble(self) -> str:
+        """What to tell of a scanner that is away; empty where all is well."""
+        return trouble(self.link, self.phase)
+
+    @property
+    def running(self) -> bool:
+        """Whether more is to come."""
+        return not self.status.ended
+
+    def use(self, opener: ScannerOpener | None) -> None:
+        """From now on go another way to a scanner, or none."""
+        self.hang_up()
+        self._reads_its_own = False
+        self._opener = opener
+
+    def set_wish(self, wish: ScanWish) -> None:
+        """Scan like this from the next time on."""
+        self.wish = wish
+
+    def connect(self) -> None:
+        """See who answers."""
+        self._ask(ConnectErrand())
+
+    def home(self) -> None:
+        """Find the zero of the turntable."""
+        self._ask(HomeErrand())
+
+    def turn(self, angle: float) -> None:
+        """Turn the turntable to `angle`, rad."""
+        self._ask(TurnErrand(angle))
+
+    def start(self, scene: Scene) -> None:
+        """Begin a scan; what the one before brought is forgotten."""
+        if self.possible and not self.running:
+            self.readings = ()
+            self._ask(ScanErrand(scene, self.wish))
+
+    def stop(self) -> None:
+        """Ask for the end of the errand."""
+        if self._device is not None:
+            self._device.stop()
+
+    def hang_up(self) -> None:
+        """Stop what runs and let go of the port."""
+        if self._device is not None:
+            self._device.stop()
+            self._device.hang_up()
+
+    def close(self) -> None:
+        """Stop the board and wait until the log is closed."""
+        self.hang_up()
+        if self._device is not None:
+            self._device.join()
+
+    def take(self) -> tuple[int, str]:
+        """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
+        if self._device is None:
+            return 0, ""
+        status = self._seen = self._device.status  # before the readings, so that none comes after the end
+        fresh = tuple(self._device.take())
+        if fresh:
+            self._reads_its_own = True
+            self.readings += tuple(map(with_packed_trace, fresh))
+        if self._device.warnings:
+            return len(fresh), self._device.warnings.popleft()
+        if not status.ended or self._end_told:
+            return len(fresh), ""
+        self._end_told = True
+        return len(fresh), _told(status)
+
+    def _ask(self, errand: Errand) -> None:
+        if self._opener is None or self.running:
+            return
+        self._end_told = False
+        device = self._device
+        if device is None or device.over or device.leaving:
+            device = self._device = LiveDevice(self._opener, errand, device)
+            device.start()
+        else:
+            device.ask(errand)
+        self._seen = device.status
+
+
+def _told(status: LiveStatus) -> str:
+    """What the person is to know of an error; raises what is a defect."""
+    if status.error is None:
+        return ""
+    if not isinstance(status.error, SonarError | OSError):
+        raise status.error
+    told = status.recording is None or isinstance(status.error, LogError)
+    kept = "" if told else f"; {status.made} readings are kept in {status.recording}"
+    return f"{status.error}{kept}"

@@ -1,0 +1,161 @@
+"""What a scanner can be sent to do: home, turn, or scan and record. Each is a frozen value, done in the live thread.
+
+Takes an open scanner and somebody to tell; hands on how it ended.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+from typing import Any, Protocol
+
+from sonarhw_sim.air import speed_of_sound
+
+from sonarhw.host.scanner import Scanner
+from sonarhw.readings import Reading, ScanOrder
+from sonarhw.wire.messages import Outcome
+from sonarhw_gui.live.live_status import LiveStatus, Phase
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.store.recording import start_recording
+
+ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
+DEFAULT_TEMPERATURE = 20.0  # °C
+WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
+
+
+@dataclass(frozen=True)
+class ScanWish:
+    """What to scan and where to record it."""
+
+    folder: Path
+    order: ScanOrder = WHOLE_TURN
+    traces: bool = True
+    max_range: float | None = None  # m; listen no further than this; None: as far as the board hears
+
+
+class Report(Protocol):
+    """Who is told how an errand goes."""
+
+    status: LiveStatus
+
+    @property
+    def stop_wanted(self) -> bool:
+        """Whether a person wants it to end."""
+
+    def advance(self, phase: Phase, **known: Any) -> None:
+        """It has come that far."""
+
+    def take_in(self, reading: Reading) -> None:
+        """It has made a reading."""
+
+    def warn(self, message: str) -> None:
+        """Something to tell that does not end it."""
+
+
+class Errand(Protocol):
+    """Something to be done with a scanner."""
+
+    @property
+    def phase(self) -> Phase:
+        """What it begins with."""
+
+    @property
+    def done(self) -> Phase:
+        """What it ends with, if all goes well."""
+
+    def run(self, scanner: Scanner, report: Report) -> Outcome:
+        """Do it. Raises what the scanner raises."""
+
+
+@dataclass(frozen=True)
+class ConnectErrand:
+    """Only see who answers."""
+
+    phase: Phase = Phase.CONNECTING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: Scanner, report: Report) -> Outcome:
+        """Nothing is left to do once the scanner is open."""
+        return Outcome.DONE
+
+
+@dataclass(frozen=True)
+class HomeErrand:
+    """Find the zero of the turntable."""
+
+    phase: Phase = Phase.HOMING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: Scanner, report: Report) -> Outcome:
+        """Home."""
+        return _at(0.0, scanner.home(), report)
+
+
+@dataclass(frozen=True)
+class TurnErrand:
+    """Turn to an angle."""
+
+    angle: float  # of the turntable, rad
+    phase: Phase = Phase.TURNING
+    done: Phase = Phase.READY
+
+    def run(self, scanner: Scanner, report: Report) -> Outcome:
+        """Turn, having found the zero."""
+        return _at(self.angle, scanner.turn(self.angle), report)
+
+
+@dataclass(frozen=True)
+class ScanErrand:
+    """Home, scan and record."""
+
+    scene: Scene
+    wish: ScanWish
+    phase: Phase = Phase.HOMING
+    done: Phase = Phase.DONE
+
+    def run(self, scanner: Scanner, report: Report) -> Outcome:
+        """Scan into a new log. Raises LogError where none can be made, too."""
+        log, path = start_recording(self.wish.folder, self.scene, report.warn)
+        with log:
+            report.advance(Phase.HOMING, recording=path)
+            scanner.record(log)
+            try:
+                return self._scan(scanner, report)
+            finally:
+                scanner.record(None)
+
+    def _scan(self, scanner: Scanner, report: Report) -> Outcome:
+        speed = speed_of_sound(self._temperature(scanner))
+        board = self.scene.board
+        reach = board.max_range if self.wish.max_range is None else self.wish.max_range
+        scanner.configure(2 * reach / speed, board.listens_from, self.wish.traces, speed)
+        if report.stop_wanted or scanner.home() is Outcome.STOPPED:
+            return Outcome.STOPPED
+        report.advance(Phase.SCANNING)
+        if not report.stop_wanted:
+            self._take(scanner, report)
+        return Outcome.STOPPED if report.stop_wanted else Outcome.DONE
+
+    def _take(self, scanner: Scanner, report: Report) -> None:
+        lost_before = scanner.statistics.lost_readings
+        for reading in scanner.scan(self.wish.order):
+            report.take_in(reading)
+            lost = scanner.statistics.lost_readings - lost_before
+            report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
+            if reading.temperature_c is not None:
+                report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
+        if scanner.unchecked:
+            report.warn(scanner.unchecked)
+
+    def _temperature(self, scanner: Scanner) -> float:
+        own = scanner.info.temperature_c
+        if own is not None:
+            return own
+        return self.scene.room.air.temperature_c if self.scene.room else DEFAULT_TEMPERATURE
+
+
+def _at(angle: float, outcome: Outcome, report: Report) -> Outcome:
+    if outcome is not Outcome.STOPPED:
+        report.advance(report.status.phase, angle=angle)
+    return outcome

@@ -1,0 +1,184 @@
+"""The replay as the window works it: a playback, told to play, pause, step, seek, loop and change its speed.
+
+Takes a log and a person's wishes; tells by a signal how it stands. Session and replay bar both listen.
+"""
+
+from dataclasses import dataclass, replace
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from sonarhw.log import Log
+from sonarhw.readings import Reading
+from sonarhw_gui.live.playback_speeds import Playback
+
+_SAME = 1e-3  # s; a scan that begins so near to where the replay stands is the one it stands at
+
+
+@dataclass(frozen=True)
+class ReplayState:
+    """How a replay stands."""
+
+    position: float  # s
+    duration: float  # s
+    playing: bool
+    speed: float
+    loop: bool
+    skip_gaps: bool
+    count: int  # readings made by now
+    total: int  # readings
+    scans: tuple[float, ...]  # where each scan begins, s
+
+
+class Replay(QObject):
+    """At most one log being played back."""
+
+    changed = Signal(object)  # ReplayState; None without a log
+    broken = Signal(str)  # why its traces are gone
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._playback: Playback | None = None
+        self._readings: tuple[Reading, ...] = ()
+        self._scans: tuple[float, ...] = ()
+
+    @property
+    def loaded(self) -> bool:
+        """Whether there is a log."""
+        return self._playback is not None
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """All readings of the log."""
+        return self._readings
+
+    @property
+    def count(self) -> int:
+        """How many of them have been made at this position."""
+        return self._playback.count if self._playback else 0
+
+    @property
+    def state(self) -> ReplayState | None:
+        """How it stands; None without a log."""
+        playback = self._playback
+        if playback is None:
+            return None
+        return ReplayState(
+            position=playback.position,
+            duration=playback.duration,
+            playing=playback.playing,
+            speed=playback.speed,
+            loop=playback.loop,
+            skip_gaps=playback.skip_gaps,
+            count=playback.count,
+            total=len(self._readings),
+            scans=self._scans,
+        )
+
+    def load(self, log: Log) -> None:
+        """Take a log, at its end, so that all of it is seen."""
+        self._playback = Playback(log)
+        self._readings, self._scans = self._playback.readings, self._playback.scan_starts
+        self._tell()
+
+    def unload(self) -> None:
+        """Put the log away."""
+        self._playback = None
+        self._readings = self._scans = ()
+        self._tell()
+
+    def advance(self, elapsed: float) -> None:
+        """Let `elapsed` s pass."""
+        if self._playback is not None and self._playback.advance(elapsed):
+            self._tell()
+
+    def give_up_traces(self, why: str) -> None:
+        """The log can no longer be read, its drive may be gone: stand still, and show the readings without traces."""
+        if self._playback is not None:
+            self._playback.pause()
+            self._readings = tuple(replace(reading, trace=None) for reading in self._readings)
+            self.broken.emit(f"{why}. The replay stands still; its readings are shown without their traces")
+            self._tell()
+
+    @Slot()
+    def toggle(self) -> None:
+        """Play, or pause."""
+        if self._playback is not None:
+            if self._playback.playing:
+                self._playback.pause()
+            else:
+                self._playback.play()
+            self._tell()
+
+    @Slot()
+    def pause(self) -> None:
+        """Stand still."""
+        if self._playback is not None:
+            self._playback.pause()
+            self._tell()
+
+    @Slot()
+    def step_forth(self) -> None:
+        """Stand still one reading further on."""
+        self._step(1)
+
+    @Slot()
+    def step_back(self) -> None:
+        """Stand still one reading before."""
+        self._step(-1)
+
+    def _step(self, by: int) -> None:
+        if self._playback is not None:
+            self._playback.step(by)
+            self._tell()
+
+    @Slot(float)
+    def seek(self, position: float) -> None:
+        """Go to `position`, s from the beginning."""
+        if self._playback is not None:
+            self._playback.seek(position)
+            self._tell()
+
+    def seek_reading(self, index: int) -> None:
+        """Go to where that reading has just been made. Raises IndexError where there is none."""
+        if self._playback is not None:
+            self._playback.seek_reading(index)
+            self._tell()
+
+    @Slot()
+    def next_scan(self) -> None:
+        """Go to the beginning of the next scan, or to the end."""
+        if self._playback is not None:
+            position = self._playback.position
+            self.seek(next((begin for begin in self._scans if begin > position + _SAME), self._playback.duration))
+
+    @Slot()
+    def previous_scan(self) -> None:
+        """Go back to the beginning of this scan; from there to that of the one before."""
+        if self._playback is not None:
+            position = self._playback.position
+            self.seek(max((begin for begin in self._scans if begin < position - _SAME), default=0.0))
+
+    @Slot(float)
+    def set_speed(self, speed: float) -> None:
+        """Play that many times as fast as recorded; inf: all at once."""
+        if self._playback is not None:
+            self._playback.speed = speed
+            self._tell()
+
+    @Slot(bool)
+    def set_loop(self, loop: bool) -> None:
+        """Begin again at the end, or stand still there."""
+        if self._playback is not None:
+            self._playback.loop = loop
+            self._tell()
+
+    @Slot(bool)
+    def set_skip_gaps(self, skip: bool) -> None:
+        """Leave out long waits between readings, or keep to the recorded schedule."""
+        if self._playback is not None:
+            self._playback.skip_gaps = skip
+            self._scans = self._playback.scan_starts
+            self._tell()
+
+    def _tell(self) -> None:
+        self.changed.emit(self.state)

@@ -1,0 +1,1 @@
+"""Palette, theme, units and text size."""

@@ -1,0 +1,128 @@
+"""Colours and marks: one meaning, one colour and one shape in every view, on light paper and on dark.
+
+Takes the classes of a comparison; hands on how each is drawn. The hues are Okabe and Ito's; a shape or a line style
+always says the same again.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from sonarhw_compare.matching.match import Kind
+from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT, WALL
+
+
+class Unclassed(Enum):
+    """The class of a reading that has not been compared: no room, or not yet."""
+
+    MEASURED = auto()
+
+
+@dataclass(frozen=True)
+class Mark:
+    """How readings of one class are drawn, whatever the paper."""
+
+    name: str
+    symbol: str  # of pyqtgraph
+    meaning: str
+
+
+UNCLASSED = Mark("measured", "o", "measured, not compared with a prediction")
+MARKS: dict[Kind | Unclassed, Mark] = {
+    Kind.MATCH: Mark("match", "o", "measured and predicted range differ by at most 5 cm"),
+    Kind.SHORT: Mark("short", "t", "measured nearer than predicted, by more than 5 cm"),
+    Kind.LONG: Mark("long", "t1", "measured farther than predicted, by more than 5 cm"),
+    Kind.EXTRA: Mark("extra", "s", "an echo was measured where silence was predicted"),
+    Kind.MISSED: Mark("missed", "x", "an echo was predicted, drawn where, and none was measured"),
+    Unclassed.MEASURED: UNCLASSED,
+}
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The colour of everything that is drawn."""
+
+    name: str
+    paper: str  # behind every view
+    ink: str  # text and axes on it
+    faint: str  # text that does not matter now
+    window: str  # behind the widgets
+    button: str
+    stripe: str  # every other row of a table
+    tip_paper: str
+    wall: str
+    chosen: str  # ring, rays and cursor of the chosen reading
+    beam: str  # opaque: transparency costs time at every repaint
+    blanking: str
+    threshold: str
+    tolerance: str  # the band within which measured and predicted match
+    short: str
+    missed: str
+    warning_paper: str
+    warning_ink: str
+    measured: str = MEASURED
+    predicted: str = PREDICTED
+    long: str = LONG
+    extra: str = EXTRA
+    highlight: str = "#0072B2"
+    live: str = "#00694C"  # badges, with white in them
+    replay: str = "#7A4B00"
+    idle: str = "#666666"
+    grid_alpha: float = 0.15
+
+    def of(self, kind: Kind | Unclassed) -> str:
+        """The colour of the readings of one class."""
+        match kind:
+            case Kind.SHORT:
+                return self.short
+            case Kind.LONG:
+                return self.long
+            case Kind.EXTRA:
+                return self.extra
+            case Kind.MISSED:
+                return self.missed
+        return self.measured
+
+
+LIGHT = Palette(
+    name="light",
+    paper="#FFFFFF",
+    ink="#222222",
+    faint="#8C8C8C",
+    window="#F3F3F1",
+    button="#E9E9E6",
+    stripe="#F4F4F2",
+    tip_paper="#FFFFE8",
+    wall=WALL,
+    chosen="#000000",
+    beam="#F7EFB2",
+    blanking="#E4E4E4",
+    threshold="#777777",
+    tolerance="#EAF3F8",
+    short=SHORT,
+    missed=MISSED,
+    warning_paper="#FFF1D6",
+    warning_ink="#7A3E00",
+)
+DARK = Palette(
+    name="dark",
+    paper="#14171A",
+    ink="#E6E6E6",
+    faint="#85898D",
+    window="#22262A",
+    button="#30353A",
+    stripe="#1B1F23",
+    tip_paper="#30353A",
+    wall="#A6A6A6",
+    chosen="#FFFFFF",
+    beam="#3B3719",
+    blanking="#2B2F33",
+    threshold="#9A9A9A",
+    tolerance="#12293A",
+    short="#CC79A7",
+    missed=MISSED,
+    warning_paper="#4A3408",
+    warning_ink="#FFD98A",
+    predicted="#2E97D8",
+    measured="#EE6C1A",
+    grid_alpha=0.22,
+)

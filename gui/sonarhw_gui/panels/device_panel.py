@@ -1,0 +1,287 @@
+"""The device panel: who answers, where the turntable points and is to point, what to scan, how the line is.
+
+Takes the commands for scan, stop and home, and how things stand; hands on what a person wants of the scanner.
+"""
+
+import math
+from dataclasses import replace
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
+from PySide6.QtGui import QAction, QKeyEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QFormLayout,
+    QGridLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw.readings import ScanOrder
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.live.device_words import (
+    angle_text,
+    line_figures,
+    order_of_sector,
+    scan_summary,
+    state_text,
+    temperature_text,
+    who,
+)
+from sonarhw_gui.live.live_scan import ScanWish
+from sonarhw_gui.live.status import Source, Status
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.parts.number_field import NumberField
+from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.shown.shown import Shown
+
+_FARTHEST = 720.0  # degrees the cable winds
+_MOST_SWEEPS, _MOST_PINGS = 10_000, 100
+_LONGEST = 30.0  # m
+
+
+class _AngleField(NumberField):
+    """An angle that is also entered: Qt's own field tells of leaving it, too."""
+
+    entered = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Tell of Enter, once what was typed is understood."""
+        super().keyPressEvent(event)
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self.entered.emit()
+
+
+class DevicePanel(QWidget):
+    """What the scanner does, and is to do."""
+
+    connect_wanted = Signal()
+    hang_up_wanted = Signal()
+    turn_wanted = Signal(float)  # rad from the turntable's zero
+    wished = Signal(object)  # ScanWish
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__()
+        self._status = Status()
+        self._look = Look()
+        self.state = QLabel("")
+        self.hint = QLabel("")
+        self.hint.setWordWrap(True)
+        self.connect_button, self.hang_up_button = QPushButton("Connect"), QPushButton("Disconnect")
+        self.connect_button.setToolTip("See who answers; nothing turns")
+        self.hang_up_button.setToolTip("Stop what runs and let other programs have the port")
+        self.who, self.temperature, self.angle = QLabel(), QLabel(), QLabel()
+        self.who.setWordWrap(True)
+        self.who.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.target = _degrees(0.0, "Turntable angle to turn to; Enter turns")
+        self.turn = QPushButton("Turn")
+        self.turn.setToolTip("Turn to that angle; the zero is found first where it is not known")
+        self.start, self.end = _degrees(0.0, "Where the sector begins"), _degrees(360.0, "Where it ends, not included")
+        self.step = _degrees(5.0, "From one heading to the next", lowest=0.01, decimals=2)
+        self.sweeps = _count(_MOST_SWEEPS, "How often the sector is scanned, to and fro")
+        self.pings = _count(_MOST_PINGS, "Readings at each heading")
+        self.reach = NumberField(0.0, _LONGEST)
+        self.reach.setToolTip("Listen no farther than this; at the lowest value: as far as the board hears")
+        self.reach.setSpecialValueText("all it hears")
+        self.traces = QCheckBox("Record traces")
+        self.traces.setToolTip("The whole receive signal of each ping; some 3 kB a reading")
+        self.summary = QLabel()
+        self.summary.setWordWrap(True)
+        self.figures = [QLabel() for _ in line_figures(None)]
+        self._turntable = self._made_turntable(commands)
+        self._scan = self._made_scan(commands)
+        self._lay_out(commands)
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Take in another look."""
+        if shown.look != self._look:
+            self._look = shown.look
+            self._show_wish()
+            self._show_summary()
+
+    def show_status(self, status: Status) -> None:
+        """Say how things stand, and offer what can be done now."""
+        before, self._status = self._status, status
+        self.state.setText(state_text(status))
+        self.state.setToolTip(status.trouble)
+        self.hint.setText(_hint(status))
+        self.hint.setVisible(bool(self.hint.text()))
+        self.who.setText(who(status.link))
+        self.temperature.setText(temperature_text(status))
+        self.angle.setText(angle_text(status.angle))
+        for label, (_, figure, _) in zip(self.figures, line_figures(status.link), strict=True):
+            label.setText(figure)
+        self.connect_button.setEnabled(status.can_turn and status.link is None)
+        self.hang_up_button.setEnabled(status.link is not None)
+        self._turntable.setEnabled(status.can_turn)
+        self._scan.setEnabled(status.can_scan and not status.scanning)
+        if before.wish != status.wish:
+            self._show_wish()
+        self._show_summary()
+
+    # what it is made of
+
+    def _made_turntable(self, commands: Commands) -> QGroupBox:
+        group = QGroupBox("Turntable")
+        row = QHBoxLayout()
+        row.addWidget(_button(commands.home))
+        row.addWidget(self.target, 1)
+        row.addWidget(self.turn)
+        form = QFormLayout(group)
+        form.addRow("Points at", self.angle)
+        form.addRow(row)
+        return group
+
+    def _made_scan(self, commands: Commands) -> QGroupBox:
+        group = QGroupBox("Scan")
+        grid = QGridLayout(group)
+        for place, (name, field) in enumerate(
+            (
+                ("From", self.start),
+                ("to", self.end),
+                ("Step", self.step),
+                ("Pings", self.pings),
+                ("Sweeps", self.sweeps),
+                ("Range", self.reach),
+            )
+        ):
+            row, column = divmod(place, 2)
+            label = QLabel(name)
+            label.setBuddy(field)
+            grid.addWidget(label, row, 2 * column)
+            grid.addWidget(field, row, 2 * column + 1)
+        for column in (1, 3):
+            grid.setColumnStretch(column, 1)
+        grid.addWidget(self.traces, 3, 0, 1, 4)
+        grid.addWidget(self.summary, 4, 0, 1, 4)
+        grid.addWidget(_button(commands.scan), 5, 0, 1, 4)
+        return group
+
+    def _lay_out(self, commands: Commands) -> None:
+        head = QGroupBox("Scanner")
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.connect_button)
+        buttons.addWidget(self.hang_up_button)
+        form = QFormLayout(head)
+        form.addRow(self.state)
+        form.addRow(self.hint)
+        form.addRow(buttons)
+        form.addRow("Who", self.who)
+        form.addRow("Air", self.temperature)
+        line = QGroupBox("Line")
+        books = QFormLayout(line)
+        for label, (name, _, meaning) in zip(self.figures, line_figures(None), strict=True):
+            label.setToolTip(meaning)
+            books.addRow(name, label)
+        column = QVBoxLayout(self)
+        for part in (head, _button(commands.stop), self._turntable, self._scan, line):
+            column.addWidget(part)
+        column.addStretch(1)
+
+    def _connect(self) -> None:
+        self.connect_button.clicked.connect(self.connect_wanted)
+        self.hang_up_button.clicked.connect(self.hang_up_wanted)
+        self.turn.clicked.connect(self._turn)
+        self.target.entered.connect(self._turn)
+        for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.reach):
+            field.valueChanged.connect(self._wish)
+        self.traces.toggled.connect(self._wish)
+
+    # gestures
+
+    @Slot()
+    def _turn(self) -> None:
+        self.turn_wanted.emit(math.radians(self.target.value()))
+
+    @Slot()
+    def _wish(self) -> None:
+        wish, order = self._status.wish, self._show_summary()
+        if wish is not None and order is not None:
+            reach = self.reach.value()
+            far = None if reach == self.reach.minimum() else self._look.unit.metres(reach)
+            self.wished.emit(replace(wish, order=order, traces=self.traces.isChecked(), max_range=far))
+
+    def _sector(self) -> tuple[float, float, float, int, int]:
+        return self.start.value(), self.end.value(), self.step.value(), self.sweeps.value(), self.pings.value()
+
+    # what it says
+
+    def _show_wish(self) -> None:
+        """Fill the fields from what is wanted; where they say the same already, leave them as they were typed."""
+        unit = self._look.unit
+        fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.reach, self.traces)
+        blocked = [QSignalBlocker(field) for field in fields]
+        self.reach.setRange(0.0, unit.of(_LONGEST))
+        self.reach.setSuffix(f" {unit.label}")
+        self.reach.setSingleStep(unit.of(0.5))
+        wish = self._status.wish
+        if wish is not None:
+            self.reach.setValue(0.0 if wish.max_range is None else unit.of(wish.max_range))
+            self.traces.setChecked(wish.traces)
+            if not self._says(wish):
+                self._fill(wish)
+        for block in blocked:
+            block.unblock()
+
+    def _fill(self, wish: ScanWish) -> None:
+        order = wish.order
+        start, step = math.degrees(order.start), math.degrees(order.step)
+        self.start.setValue(start)
+        self.end.setValue(start + order.headings * step)
+        self.step.setValue(abs(step))
+        self.sweeps.setValue(order.sweeps)
+        self.pings.setValue(order.pings)
+
+    def _says(self, wish: ScanWish) -> bool:
+        try:
+            return order_of_sector(*self._sector()) == wish.order
+        except ValueError:
+            return False
+
+    def _show_summary(self) -> ScanOrder | None:
+        """Say what the fields ask for; None where that is no scan."""
+        try:
+            order = order_of_sector(*self._sector())
+        except ValueError as error:
+            self.summary.setText(f"⚠ {error}")
+            return None
+        self.summary.setText(scan_summary(order, self._status.link.device if self._status.link else None))
+        return order
+
+
+def _hint(status: Status) -> str:
+    """Why something cannot be done now."""
+    if status.source is Source.REPLAY:
+        return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner; a scan puts the log away."
+    if not status.can_scan:
+        return "Choose one with Connect, or begin with “sonarhw gui PORT”."
+    return ""
+
+
+def _button(action: QAction) -> QPushButton:
+    button = QPushButton(f"{action.text()}   {action.shortcut().toString()}")
+    button.setToolTip(action.toolTip())
+    button.setEnabled(action.isEnabled())
+    button.clicked.connect(action.trigger)
+    action.enabledChanged.connect(button.setEnabled)
+    return button
+
+
+def _degrees(value: float, tip: str, lowest: float = -_FARTHEST, decimals: int = 1) -> _AngleField:
+    field = _AngleField(lowest, _FARTHEST, decimals, "°")
+    field.setValue(value)
+    field.setToolTip(tip)
+    return field
+
+
+def _count(most: int, tip: str) -> QSpinBox:
+    field = QSpinBox(minimum=1, maximum=most)
+    field.setKeyboardTracking(False)
+    field.setToolTip(tip)
+    take_the_wheel_with_the_focus_only(field)
+    return field

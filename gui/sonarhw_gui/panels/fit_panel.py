@@ -1,0 +1,197 @@
+"""The fit panel: find where the scanner stood, from what it measured.
+
+Takes what is shown and how the fit stands; hands on what to find, and, when it is accepted, the scene: one undoable
+step.
+"""
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QGridLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw.errors import InputError
+from sonarhw_gui.panels.fit_words import answer_line, rows, share_line, warnings
+from sonarhw_gui.panels.room_groups import short_list
+from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.scene.fit_scene import fitted
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.work.fit_work import NEAR, FitState, FitWish
+
+_LEAST_WIDTH = 290  # pixels
+_FREE = {
+    "position": ("Position", "Where the sensor stands", True),
+    "heading": ("Heading", "Where step 0 of the turntable points", True),
+    "offset": ("Range offset", "What the board tells beyond the true range", True),
+    "temperature": ("Air temperature", "How fast sound goes; the ranges alone seldom tell it from an offset", False),
+    "reflectances": ("Reflectances", "How much every material leaves of an echo", False),
+}
+
+
+class FitPanel(QWidget):
+    """Asks for a fit and shows what came out."""
+
+    edited = Signal(object, str, object)  # Scene, what was done, gesture
+    wanted = Signal(object)  # FitWish
+    put_away = Signal()  # what is at work, or was found
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setMinimumWidth(_LEAST_WIDTH)
+        self._shown: Shown | None = None
+        self._state = FitState()
+        self.free = {word: _box(*told) for word, told in _FREE.items()}
+        self.where = short_list()
+        self.begin = QPushButton("Find where I stood")
+        self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
+        self.answers = QComboBox()
+        take_the_wheel_with_the_focus_only(self.answers)
+        self.answers.setToolTip("Answers between which the scan hardly tells, the best first")
+        self.table, self.told = QLabel(), QLabel(wordWrap=True)
+        self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
+        self._refused = QLabel(wordWrap=True)
+        self._asking, self._work, self._result = self._ask_group(), self._work_row(), self._result_group()
+        column = QVBoxLayout(self)
+        for part in (self._asking, self._work, self._refused, self._result):
+            column.addWidget(part)
+        column.addStretch(1)
+        self._connect()
+        self._draw()
+
+    @property
+    def wish(self) -> FitWish:
+        """What is to be found."""
+        free = tuple(word for word, box in self.free.items() if box.isChecked())
+        return FitWish(free, everywhere=self.where.currentIndex() == 1)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            unit = shown.look.unit
+            self.where.setItemText(0, f"within {unit.of(NEAR):.2g} {unit.label} of here")
+            self._draw()
+        self._enable()
+
+    @Slot(object)
+    def show_fit(self, state: FitState) -> None:
+        """Draw how the fit stands."""
+        fresh = state.found is not self._state.found or state.running != self._state.running
+        self._state = state
+        self.progress.setValue(round(100 * state.share))
+        self.progress.setFormat(f"{state.doing}  %p %")
+        if fresh:
+            self._draw()
+
+    @Slot()
+    def ask(self) -> None:
+        """Have it found, as it is chosen here."""
+        if self.begin.isEnabled():
+            self.wanted.emit(self.wish)
+
+    def _ask_group(self) -> QWidget:
+        group = QGroupBox("Free to be chosen")
+        column = QVBoxLayout(group)
+        for box in self.free.values():
+            column.addWidget(box)
+        self.where.addItems(["", "in the whole room"])
+        self.where.setToolTip("Where the position is looked for; the whole room takes longer")
+        column.addWidget(self.where)
+        column.addWidget(self.begin)
+        return group
+
+    def _work_row(self) -> QWidget:
+        part = QWidget()
+        row = QHBoxLayout(part)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.progress, stretch=1)
+        row.addWidget(self.cancel)
+        return part
+
+    def _result_group(self) -> QWidget:
+        group = QGroupBox("Found")
+        layout = QGridLayout(group)
+        self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        for row, part in enumerate((self.answers, self.table, self.told)):
+            layout.addWidget(part, row, 0, 1, 2)
+        layout.addWidget(self.accept, 3, 0)
+        layout.addWidget(self.discard, 3, 1)
+        self.accept.setToolTip("Put the sensor there; Undo puts it back")
+        return group
+
+    def _connect(self) -> None:
+        for box in self.free.values():
+            box.toggled.connect(self._enable)
+        self.begin.clicked.connect(self.ask)
+        self.cancel.clicked.connect(self.put_away)
+        self.discard.clicked.connect(self.put_away)
+        self.accept.clicked.connect(self._accept)
+        self.answers.activated.connect(self._draw_answer)
+
+    @Slot()
+    def _enable(self) -> None:
+        shown = self._shown
+        ready = shown is not None and shown.scene.room is not None and bool(shown.readings)
+        self.begin.setEnabled(ready and bool(self.wish.free) and not self._state.running)
+        self.begin.setToolTip("" if ready else "It takes readings and a room")
+        self.where.setEnabled(self.free["position"].isChecked())
+
+    def _draw(self) -> None:
+        found = self._state.found
+        self._work.setVisible(self._state.running)
+        self._result.setVisible(found is not None)
+        self._refused.hide()
+        self._enable()
+        if found is not None and self._shown is not None:
+            unit = self._shown.look.unit
+            chosen = max(self.answers.currentIndex(), 0)
+            self.answers.clear()
+            self.answers.addItems([answer_line(found, k, unit) for k in range(len(found.answers))])
+            self.answers.setCurrentIndex(min(chosen, len(found.answers) - 1))
+            self.answers.setVisible(len(found.answers) > 1)
+            self._draw_answer()
+
+    @Slot()
+    def _draw_answer(self) -> None:
+        found, shown = self._state.found, self._shown
+        if found is None or shown is None:
+            return
+        answer = self.answers.currentIndex()
+        lines = "".join(
+            f"<tr><td>{name}&nbsp;&nbsp;</td><td align='right'>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
+            for name, value, deviation in rows(found, answer, shown.look.unit)
+        )
+        self.table.setText(f"<table>{lines}</table>")
+        warned = [f"⚠ {warning}" for warning in warnings(found)]
+        told = f"{len(found.request.readings)} readings; ± is one standard deviation"
+        self.told.setText("\n\n".join((share_line(found, answer), told, *warned)))
+
+    @Slot()
+    def _accept(self) -> None:
+        found, shown = self._state.found, self._shown
+        if found is None or shown is None:
+            return
+        values = found.answers[self.answers.currentIndex()].values
+        try:
+            scene, label = fitted(shown.scene, values, found.request.scene.board)
+        except InputError as error:
+            self._refused.setText(f"⚠ {error}")
+            self._refused.show()
+            return
+        self.edited.emit(scene, label, None)
+        self.put_away.emit()
+
+
+def _box(name: str, tip: str, checked: bool) -> QCheckBox:
+    box = QCheckBox(name)
+    box.setToolTip(tip)
+    box.setChecked(checked)
+    return box

@@ -1,0 +1,124 @@
+"""What a fit has found, in words: a table of values and what they are known to, the share that matches, warnings.
+
+Takes what was found and a unit of length; hands on lines and rows. No widgets.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.look.residual_unit import residual_unit
+from sonarhw_gui.work.fit_work import Found
+
+if TYPE_CHECKING:
+    from sonarhw_compare.fit import Estimate, Parameter  # what they load takes half a second
+
+_SLIGHT = 1.0  # degrees
+_NAMES = {
+    "x": "x",
+    "y": "y",
+    "heading": "step 0 at",
+    "offset": "range offset",
+    "temperature": "air",
+    "reflectance": "reflectance",
+}
+
+
+def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
+    """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
+    values = found.answers[answer].values
+    if answer > 0:
+        return [(_name(one), in_words(one, value, unit), "") for one, value in values.items()]
+    estimates = found.result.estimates
+    return [
+        (_name(one), _as_known(one, value, estimates[one.name], unit), _deviation(one, estimates[one.name], unit))
+        for one, value in values.items()
+    ]
+
+
+def share_line(found: Found, answer: int) -> str:
+    """How many echoes matched before, and how many do with this answer."""
+    before, after = (_percent(share) for share in (found.within_5cm, found.answers[answer].within_5cm))
+    return f"within 5 cm: {before} before, {after} with this"
+
+
+def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
+    """An answer in a few words: its pose."""
+    values = found.answers[answer].values
+    pose = {one.kind.value: in_words(one, value, unit) for one, value in values.items()}
+    place = ", ".join(pose[kind] for kind in ("x", "y", "heading") if kind in pose)
+    return f"{answer + 1}: {place or 'no other place'}"
+
+
+def warnings(found: Found) -> list[str]:
+    """What the fit cannot tell, and what became worse."""
+    told = [*found.result.warnings]
+    before, after = found.within_5cm, found.answers[0].within_5cm
+    if before is not None and after is not None and after < before:
+        told.append("fewer echoes match than before: something else is not as the room file says")
+    return told
+
+
+def _name(one: "Parameter") -> str:
+    return f"{_NAMES[one.kind]} {one.of}".strip()
+
+
+def in_words(one: "Parameter", value: float, unit: LengthUnit) -> str:
+    """A value as people read it, with its unit."""
+    match one.kind.value:
+        case "heading":
+            return _signed(f"{_near_zero(math.degrees(value)):z.2f}°")
+        case "offset":
+            small = residual_unit(unit)
+            return _signed(f"{value * small.per_metre:+z.{small.decimals + 1}f} {small.label}")
+        case "temperature":
+            return _signed(f"{value:z.1f} °C")
+        case "reflectance":
+            return f"{value:.3f}"
+    return _signed(unit.text(value))
+
+
+def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
+    """A value with as many digits as it is known to; a position in the unit of its deviation."""
+    if one.kind.value not in ("x", "y"):
+        return in_words(one, value, unit)
+    small = residual_unit(unit)
+    decimals = min(2, _decimals(estimate.deviation * small.per_metre))
+    return _signed(f"{value * small.per_metre:z.{decimals}f} {small.label}")
+
+
+def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
+    match one.kind.value:
+        case "heading":
+            return f"± {_two_figures(math.degrees(estimate.deviation))}°"
+        case "temperature":
+            return f"± {_two_figures(estimate.deviation)} °C"
+        case "reflectance":
+            return f"± {_two_figures(estimate.deviation)}"
+    small = residual_unit(unit)
+    return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
+
+
+def _near_zero(degrees: float) -> float:
+    """A heading from 0 to 360, but just below a whole turn as what it lacks: 359.99 ± 0.03 reads as far off."""
+    turned = round(degrees, 2) % 360
+    return turned - 360 if turned > 360 - _SLIGHT else turned
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _two_figures(deviation: float) -> str:
+    if not math.isfinite(deviation):
+        return "?"
+    return f"{deviation:.{min(_decimals(deviation), 4)}f}"
+
+
+def _decimals(deviation: float) -> int:
+    """How many digits behind the point two figures of it take."""
+    return max(0, 1 - math.floor(math.log10(deviation))) if deviation > 0 and math.isfinite(deviation) else 0
+
+
+def _percent(share: float | None) -> str:
+    return "no echo" if share is None else f"{share:.0%}"

@@ -1,0 +1,154 @@
+"""The replay bar: play, pause, step, go from scan to scan, scrub, loop, skip gaps, speed, and the way out.
+
+Takes the commands that its buttons stand for and how the replay stands; hands on what else the person wants of it.
+"""
+
+import math
+from dataclasses import replace
+
+from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtGui import QAction, QIcon
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.live.playback_speeds import SPEEDS
+from sonarhw_gui.live.replay import ReplayState
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.panels.time_slider import TimeSlider
+from sonarhw_gui.parts.media_icons import (
+    NEXT_SCAN,
+    PAUSE,
+    PLAY,
+    PREVIOUS_SCAN,
+    STEP_BACK,
+    STEP_FORTH,
+    Shape,
+    media_icon,
+)
+
+
+class ReplayBar(QWidget):
+    """Seen only while a log is shown."""
+
+    toggled = Signal()
+    sought = Signal(float)  # s
+    speed_chosen = Signal(float)
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__()
+        self._commands = commands
+        self._look = Look()
+        self._playing = False
+        self.badge = QLabel("REPLAY")
+        self.badge.setToolTip("What is shown was recorded; the scanner is not asked")
+        self.play = QPushButton()
+        self.play.setToolTip(commands.play.toolTip())
+        self.slider = TimeSlider()
+        self.time = QLabel()
+        self.time.setToolTip("Time in the log · readings made by then, of all in it")
+        self.speed = QComboBox()
+        self.speed.setToolTip("How many times as fast as it was recorded")
+        for speed in SPEEDS:
+            self.speed.addItem(speed_name(speed), speed)
+        self._arrange()
+        self.play.clicked.connect(self.toggled)
+        self.slider.sought.connect(self.sought)
+        self.speed.activated.connect(self._choose_speed)
+        self.hide()
+
+    def show_look(self, look: Look) -> None:
+        """Draw in the colours and the text size of this look."""
+        self._look = look
+        self.slider.show_look(look)
+        self.badge.setStyleSheet(
+            f"color: white; background: {look.palette.replay}; border-radius: 4px; padding: 2px 8px; font-weight: bold;"
+        )
+        for action, shape in (
+            (self._commands.previous_scan, PREVIOUS_SCAN),
+            (self._commands.back, STEP_BACK),
+            (self._commands.forth, STEP_FORTH),
+            (self._commands.next_scan, NEXT_SCAN),
+        ):
+            action.setIcon(self._icon(shape))
+        self.time.setFont(text_font(look))
+        self._show_playing()
+
+    def show_state(self, state: ReplayState | None) -> None:
+        """Show how the replay stands; without one the bar goes away."""
+        self.setVisible(state is not None)
+        commands = self._commands
+        for action in (commands.play, commands.back, commands.forth, commands.loop, commands.skip_gaps):
+            action.setEnabled(state is not None)
+        for action in (commands.previous_scan, commands.next_scan, commands.leave_replay):
+            action.setEnabled(state is not None)
+        if state is None:
+            return
+        if self._playing != state.playing:
+            self._playing = state.playing
+            self._show_playing()
+        self.slider.show_state(state)
+        self.time.setText(time_text(state))
+        # as wide as it will be at the end, or the slider moves under the hand at every digit
+        widest = time_text(replace(state, position=state.duration, count=state.total))
+        self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(widest))
+        self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
+        commands.loop.setChecked(state.loop)
+        commands.skip_gaps.setChecked(state.skip_gaps)
+
+    def _arrange(self) -> None:
+        commands = self._commands
+        row = QHBoxLayout(self)
+        row.setContentsMargins(12, 2, 12, 6)
+        row.setSpacing(6)
+        for part in (
+            self.badge,
+            _button(commands.previous_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            self.play,
+            _button(commands.forth, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            _button(commands.next_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
+            self.slider,
+            self.time,
+            self.speed,
+            _button(commands.loop, Qt.ToolButtonStyle.ToolButtonTextOnly),
+            _button(commands.skip_gaps, Qt.ToolButtonStyle.ToolButtonTextOnly),
+            _button(commands.leave_replay, Qt.ToolButtonStyle.ToolButtonTextOnly),
+        ):
+            row.addWidget(part, stretch=1 if part is self.slider else 0)
+
+    @Slot(int)
+    def _choose_speed(self, index: int) -> None:
+        self.speed_chosen.emit(SPEEDS[index])
+
+    def _show_playing(self) -> None:
+        # the longer word decides, or all beside it moves at every click
+        self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
+        self.play.setIcon(self._icon(PAUSE if self._playing else PLAY))
+        self.play.setText("Pause" if self._playing else "Play")
+
+    def _icon(self, shape: Shape) -> QIcon:
+        return media_icon(shape, self._look.palette.ink, self._look.palette.faint, self.devicePixelRatioF())
+
+
+def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:
+    button = QToolButton(toolButtonStyle=style)
+    button.setDefaultAction(action)
+    button.setAutoRepeat(repeats)  # held down it goes on
+    return button
+
+
+def time_text(state: ReplayState) -> str:
+    """Where a replay is, and how much of it has been seen."""
+    return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
+
+
+def clock(seconds: float) -> str:
+    """Minutes, seconds and tenths."""
+    tenths = math.floor(seconds * 10 + 1e-6)
+    return f"{tenths // 600:02d}:{tenths // 10 % 60:02d}.{tenths % 10}"
+
+
+def speed_name(speed: float) -> str:
+    """A speed as it stands in the list."""
+    return "all at once" if math.isinf(speed) else f"{speed:g}×"

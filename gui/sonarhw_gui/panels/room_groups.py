@@ -1,0 +1,201 @@
+"""Groups of the room panel: what they have in common, the sensor in figures, and the chosen wall or post.
+
+Each takes what is shown and hands on edits through the function that it is given.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+from PySide6.QtCore import QSignalBlocker, Signal, Slot
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFormLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+)
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room_writing import materials
+
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.parts.number_field import NumberField
+from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.plan.plan_words import surface_words
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import Edit, kept_place, of_material, sensor_at, sensor_facing, without_surface
+from sonarhw_gui.shown.shown import Shown
+
+_FARTHEST = 1000.0  # m
+_SHORT = 8  # characters that a list asks room for
+
+
+class Change(Protocol):
+    """Does an edit."""
+
+    def __call__(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
+        """`gesture`: edits of the same one are undone together."""
+
+
+class Group(QGroupBox):
+    """A part of the panel with a title, one row an item."""
+
+    def __init__(self, title: str, change: Change) -> None:
+        super().__init__(title)
+        self._change = change
+        self.rows = QFormLayout(self)
+        self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw what is shown; room and place are those of its scene."""
+        raise NotImplementedError
+
+
+class SensorGroup(Group):
+    """Where the sensor stands and where its step 0 points, in figures."""
+
+    def __init__(self, change: Change) -> None:
+        super().__init__("Sensor", change)
+        self._unit = LengthUnit.M
+        self.along_x, self.along_y = (self._field(-_FARTHEST, _FARTHEST, self._move) for _ in range(2))
+        self.heading = self._field(0.0, 360.0, self._turn)
+        self.heading.setDecimals(1)
+        self.heading.setSuffix(" °")
+        self.heading.setWrapping(True)
+        self._gesture = object()
+        for name, field in (("x", self.along_x), ("y", self.along_y), ("Step 0 at", self.heading)):
+            self.rows.addRow(name, field)
+        self.name = QLineEdit(placeholderText="name of this place")
+        self.keep = QPushButton("Keep")
+        self.keep.setToolTip("Write this place into the room by that name")
+        last = QHBoxLayout()
+        last.addWidget(self.name, stretch=1)
+        last.addWidget(self.keep)
+        self.rows.addRow(last)
+        self.keep.clicked.connect(self._keep)
+        self.name.returnPressed.connect(self._keep)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw it."""
+        self._unit = unit = shown.look.unit
+        for field, metres in zip((self.along_x, self.along_y), place.position, strict=True):
+            with QSignalBlocker(field):
+                field.setDecimals(unit.decimals)
+                field.setSuffix(f" {unit.label}")
+                field.setSingleStep(10.0 ** (1 - unit.decimals))
+            _show_number(field, unit.of(metres))
+        _show_number(self.heading, math.degrees(place.heading) % 360)
+
+    def _field(self, low: float, high: float, changed: Callable[[], None]) -> NumberField:
+        field = NumberField(low, high)
+        field.valueChanged.connect(changed)
+        field.editingFinished.connect(self._finish)
+        return field
+
+    @Slot()
+    def _finish(self) -> None:
+        self._gesture = object()
+
+    @Slot()
+    def _move(self) -> None:
+        to = self._unit.metres(self.along_x.value()), self._unit.metres(self.along_y.value())
+        self._change(lambda scene: sensor_at(scene, to), self._gesture)
+
+    @Slot()
+    def _keep(self) -> None:
+        name = self.name.text().strip()
+        if name:
+            self._change(lambda scene: kept_place(scene, name))
+            self.name.clear()
+
+    @Slot()
+    def _turn(self) -> None:
+        to = math.radians(self.heading.value())
+        self._change(lambda scene: sensor_facing(scene, to), self._gesture)
+
+
+class SurfaceGroup(Group):
+    """One wall or post: of what it is made."""
+
+    chosen = Signal(object)  # its name, or None
+
+    def __init__(self, change: Change) -> None:
+        super().__init__("Wall or post", change)
+        self.surface, self.material = short_list(), short_list()
+        self.words = QLabel(wordWrap=True)
+        self.remove = QPushButton("Remove")
+        self.remove.setToolTip("Take it out of the room (Del)")
+        self._room: Room | None = None
+        self._wanted = ""  # the name of the one that it is about
+        for name, field in (("Name", self.surface), ("Material", self.material), ("", self.words), ("", self.remove)):
+            self.rows.addRow(name, field)
+        self.surface.activated.connect(self._choose)
+        self.material.textActivated.connect(self._make)
+        self.remove.clicked.connect(self._remove)
+
+    def draw(self, shown: Shown, room: Room, place: Place) -> None:
+        """Draw it."""
+        if room is self._room:
+            return
+        self._room = room
+        show_names(self.surface, room.names, self._wanted)
+        show_names(self.material, materials(room), "")
+        self._draw_surface(room)
+
+    def choose(self, name: str | None) -> None:
+        """Be about another one, if need be one that is still to come."""
+        self._wanted = name or self._wanted
+        if self._room is not None and self._wanted in self._room.names:
+            self.surface.setCurrentText(self._wanted)
+            self._draw_surface(self._room)
+
+    def _draw_surface(self, room: Room) -> None:
+        number = self.surface.currentIndex()
+        self.material.setCurrentText(room.materials[number])
+        self.words.setText(surface_words(room, number))
+        self.remove.setEnabled(number not in room.levels)
+
+    @Slot(int)
+    def _choose(self, number: int) -> None:
+        if self._room is not None:
+            self._wanted = self._room.names[number]
+            self._draw_surface(self._room)
+            self.chosen.emit(None if number in self._room.levels else self._wanted)
+
+    @Slot(str)
+    def _make(self, material: str) -> None:
+        number = self.surface.currentIndex()
+        if self._room is not None and self._room.materials[number] != material:
+            self._change(lambda scene: of_material(scene, number, material))
+
+    @Slot()
+    def _remove(self) -> None:
+        number = self.surface.currentIndex()
+        self._change(lambda scene: without_surface(scene, number))
+
+
+def short_list() -> QComboBox:
+    """A list that does not widen the panel for a long name."""
+    field = QComboBox()
+    field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    field.setMinimumContentsLength(_SHORT)
+    take_the_wheel_with_the_focus_only(field)
+    return field
+
+
+def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
+    """Let a list hold those names, one of them chosen if it is among them."""
+    wanted = [*names]
+    with QSignalBlocker(field):
+        if [field.itemText(k) for k in range(field.count())] != wanted:
+            field.clear()
+            field.addItems(wanted)
+        field.setCurrentIndex(wanted.index(current) if current in wanted else 0)
+
+
+def _show_number(field: NumberField, value: float) -> None:
+    if abs(field.value() - value) >= 10.0 ** -field.decimals() / 2:
+        with QSignalBlocker(field):
+            field.setValue(value)

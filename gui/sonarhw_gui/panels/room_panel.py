@@ -1,0 +1,76 @@
+"""The room panel: where the sensor stands, what the room is made of, its air, and how an echo is received.
+
+Takes what is shown; hands on edits, each an undoable step: one drag of a slider is one.
+"""
+
+from collections.abc import Callable
+
+from PySide6.QtCore import Signal, Slot
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+
+from sonarhw.errors import InputError
+from sonarhw_gui.panels.hearing_groups import AirGroup, HearingGroup
+from sonarhw_gui.panels.material_group import MaterialGroup
+from sonarhw_gui.panels.room_groups import Group, SensorGroup, SurfaceGroup
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import Edit
+from sonarhw_gui.shown.shown import Shown
+
+_LEAST_WIDTH = 290  # pixels
+
+
+class RoomPanel(QWidget):
+    """Everything about the room that is not drawn with a hand."""
+
+    edited = Signal(object, str, object)  # Scene, what was done, gesture
+    surface_chosen = Signal(object)  # name of a wall or post, or None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setMinimumWidth(_LEAST_WIDTH)
+        self._shown: Shown | None = None
+        self._refused = QLabel(wordWrap=True)
+        self._refused.hide()
+        self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
+        self.materials = MaterialGroup(self.change)
+        self.air, self.hearing = AirGroup(self.change), HearingGroup(self.change)
+        self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.hearing)
+        column = QVBoxLayout(self)
+        column.addWidget(self._refused)
+        for group in self._groups:
+            column.addWidget(group)
+        column.addStretch(1)
+        self.surface.chosen.connect(self.surface_chosen)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is not None and before.scene is shown.scene and before.look == shown.look:
+            return
+        self._draw(shown)
+
+    @Slot(object)
+    def choose_surface(self, name: str | None) -> None:
+        """Be about a wall or post that was chosen elsewhere."""
+        self.surface.choose(name)
+
+    def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
+        """Do an edit to the scene that is shown; what cannot be is told and not done."""
+        if self._shown is None:
+            return
+        try:
+            scene, label = edit(self._shown.scene)
+        except InputError as error:
+            self._refused.setText(f"⚠ {error}")
+            self._refused.show()
+            self._draw(self._shown)  # as it was
+            return
+        self._refused.hide()
+        self.edited.emit(scene, label, gesture)
+
+    def _draw(self, shown: Shown) -> None:
+        room, place = shown.scene.room, shown.scene.place
+        for group in self._groups:
+            group.setEnabled(room is not None)
+            if room is not None and place is not None:
+                group.draw(shown, room, place)

@@ -1,0 +1,1 @@
+"""Small widgets and drawing functions without knowledge of sonar."""

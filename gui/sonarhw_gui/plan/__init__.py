@@ -1,0 +1,1 @@
+"""The plan view of the room, and the tools that edit it."""

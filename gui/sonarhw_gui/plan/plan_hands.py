@@ -1,0 +1,210 @@
+"""The hand on the plan: mouse and keys go to the tool it holds, and what the tool does becomes an edit, a word, a line.
+
+Takes the plan it works on; hands on edits through the plan's signals. It is the `Table` of the tools.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
+from PySide6.QtCore import QPointF, Qt
+
+from sonarhw.errors import InputError
+from sonarhw_gui.plan.plan_tools import Hand, Tool
+from sonarhw_gui.plan.plan_words import words_at
+from sonarhw_gui.plots.pick import is_plain_click
+from sonarhw_gui.scene.grips import Grip, Part, surface_at
+from sonarhw_gui.scene.room_edit import Point
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, sensor_turned, with_corner, without_surface
+from sonarhw_gui.shown.shown import Cursor, Shown
+
+if TYPE_CHECKING:
+    from sonarhw_gui.plan.plan_view import PlanView
+
+NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key stroke
+_PAUSE = 1.0  # s: key strokes closer than this are undone together
+_GRIPPED = {Part.SENSOR: Qt.CursorShape.OpenHandCursor, Part.BEAM: Qt.CursorShape.PointingHandCursor}
+
+
+class PlanHands:
+    """Holds a tool, and remembers which wall or post is chosen."""
+
+    def __init__(self, plan: "PlanView") -> None:
+        self._plan = plan
+        self.tool: Tool = Hand(self)
+        self._busy = False  # in a gesture
+        self._over = False  # what remains of the gesture does nothing: it was cancelled
+        self.chosen: str | None = None  # by name: numbers change
+        self._before: str | None = None  # chosen, as the drag began
+        self.clock: Callable[[], float] = time.monotonic
+        self._nudged, self._nudging = -math.inf, object()
+        self._asked: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
+
+    # the table of the tools
+
+    @property
+    def shown(self) -> Shown:
+        """What lies on it."""
+        assert self._plan.shown is not None, "nothing is shown yet"
+        return self._plan.shown
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with all edits, those that are not shown yet as well."""
+        if self._asked is not None and self._asked[1] is self.shown:
+            return self._asked[0]
+        return self.shown.scene
+
+    @property
+    def handle_at(self) -> Point | None:
+        """Where the beam can be taken hold of, m."""
+        return self._plan.sensor.handle_at
+
+    @property
+    def pixel(self) -> float:
+        """How long one is, m."""
+        return float(abs(self._plan.plotItem.vb.viewPixelSize()[0]))
+
+    def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
+        """Do an edit to the scene as it was when the gesture began; what cannot be is told and not done."""
+        try:
+            changed, label = edit(scene)
+        except InputError as error:
+            self.tell(f"⚠ {error}")
+            return False
+        self.tell("")
+        self._asked = changed, self.shown
+        self._plan.edited.emit(changed, label, gesture)
+        return True
+
+    def choose_surface(self, name: str | None) -> None:
+        """Let a wall or post be the one that keys and panel are about."""
+        if name != self.chosen:
+            self.chosen = name
+            self._plan.draw_room()
+            self._plan.surface_chosen.emit(name)
+
+    def measure(self, start: Point, end: Point, text: str) -> None:
+        """Lay the ruler."""
+        self._plan.ruler.draw(start, end, text)
+
+    def tell(self, text: str) -> None:
+        """Say something beside the tools."""
+        self._plan.told.emit(text)
+
+    # keys and buttons
+
+    @property
+    def chosen_surface(self) -> int | None:
+        """Number of the chosen wall or post."""
+        room = self.scene.room if self._plan.shown else None
+        return room.names.index(self.chosen) if room and self.chosen in room.names else None
+
+    def hold(self, tool: type[Tool]) -> None:
+        """Take another tool."""
+        self.tool = tool(self)
+        self._plan.ruler.clear()
+        self._plan.setCursor(self.tool.shape)
+        self._plan.draw_room()
+        self.tell("")
+
+    def remove_chosen(self) -> None:
+        """Take out the chosen wall or post."""
+        surface = self.chosen_surface
+        if surface is None:
+            self.tell("click a wall or a post with Edit (E) first")
+        elif self.change(lambda scene: without_surface(scene, surface), self.scene, None):
+            self.choose_surface(None)
+
+    def nudge(self, right: int, up: int) -> None:
+        """Move the sensor by so many small steps; where the tool edits, the chosen wall or post."""
+        surface, room = self.chosen_surface, self.scene.room
+        by = right * NUDGE, up * NUDGE
+        if self.tool.edits and surface is not None and room is not None:
+            part = Part.WALL if surface < len(room.walls) else Part.POST
+            self._by_key(lambda scene: dragged(scene, Grip(part, (0.0, 0.0), surface), by))
+        else:
+            self._by_key(lambda scene: dragged(scene, Grip(Part.SENSOR, (0.0, 0.0)), by))
+
+    def turn(self, left: int) -> None:
+        """Turn the sensor counter-clockwise by so many small steps."""
+        self._by_key(lambda scene: sensor_turned(scene, left * TURN))
+
+    def _by_key(self, edit: Callable[[Scene], Edit]) -> None:
+        now = self.clock()
+        if now - self._nudged > _PAUSE:
+            self._nudging = object()
+        self._nudged = now
+        self.change(edit, self.scene, self._nudging)
+
+    # the mouse
+
+    def drag(self, event: MouseDragEvent) -> bool:
+        """Offer a drag to the tool; whether it took it."""
+        if self._plan.shown is None:
+            return False
+        if event.isStart():
+            self._before = self.chosen
+            self._busy, self._over = self.tool.press(self._at(event.buttonDownScenePos())), False
+        taken = self._busy
+        if taken and not self._over:
+            self.tool.drag(self._at(event.scenePos()))
+        if event.isFinish():
+            self._busy = False
+        return taken
+
+    def let_go(self) -> bool:
+        """Undo the drag under way, and do nothing more until the button is up; whether there was one."""
+        if not self._busy or self._over:
+            return self._busy
+        self._over, self._asked = True, None
+        self._plan.cancelled.emit(self.tool.gesture)
+        self.choose_surface(self._before)
+        self._plan.ruler.clear()
+        self.tell("")
+        return True
+
+    def click(self, event: MouseClickEvent) -> None:
+        """Choose a surface where the tool edits, else ask about a reading."""
+        if self._plan.shown is None or not is_plain_click(event):
+            return
+        room = self.scene.room
+        if room is None or not self.tool.edits:
+            self._plan.pick(event)
+            return
+        at = self._at(event.scenePos())
+        surface = surface_at(room, at, self.pixel)
+        if event.double() and surface is not None and surface < len(room.walls):
+            self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
+        else:
+            self.choose_surface(None if surface is None else room.names[surface])
+
+    def hover(self, position: QPointF) -> None:
+        """Say what lies there, and point at it in all views."""
+        if self._plan.shown is None or self._busy:
+            return
+        if not self._plan.plotItem.vb.sceneBoundingRect().contains(position):
+            self.leave()
+            return
+        at = self._at(position)
+        grip = self.tool.grip(at)
+        shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
+        self._plan.setCursor(shape)
+        self.tell(words_at(self.shown, grip, at, self.pixel))
+        middle = self.shown.scene.standing.position
+        self._plan.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
+
+    def leave(self) -> None:
+        """Nothing is pointed at any more."""
+        self._plan.pointed.emit(None)
+        self.tell("")
+
+    def _at(self, position: QPointF) -> Point:
+        """A point of the plan under the mouse; none that cannot be seen."""
+        box = self._plan.plotItem.vb
+        seen = box.mapSceneToView(position)
+        (left, right), (low, high) = box.viewRange()
+        return min(max(seen.x(), left), right), min(max(seen.y(), low), high)

@@ -1,0 +1,265 @@
+"""The layers of the plan: room, sensor with its beam, rays of one path, cursor, ruler. Each draws its part.
+
+Takes a plot and what is shown; changes the plot.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QPainterPath
+from PySide6.QtWidgets import QGraphicsPathItem
+from sonarhw_compare.pictures.points import points_at
+from sonarhw_sim.room.model import Room
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.plot_look import cosmetic_pen
+from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, bounce_losses, half_power_angle, wall_lines
+from sonarhw_gui.scene.room_edit import Point, corners
+from sonarhw_gui.shown.shown import Shown
+
+_BEAM_LENGTH, _HANDLE = 0.3, 0.12  # of the room's diagonal
+_MOST_LABELLED = 9  # points; labels at more would hide the rays
+_AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in their own size
+_ROWS = 4  # in which a label looks for a place above and below its point
+_SENSOR = 14  # pixels
+_NOTHING = np.empty((0, 2))
+
+
+class RoomLayer:
+    """Walls and posts, the one that is chosen thicker, and the corners where they can be dragged."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._walls = pg.PlotCurveItem(connect="pairs")
+        self._posts, self._chosen_post = QGraphicsPathItem(), QGraphicsPathItem()
+        self._posts.setPen(pg.mkPen(None))
+        self._chosen_wall = pg.PlotCurveItem()
+        self._corners = Spots(size=8, symbol="s", brush=None)
+        self._corners.setZValue(20)  # over readings
+        for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
+            plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        colours = look.palette
+        self._walls.setPen(cosmetic_pen(colours.wall, width=2))
+        self._posts.setBrush(pg.mkBrush(colours.wall))
+        self._chosen_wall.setPen(cosmetic_pen(colours.chosen, width=5))
+        self._chosen_post.setPen(cosmetic_pen(colours.chosen, width=4))
+        self._corners.setPen(cosmetic_pen(colours.ink, width=1))
+
+    def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
+        """Draw a room with the surface of that name chosen; `handles`: with its corners."""
+        chosen = room.names.index(name) if room and name in room.names else None
+        self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
+        self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
+        self._corners.setData(*(np.array(corners(room)) if room and handles else _NOTHING).T)
+        self._corners.setVisible(handles)
+        wall, post = _NOTHING, np.empty((0, 3))
+        if room and chosen is not None and chosen < len(room.walls):
+            wall = room.walls[chosen].reshape(2, 2)
+        elif room and chosen is not None and chosen not in room.levels:
+            post = room.posts[chosen - len(room.walls)][None]
+        self._chosen_wall.setData(*wall.T)
+        self._chosen_post.setPath(_posts_path(post))
+
+
+class SensorLayer:
+    """The sensor, the beam that the chosen reading was made with, and where the turntable stands meanwhile."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self.handle_at: Point | None = None
+        self._beam = pg.PlotCurveItem(pen=None, fillLevel="enclosed")
+        self._axis, self._turntable = pg.PlotCurveItem(), pg.PlotCurveItem()
+        self._handle = Spots(size=11, symbol="o")
+        self._sensor = Spots(size=_SENSOR, symbol="d")
+        for z, item in (
+            (-10, self._beam),
+            (-9, self._axis),
+            (-9, self._turntable),
+            (21, self._handle),
+            (22, self._sensor),
+        ):
+            item.setZValue(z)
+            plot.addItem(item, ignoreBounds=item is not self._sensor)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        colours = look.palette
+        self._beam.setBrush(colours.beam)
+        self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
+        self._turntable.setPen(cosmetic_pen(colours.faint, width=1, style=Qt.PenStyle.DotLine))
+        self._handle.setPen(cosmetic_pen(colours.ink, width=1.5))
+        self._handle.setBrush(pg.mkBrush(colours.beam))
+        self._sensor.setPen(cosmetic_pen(colours.paper))
+        self._sensor.setBrush(pg.mkBrush(colours.ink))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw it as it looked at the chosen reading, dotted where it looks now; before the first as it stands."""
+        scene, room = shown.scene, shown.scene.room
+        self._sensor.setData(*np.array([scene.standing.position]).T)
+        wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
+        if room is not None:
+            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
+            heading = newest if shown.chosen is None else shown.heading(shown.chosen)
+            size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
+            length, handle = _BEAM_LENGTH * size, _HANDLE * size
+            wedge = beam_wedge(scene.standing, heading, half_power_angle(scene.board, room), length)
+            axis = points_at(scene.standing.position, np.full(3, heading), np.array([0.0, handle, length]))
+            self.handle_at = float(axis[1, 0]), float(axis[1, 1])
+            if newest != heading:
+                turntable = points_at(scene.standing.position, np.full(2, newest), np.array([0.0, handle]))
+        self._beam.setData(*wedge.T)
+        self._axis.setData(*axis.T)
+        self._turntable.setData(*turntable.T)
+        self._handle.setData(*axis[1:2].T)
+
+
+class PathLayer:
+    """The path that accounts for the chosen reading, bounce by bounce, with what each takes of it."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._rays = pg.PlotCurveItem()
+        self._labels = [_label() for _ in range(_MOST_LABELLED)]
+        self._told: list[tuple[str, FloatArray]] = []
+        self._sensor: Point = (0.0, 0.0)
+        self._colour = "k"
+        for item in (self._rays, *self._labels):
+            plot.addItem(item)
+        plot.vb.sigRangeChanged.connect(self._lay_out)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._colour = look.palette.chosen
+        for label in self._labels:
+            label.setColor(look.palette.paper)
+            label.fill = pg.mkBrush(look.palette.chosen)
+            label.setFont(text_font(look, 0.8))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw it; where no path accounts for the reading, dotted the one that was expected."""
+        points, losses, accounts = _chosen_path(shown)
+        style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
+        self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
+        self._rays.setData(*points.T)
+        self._told, self._sensor = bounce_labels(points, losses), shown.scene.standing.position
+        for k, label in enumerate(self._labels):
+            label.setVisible(k < len(self._told))
+            if k < len(self._told):
+                label.setText(self._told[k][0])
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Put the labels where each can be read: how near they are depends on how much of the room is seen."""
+        taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
+        for label, (_, at) in zip(self._labels, self._told, strict=False):
+            _set_beside(label, at, taken)
+
+
+class CursorLayer:
+    """Where a hand points in another view."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._cross = Spots(size=17, symbol="crosshair", brush=None)
+        self._cross.setZValue(25)
+        plot.addItem(self._cross, ignoreBounds=True)
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
+
+    def draw(self, shown: Shown) -> None:
+        """Draw it; nothing where nothing is pointed at."""
+        at, cursor = _NOTHING, shown.cursor
+        if cursor is not None:
+            at = points_at(shown.scene.standing.position, np.array([cursor.heading]), np.array([cursor.range]))
+        self._cross.setData(*at.T)
+        self._cross.setVisible(cursor is not None)  # what is not seen costs no time
+
+
+class RulerLayer:
+    """A line between two points, with its length and direction written beside it."""
+
+    def __init__(self, plot: pg.PlotItem) -> None:
+        self._line = pg.PlotCurveItem()
+        self._ends = Spots(size=13, symbol="crosshair", brush=None)
+        self.label = pg.TextItem()
+        for item in (self._line, self._ends, self.label):
+            item.setZValue(40)
+            plot.addItem(item, ignoreBounds=True)
+        self.clear()
+
+    def dress(self, look: Look) -> None:
+        """Draw in this look from now on."""
+        self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
+        self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))
+        self.label.setColor(look.palette.ink)
+        self.label.fill = pg.mkBrush(look.palette.tip_paper)
+        self.label.setFont(text_font(look))
+
+    def draw(self, start: Point, end: Point, text: str) -> None:
+        """Lay it from one point to another."""
+        ends = np.array([start, end])
+        self._line.setData(*ends.T)
+        self._ends.setData(*ends.T)
+        self.label.setText(text)
+        _set_beside(self.label, ends[1], [])
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(True)
+
+    def clear(self) -> None:
+        """Take it away."""
+        for item in (self._line, self._ends, self.label):
+            item.setVisible(False)
+
+
+def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
+    """Corners and losses of the path of the chosen reading; whether it accounts for it or was only expected."""
+    row, prediction = shown.chosen_row, shown.prediction
+    if row is None or prediction is None or prediction.place.position != shown.scene.standing.position:
+        return _NOTHING, [], False
+    path = row.path if row.path is not None else int(prediction.winners[row.index])
+    if path < 0:
+        return _NOTHING, [], False
+    return prediction.paths.outline(path), bounce_losses(prediction, path), row.path is not None
+
+
+def _posts_path(posts: FloatArray) -> QPainterPath:
+    path = QPainterPath()
+    for x, y, radius in posts:
+        path.addEllipse(QRectF(x - radius, y - radius, 2 * radius, 2 * radius))
+    return path
+
+
+def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
+    """Put a label beside a point, where there is more room to be seen and no other label of these places stands."""
+    label.setPos(*at)
+    box = label.getViewBox()
+    if box is None:
+        return
+    (left, right), (low, high) = box.viewRange()
+    across = (_AFTER, _BEFORE) if at[0] < (left + right) / 2 else (_BEFORE, _AFTER)
+    along = (_ABOVE, _BELOW) if at[1] < (low + high) / 2 else (_BELOW, _ABOVE)
+    point, size = box.mapViewToScene(QPointF(*at)), label.textItem.boundingRect().size()
+    beside = [(x, y) for x in across for y in along]
+    sides = [(x, y + math.copysign(row, y)) for row in range(_ROWS) for x, y in beside]
+    places = [QRectF(QPointF(point.x() - x * size.width(), point.y() - y * size.height()), size) for x, y in sides]
+    free = next((k for k, place in enumerate(places) if not any(map(place.intersects, taken))), 0)
+    label.setAnchor(sides[free])
+    taken.append(places[free])
+
+
+def _sensor_box(box: pg.ViewBox, at: Point) -> QRectF:
+    middle = box.mapViewToScene(QPointF(*at))
+    return QRectF(middle.x() - _SENSOR / 2, middle.y() - _SENSOR / 2, _SENSOR, _SENSOR)
+
+
+def _label() -> pg.TextItem:
+    item = pg.TextItem()
+    item.setZValue(30)
+    item.setVisible(False)
+    return item

@@ -1,0 +1,87 @@
+"""The plan with its tools above it, one key each, and a line that says what lies under the hand.
+
+Takes the plan; hands on the actions of its tools (`actions()`), which a help page can list.
+"""
+
+from functools import partial
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QAction, QActionGroup, QKeySequence
+from PySide6.QtWidgets import QHBoxLayout, QToolButton, QVBoxLayout, QWidget
+
+from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.plan.plan_tools import TOOLS
+from sonarhw_gui.plan.plan_view import PlanView
+
+_MOVES = {"Left": (-1, 0), "Right": (1, 0), "Down": (0, -1), "Up": (0, 1)}
+_ZOOM = 1.25
+_TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
+
+
+class PlanPanel(QWidget):
+    """Tools over a plan."""
+
+    def __init__(self, view: PlanView) -> None:
+        super().__init__()
+        self.view = view
+        self.tools = QActionGroup(self)
+        self.said = ElidedLabel()
+        view.told.connect(self.said.setText)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self._bar())
+        column.addWidget(view, stretch=1)
+        self._add_keys()
+
+    def _bar(self) -> QWidget:
+        bar = QWidget()
+        row = QHBoxLayout(bar)
+        row.setContentsMargins(6, 2, 8, 2)
+        row.setSpacing(2)
+        for tool in TOOLS:
+            action = self._action(tool.name, tool.key, tool.tip)
+            action.setCheckable(True)
+            action.setData(tool)
+            self.tools.addAction(action)
+            row.addWidget(_button(action))
+        self.remove = self._action("Remove", "Del", "Take out the chosen wall or post")
+        self.remove.triggered.connect(self.view.hands.remove_chosen)
+        row.addWidget(_button(self.remove))
+        row.addSpacing(8)
+        row.addWidget(self.said, stretch=1)
+        self.tools.actions()[0].setChecked(True)
+        self.tools.triggered.connect(self._hold)
+        return bar
+
+    def _add_keys(self) -> None:
+        hands = self.view.hands
+        for side, by in _MOVES.items():
+            tip = "By 1 cm: the sensor; in Edit, the chosen wall or post"
+            self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(hands.nudge, *by))
+        for side, (key, steps) in _TURNS.items():
+            action = self._action(f"Turn {side}", key, "Turn the sensor by a degree")
+            action.triggered.connect(partial(hands.turn, steps))
+        for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
+            action = self._action(name, key, "The wheel does it about the mouse")
+            action.triggered.connect(partial(self.view.zoom, scale))
+        for side, by in _MOVES.items():
+            action = self._action(f"Look {side.lower()}", f"Ctrl+Shift+{side}", "Move the paper by a tenth of the view")
+            action.triggered.connect(partial(self.view.pan, *by))
+
+    def _action(self, text: str, key: str, tip: str) -> QAction:
+        action = QAction(text, self, shortcut=QKeySequence(key), toolTip=f"{tip} ({key})", statusTip=tip)
+        self.addAction(action)
+        return action
+
+    @Slot(QAction)
+    def _hold(self, action: QAction) -> None:
+        self.view.hands.hold(action.data())
+
+
+def _button(action: QAction) -> QToolButton:
+    button = QToolButton(autoRaise=True)
+    button.setDefaultAction(action)
+    button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keys stay with the window
+    return button

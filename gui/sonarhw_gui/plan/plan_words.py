@@ -1,0 +1,57 @@
+"""What lies under the hand in the plan, in words: wall and material, the sensor, or merely where one points.
+
+Takes what is shown and a point; hands on one line.
+"""
+
+import math
+
+from sonarhw_compare.headings import heading_text
+from sonarhw_sim.room.model import Room
+
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.scene.grips import Grip, Part, surface_at
+from sonarhw_gui.scene.plan_geometry import decibels_text
+from sonarhw_gui.scene.room_edit import Point
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import bearing
+from sonarhw_gui.shown.shown import Shown
+
+
+def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
+    """One line on what a hand would take hold of at a point, or on what is there."""
+    scene, unit = shown.scene, shown.look.unit
+    place = point_words(at, unit)
+    if grip is not None and grip.part is Part.SENSOR:
+        return f"sensor, {standing_words(scene, unit)}; drag to move it"
+    if grip is not None and grip.part is Part.BEAM:
+        return f"beam, {standing_words(scene, unit)}; drag to turn it"
+    if grip is not None and grip.part is Part.CORNER:
+        return f"corner, {place}; drag to move it"
+    room = scene.room
+    surface = surface_at(room, at, pixel) if room else None
+    if room is not None and surface is not None:
+        return surface_words(room, surface)
+    middle = scene.standing.position
+    away = f"{unit.text(math.dist(middle, at))} at {heading_text(bearing(middle, at))} from the sensor"
+    return f"{place} · {away}"
+
+
+def surface_words(room: Room, surface: int) -> str:
+    """A wall or post with its material and what that takes of an echo."""
+    mirrored = float(room.reflectances[surface])
+    loss = f" ({decibels_text(20 * math.log10(mirrored))})" if mirrored > 0 else ""
+    power = mirrored**2 + float(room.scattered[surface]) ** 2
+    scatters = f", scatters {float(room.scattered[surface]) ** 2 / power:.0%}" if room.scattered[surface] else ""
+    return f"{room.names[surface]} · {room.materials[surface]}, reflectance {math.sqrt(power):.2f}{scatters}{loss}"
+
+
+def point_words(at: Point, unit: LengthUnit) -> str:
+    """A point as people read it."""
+    return f"x {unit.text(at[0])}, y {unit.text(at[1])}"
+
+
+def standing_words(scene: Scene, unit: LengthUnit) -> str:
+    """Where the sensor stands and looks; said, too, where that is outside the walls."""
+    place = scene.standing
+    outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
+    return f"{point_words(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"

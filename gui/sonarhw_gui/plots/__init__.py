@@ -1,0 +1,1 @@
+"""What all plots share: axes, marks, picking and export as a picture."""

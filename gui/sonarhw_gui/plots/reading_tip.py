@@ -1,0 +1,30 @@
+"""What hovers over a reading: number, heading, measured, predicted, what lies between, class.
+
+Takes what is shown and the index of a reading; hands on a few short lines.
+"""
+
+from sonarhw_compare.headings import heading_text
+
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.look.palette import MARKS
+from sonarhw_gui.look.residual_unit import residual_unit
+from sonarhw_gui.shown.shown import Shown
+
+
+def reading_tip(shown: Shown, index: int) -> str:
+    """The reading in a few lines."""
+    reading, row = shown.readings[index], shown.row(index)
+    lines = [f"reading {index} at {heading_text(shown.heading(index))}"]
+    lines.append(f"measured {_length(reading.range, shown.look.unit)}")
+    if row is not None:
+        lines.append(f"predicted {_length(row.predicted, shown.look.unit)}")
+        if row.residual is not None:
+            unit = residual_unit(shown.look.unit)
+            lines.append(f"residual {unit.text(row.residual)} {unit.label}")
+        if row.kind in MARKS:
+            lines.append(f"{MARKS[row.kind].name}: {MARKS[row.kind].meaning}")
+    return "\n".join(lines)
+
+
+def _length(distance: float | None, unit: LengthUnit) -> str:
+    return "no echo" if distance is None else unit.text(distance)

@@ -1,0 +1,140 @@
+"""Pictures of views: what is on the screen, with its legend, as pixels or as lines that can be scaled.
+
+Takes a view and what stands over it; hands on plain arrays and text, which a thread writes. Draws, and so runs in the
+window's own thread.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QBuffer, QIODevice, QPoint, QRect, QRectF, QSize, Qt
+from PySide6.QtGui import QBrush, QColor, QImage, QPainter
+from PySide6.QtSvg import QSvgGenerator
+from PySide6.QtWidgets import QGraphicsItem, QLabel, QWidget
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.legend import Legend
+from sonarhw_gui.parts.pixels import Pixels
+
+_SVG_RESOLUTION = 96  # pixels an inch, of every program that draws SVG
+_RATIO = 2  # pixels for one of the screen: pictures are for paper, too
+
+
+def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
+    """The view with its title and legend; without a title the widget alone."""
+    parts = _with_legend(widget, title, look)
+    size = _size(parts) * _RATIO
+    image = QImage(size, QImage.Format.Format_RGBA8888)
+    image.fill(QColor(look.palette.paper))
+    image.setDevicePixelRatio(_RATIO)
+    with QPainter(image) as painter:
+        _draw(painter, parts)
+    rows = np.frombuffer(image.constBits(), np.uint8).reshape(size.height(), image.bytesPerLine())
+    return rows[:, : 4 * size.width()].reshape(size.height(), size.width(), 4).copy()
+
+
+def svg_text(widget: QWidget, title: str, look: Look) -> str:
+    """The same as SVG, scaled as Qt does it: see `sonarhw_gui.parts.svg_strokes`.
+
+    What lies in a plot's box is a drawing within the drawing: Qt's generator clips nothing.
+    """
+    parts = _with_legend(widget, title, look)
+    size = _size(parts)
+    boxes = [box for view in _graphics_views(widget) for box in _items(view, pg.ViewBox)]
+    with _faded([box.childGroup for box in boxes]):
+        whole = _svg(QRect(QPoint(0, 0), size), look, partial(_draw, parts=parts))
+    below = size.height() - widget.height()
+    insets = []
+    for view in _graphics_views(widget):
+        offset = (QPoint(0, 0) if view is widget else view.mapTo(widget, QPoint(0, 0))) + QPoint(0, below)
+        with _faded(_items(view, pg.AxisItem)):
+            insets += [_inset(view, box, offset) for box in _items(view, pg.ViewBox)]
+    return whole.replace("</svg>", "".join((*insets, "</svg>")))
+
+
+def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
+    """The content of a box, as an element that clips it."""
+    seen = view.mapFromScene(box.sceneBoundingRect()).boundingRect()
+    drawn = _svg(QRect(QPoint(0, 0), seen.size()), None, lambda painter: _draw_seen(painter, view, seen))
+    at = offset + seen.topLeft()
+    place = f'x="{at.x()}" y="{at.y()}" width="{seen.width()}" height="{seen.height()}" overflow="hidden"'
+    return re.sub(r'<svg width="[^"]*" height="[^"]*"', f"<svg {place}", drawn[drawn.index("<svg") :], count=1)
+
+
+def _draw_seen(painter: QPainter, view: pg.GraphicsView, seen: QRect) -> None:
+    paper = view.backgroundBrush()
+    view.setBackgroundBrush(QBrush())  # the grid lies below
+    try:
+        view.render(painter, QRectF(QPoint(0, 0), seen.size()), seen)
+    finally:
+        view.setBackgroundBrush(paper)
+
+
+def _svg(area: QRect, look: Look | None, draw: Callable[[QPainter], None]) -> str:
+    buffer, generator = QBuffer(), QSvgGenerator()
+    buffer.open(QIODevice.OpenModeFlag.WriteOnly)
+    generator.setOutputDevice(buffer)
+    generator.setSize(area.size())
+    generator.setViewBox(area)
+    generator.setResolution(_SVG_RESOLUTION)
+    with QPainter(generator) as painter:
+        if look is not None:
+            painter.fillRect(area, QColor(look.palette.paper))
+        draw(painter)
+    return bytes(buffer.data().data()).decode()
+
+
+def _graphics_views(widget: QWidget) -> list[pg.GraphicsView]:
+    inside = [view for view in widget.findChildren(pg.GraphicsView) if view.isVisibleTo(widget)]
+    return [widget, *inside] if isinstance(widget, pg.GraphicsView) else inside
+
+
+def _items(view: pg.GraphicsView, kind: type[QGraphicsItem]) -> list[Any]:
+    return [item for item in view.scene().items() if isinstance(item, kind) and item.isVisible()]
+
+
+@contextmanager
+def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
+    """Draw without them; nothing that listens to them notices."""
+    before = [item.opacity() for item in items]
+    for item in items:
+        item.setOpacity(0.0)
+    try:
+        yield
+    finally:
+        for item, opacity in zip(items, before, strict=True):
+            item.setOpacity(opacity)
+
+
+def _with_legend(widget: QWidget, title: str, look: Look) -> Sequence[QWidget]:
+    if not title:
+        return (widget,)
+    width = widget.width()
+    head, legend = QLabel(title), Legend()
+    head.setTextFormat(Qt.TextFormat.PlainText)
+    head.setContentsMargins(8, 6, 8, 2)
+    legend.show_look(look)
+    for part in (head, legend):
+        part.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)
+    head.resize(width, head.sizeHint().height())
+    legend.resize(width, legend.heightForWidth(width))
+    return head, legend, widget
+
+
+def _size(parts: Sequence[QWidget]) -> QSize:
+    return QSize(max(part.width() for part in parts), sum(part.height() for part in parts))
+
+
+def _draw(painter: QPainter, parts: Sequence[QWidget]) -> None:
+    top = 0
+    for part in parts:
+        painter.save()
+        painter.translate(0, top)
+        QWidget.render(part, painter, QPoint(0, 0))  # a graphics view has another one, of its scene alone
+        painter.restore()
+        top += part.height()

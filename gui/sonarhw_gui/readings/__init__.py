@@ -1,0 +1,1 @@
+"""Readings as ranges over heading, as a table and as a sentence."""

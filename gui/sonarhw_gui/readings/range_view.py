@@ -1,0 +1,247 @@
+"""Range against heading, measured and predicted, and below it what is left between them.
+
+Takes what is shown; hands on which reading was clicked.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal
+from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF
+from sonarhw_compare.matching.match import TOLERANCE, Kind
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import Unclassed
+from sonarhw_gui.look.residual_unit import residual_unit
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, WHOLE, Outline, Placed, ReadingMarks
+from sonarhw_gui.plots.pick import is_plain_click, nearest_reading
+from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
+from sonarhw_gui.plots.reading_tip import reading_tip
+from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.scene.plan_geometry import outline_ranges
+from sonarhw_gui.shown.shown import Cursor, Shown
+
+_MOST_RESIDUAL = 0.25  # m; what is farther off is an arrow at the edge
+_BEYOND = 18  # pixels of an arrow, which covers the mark of its reading
+_ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
+_WIDEST = "-000.0"  # figure on a left axis
+_ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
+
+
+class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
+    """Draws ranges and residuals over heading."""
+
+    picked = Signal(int)  # a reading
+    pointed = Signal(object)  # Cursor or None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setViewportUpdateMode(WHOLE)
+        self._shown: Shown | None = None
+        self._top = 0.0  # m, of the range axis
+        self.ranges = self._plot(0)
+        self.residuals = self._plot(1)
+        self.residuals.setXLink(self.ranges)
+        self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
+        self.ranges.getAxis("bottom").setStyle(showValues=False)
+        self.ci.layout.setRowStretchFactor(0, 3)
+        self.ci.layout.setRowStretchFactor(1, 2)
+        self._outline = Outline()
+        self.ranges.addItem(self._outline)
+        self._tolerance = self._add_tolerance()
+        self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
+        self.beyond = {Kind.SHORT: self._add_arrows(1), Kind.LONG: self._add_arrows(-1)}  # by what the scale ends
+        self._chosen = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
+        self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
+        self._pointer.append(self._add_line(self.ranges, 0))
+        self.ranges.setXRange(0, 360, padding=0.01)
+        self.scene().sigMouseClicked.connect(self._click)
+        self.scene().sigMouseMoved.connect(self._move)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._dress(shown.look)
+        if before is None or before.outline is not shown.outline:
+            self._draw_outline(shown)
+        if before is None or not shown.same_readings(before):
+            self._marks[0].draw(_ranges(shown))
+            self._marks[1].draw(_residuals(shown))
+            self._draw_beyond(shown)
+        self._reach(shown)
+        for marks in self._marks:
+            marks.ring(shown.chosen)
+        for line in self._chosen:
+            line.setVisible(shown.chosen is not None)
+            if shown.chosen is not None:
+                line.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
+        self._point(shown.cursor)
+
+    def _reach(self, shown: Shown) -> None:
+        """Reach as far as anything drawn; while that changes little the axis stays, or it would jump under a hand."""
+        drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
+        if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
+            drawn.append(float(np.nanmax(shown.outline.ranges)))
+        most = max(drawn, default=1.0)
+        if not 0.5 * self._top < most <= self._top:
+            self._top = 1.15 * most
+            self.ranges.setYRange(0.0, self._top, padding=0.05)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Nothing is pointed at any more."""
+        self.pointed.emit(None)
+        super().leaveEvent(event)
+
+    def _dress(self, look: Look) -> None:
+        self.setBackground(look.palette.paper)
+        metrics = QFontMetrics(text_font(look, 0.9))
+        for plot in (self.ranges, self.residuals):
+            dress_plot(plot, look)
+            # the same for both, so that they begin at one line
+            plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
+        # high enough for the names of the axes, one beside each plot
+        upper = metrics.horizontalAdvance("range (m)") + 8
+        lower = metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height()
+        self.ranges.setMinimumHeight(upper)
+        self.residuals.setMinimumHeight(lower)
+        self.setMinimumHeight(upper + lower + 2 * metrics.height())
+        label_length(self.ranges.getAxis("left"), "range", look)
+        self._dress_residuals(look)
+        label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
+        self._outline.dress(look.palette)
+        for marks in self._marks:
+            marks.dress(look.palette)
+        for kind, arrows in self.beyond.items():
+            arrows.setPen(cosmetic_pen(look.palette.paper, width=1))
+            arrows.setBrush(look.palette.of(kind))
+        for line in self._chosen:
+            line.setPen(cosmetic_pen(look.palette.chosen, width=1, style=Qt.PenStyle.DotLine))
+        for line in self._pointer:
+            line.setPen(cosmetic_pen(look.palette.ink, width=1))
+
+    def _dress_residuals(self, look: Look) -> None:
+        unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
+        axis.enableAutoSIPrefix(False)
+        axis.setScale(unit.per_metre)
+        label_axis(axis, f"residual ({unit.label})")
+        edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
+        self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is an arrow at the edge")
+        self._tolerance.setBrush(look.palette.tolerance)
+        for line in self._tolerance.lines:
+            line.setPen(cosmetic_pen(look.palette.tolerance))
+
+    def _plot(self, row: int) -> pg.PlotItem:
+        plot = self.addPlot(row=row, col=0)
+        plot.getAxis("bottom").setTickSpacing(90, 30)
+        plot.hideButtons()
+        return plot
+
+    def _add_tolerance(self) -> pg.LinearRegionItem:
+        band = pg.LinearRegionItem(
+            (-TOLERANCE, TOLERANCE),
+            orientation="horizontal",
+            movable=False,
+        )
+        band.setZValue(-20)
+        self.residuals.addItem(band, ignoreBounds=True)
+        return band
+
+    def _add_arrows(self, down: int) -> Spots:
+        polygon = QPolygonF([QPointF(x, down * y) for x, y in _ARROW])
+        arrow = QPainterPath()
+        arrow.addPolygon(polygon)
+        arrow.closeSubpath()
+        arrows = Spots(size=_BEYOND, symbol=arrow)
+        arrows.setZValue(ABOVE_MARKS)
+        self.residuals.addItem(arrows, ignoreBounds=True)
+        return arrows
+
+    def _draw_beyond(self, shown: Shown) -> None:
+        residuals = shown.rows.residuals
+        for kind, arrows in self.beyond.items():
+            points, places = self._marks[1].placed.get(kind, NO_MARKS)
+            beyond = np.abs(residuals[list(points.readings)]) > _MOST_RESIDUAL
+            arrows.setVisible(bool(beyond.any()))
+            arrows.setData(*places[beyond].T)
+
+    def _add_line(self, plot: pg.PlotItem, angle: float) -> pg.InfiniteLine:
+        line = pg.InfiniteLine(angle=angle)
+        line.setVisible(False)
+        plot.addItem(line, ignoreBounds=True)
+        return line
+
+    def _draw_outline(self, shown: Shown) -> None:
+        if shown.outline is None:
+            self._outline.draw(NOWHERE)
+            return
+        headings, ranges = outline_ranges(shown.outline).T
+        self._outline.draw(np.column_stack((np.degrees(headings), ranges)))
+
+    def _tip(self, index: int) -> str:
+        return reading_tip(self._shown, index) if self._shown else ""
+
+    def _click(self, event: MouseClickEvent) -> None:
+        if self._shown is None or not is_plain_click(event):
+            return
+        index = self._under(event.scenePos())
+        if index is not None:
+            event.accept()
+            self.picked.emit(index)
+
+    def _move(self, place: QPointF) -> None:
+        """Tell every view where the hand points; over the residuals at a heading only, at the chosen range."""
+        for plot in (self.ranges, self.residuals):
+            if self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
+                at = plot.vb.mapSceneToView(place)
+                far = at.y() if plot is self.ranges else self._range_near(at.x())
+                self.pointed.emit(Cursor(math.radians(at.x()), max(far, 0.0)))
+                return
+        self.pointed.emit(None)
+
+    def _range_near(self, heading: float) -> float:
+        """The range that the reading nearest to a heading (degrees) is drawn at, m; 0 where there is none."""
+        near, far = math.inf, 0.0
+        for _, places in self._marks[0].placed.values():
+            away = np.abs((places[:, 0] - heading + 180) % 360 - 180)
+            k = int(np.argmin(away))
+            if away[k] < near:
+                near, far = float(away[k]), float(places[k, 1])
+        return far
+
+    def _point(self, cursor: Cursor | None) -> None:
+        for line in self._pointer:
+            line.setVisible(cursor is not None)
+        if cursor is not None:
+            heading = math.degrees(cursor.heading) % 360
+            for line, value in zip(self._pointer, (heading, heading, cursor.range), strict=True):
+                line.setValue(value)
+
+    def _under(self, click: QPointF) -> int | None:
+        for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
+            if plot.sceneBoundingRect().contains(click):
+                return nearest_reading(plot.vb, marks.placed, click, _ROW_REACH)
+        return None
+
+
+def _over_heading(headings: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack((np.degrees(headings) % 360, values))
+
+
+def _ranges(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+    return {kind: (points, _over_heading(points.headings, points.ranges)) for kind, points in shown.classes.items()}
+
+
+def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
+    """Measured less predicted of the readings that have both, m, at the edge where they are beyond it."""
+    placed: dict[Kind | Unclassed, Placed] = {}
+    residuals = np.clip(shown.rows.residuals, -_MOST_RESIDUAL, _MOST_RESIDUAL)
+    for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
+        points = shown.classes.get(kind)
+        if points is not None:
+            placed[kind] = points, _over_heading(points.headings, residuals[list(points.readings)])
+    return placed

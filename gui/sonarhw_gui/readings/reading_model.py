@@ -1,0 +1,163 @@
+"""The rows of readings as Qt's table view wants to ask for them.
+
+Takes what is shown and which rows are wanted; hands on cells. Sorting and filtering are done on whole arrays in
+`reading_rows`: Qt's own proxy asks Python for two cells a comparison, and a log of an hour has half a million of them.
+"""
+
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, Qt
+from PySide6.QtGui import QBrush, QColor, QPixmap
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.legend import mark_picture
+from sonarhw_gui.look.palette import MARKS, Unclassed
+from sonarhw_gui.shown.reading_rows import (
+    CLASSES,
+    NO_ROWS,
+    Class,
+    Column,
+    IntArray,
+    ReadingRows,
+    Wanted,
+    cell_text,
+    column_name,
+    order_of,
+)
+from sonarhw_gui.shown.shown import Shown
+
+Index = QModelIndex | QPersistentModelIndex
+_Role = Qt.ItemDataRole
+_ANSWERED = frozenset(
+    map(
+        int,
+        (
+            *(_Role.DisplayRole, _Role.ToolTipRole, _Role.DecorationRole),
+            *(_Role.TextAlignmentRole, _Role.ForegroundRole),
+        ),
+    )
+)  # of the seven that Qt asks for at each paint of a cell
+_PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
+_AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
+
+
+class ReadingModel(QAbstractTableModel):
+    """The rows that are wanted, in the order that is wanted."""
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self.rows: ReadingRows = NO_ROWS
+        self.order: IntArray = np.empty(0, np.int64)  # which row of `rows` each row of the table is
+        self.wanted = Wanted()
+        self._shown: Shown | None = None
+        self._sentences: dict[int, str] = {}
+        self._marks: dict[Class, QPixmap] = {}
+        self._faint: QBrush | None = None  # what is predicted, while that belongs to a scene before
+
+    def show_state(self, shown: Shown) -> None:
+        """Take in other readings, classes or another look."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
+            self._sentences.clear()
+            self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
+            self._tell_all()
+        if before is None or not shown.same_readings(before):
+            self._sentences.clear()
+            self._change(shown.rows, order_of(shown.rows, self.wanted))
+        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+            self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
+            self._tell_all()
+
+    def want(self, wanted: Wanted) -> None:
+        """Show these rows in this order from now on."""
+        self.wanted = wanted
+        self._change(self.rows, order_of(self.rows, wanted))
+
+    def place_of(self, reading: int) -> int | None:
+        """The row of the table where a reading stands; None where it is filtered out."""
+        places = np.flatnonzero(self.order == reading)
+        return int(places[0]) if len(places) else None
+
+    # QAbstractTableModel
+
+    def rowCount(self, parent: Index = QModelIndex()) -> int:
+        """How many rows are wanted."""
+        return 0 if parent.isValid() else len(self.order)
+
+    def columnCount(self, parent: Index = QModelIndex()) -> int:
+        """As many as there are columns."""
+        return 0 if parent.isValid() else len(Column)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Text, mark, alignment, tooltip and colour of a cell."""
+        if role not in _ANSWERED or not index.isValid() or self._shown is None:
+            return None
+        row, column = int(self.order[index.row()]), Column(index.column())
+        match role:
+            case _Role.DisplayRole:
+                return self._text(self._shown, row, column)
+            case _Role.ToolTipRole if column in (Column.PATH, Column.SENTENCE):
+                return self._text(self._shown, row, column)
+            case _Role.DecorationRole if column is Column.CLASS:
+                return self._marks[CLASSES[self.rows.classes[row]]]
+            case _Role.TextAlignmentRole if column in _AT_RIGHT:
+                return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+            case _Role.ForegroundRole if column in _PREDICTED:
+                return self._faint
+        return None
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """The name of a column, with its unit."""
+        if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and self._shown:
+            return column_name(Column(section), self._shown.look)
+        return None
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """Sort by a column; the sentence begins with the range, so its order is that."""
+        by = Column.MEASURED if column == Column.SENTENCE else Column(column)
+        descending = order is Qt.SortOrder.DescendingOrder
+        self.want(Wanted(by, descending, self.wanted.hidden, self.wanted.text))
+
+    # changes
+
+    def _text(self, shown: Shown, row: int, column: Column) -> str:
+        if column is not Column.SENTENCE:
+            return cell_text(self.rows, row, column, shown.look)
+        if row not in self._sentences:
+            self._sentences[row] = shown.sentence_of(row)
+        return self._sentences[row]
+
+    def _change(self, rows: ReadingRows, order: IntArray) -> None:
+        """Put other rows in place so that the view keeps where it is: a scan grows at the end of the table."""
+        before, after = len(self.order), len(order)
+        both = min(before, after)
+        if not np.array_equal(self.order[:both], order[:both]):
+            self.beginResetModel()
+            self.rows, self.order = rows, order
+            self.endResetModel()
+            return
+        if after > before:
+            self.beginInsertRows(QModelIndex(), before, after - 1)
+            self.rows, self.order = rows, order
+            self.endInsertRows()
+        elif after < before:
+            self.beginRemoveRows(QModelIndex(), after, before - 1)
+            self.rows, self.order = rows, order
+            self.endRemoveRows()
+        self.rows, self.order = rows, order
+        self._tell_all()
+
+    def _tell_all(self) -> None:
+        if len(self.order):
+            self.dataChanged.emit(self.index(0, 0), self.index(len(self.order) - 1, len(Column) - 1))
+
+
+def _mark(kind: Class, look: Look) -> QPixmap:
+    """The mark of a class; an empty one of the same size where it has none."""
+    if kind in MARKS:
+        return mark_picture(kind, look.palette, 1.0)
+    empty = QPixmap(mark_picture(Unclassed.MEASURED, look.palette, 1.0).size())
+    empty.fill(Qt.GlobalColor.transparent)
+    return empty

@@ -1,0 +1,278 @@
+"""The table of readings: sorts, filters by class and by words, copies as CSV, and follows what is chosen.
+
+Takes what is shown; hands on which reading was picked.
+"""
+
+from dataclasses import replace
+
+from PySide6.QtCore import QItemSelectionModel, QModelIndex, QSize, Qt, Signal, Slot
+from PySide6.QtGui import (
+    QFontMetrics,
+    QGuiApplication,
+    QIcon,
+    QKeyEvent,
+    QKeySequence,
+    QPalette,
+    QResizeEvent,
+    QShortcut,
+)
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QLineEdit,
+    QTableView,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.legend import mark_picture
+from sonarhw_gui.look.palette import MARKS, UNCLASSED, Unclassed
+from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.readings.reading_model import ReadingModel
+from sonarhw_gui.shown.reading_rows import CLASSES, Class, Column, class_name, column_name, rows_as_csv
+from sonarhw_gui.shown.shown import Shown
+
+_LEAST = {
+    Column.CLASS: "missed",
+    Column.PATH: "north>pillar",
+    Column.SENTENCE: "0.827 m at 270.0°: three reflections",
+}
+_USUAL_PATH = "bottom>top>bottom"
+_LEFT_OUT_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # where the table is narrow
+_MARK = 20  # pixels of a class's mark and what parts it from the name
+_BESIDE = 12  # pixels: the margins
+_ARROW = 14  # pixels: the sign of the order, over the column that it is of
+_SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
+
+
+class _Rows(QTableView):
+    """Qt's table; but what it copies is for the whole table to say."""
+
+    copied = Signal()
+    resized = Signal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Copy rows instead of the text of one cell."""
+        if event.matches(QKeySequence.StandardKey.Copy):
+            self.copied.emit()
+        else:
+            super().keyPressEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the chosen row in sight."""
+        super().resizeEvent(event)
+        self.resized.emit()
+        self.scrollTo(self.currentIndex())
+
+
+class ReadingTable(QWidget):
+    """One row a reading, and over them what is wanted of them."""
+
+    picked = Signal(int)  # a reading
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: Shown | None = None
+        self._sorted_by = Column.NUMBER
+        self._path_width = 0  # pixels, where the sentence stands behind it
+        self._following = False  # whether the selection moves because the choice did
+        self.model = ReadingModel(self)
+        self.view = self._made_view()
+        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
+        self.words.setToolTip("Only readings whose path, heading or class has all these words")
+        self.classes = {kind: self._made_button(kind) for kind in CLASSES}
+        self.copy = QToolButton()
+        self.copy.setText("Copy CSV")
+        self.copy.setToolTip("Copy the selected rows, or all that are listed where there are no two (Ctrl+C)")
+        bar = QHBoxLayout()
+        bar.setContentsMargins(6, 2, 6, 2)
+        bar.setSpacing(2)
+        for part in (*self.classes.values(), self.words, self.copy):
+            bar.addWidget(part, stretch=1 if part is self.words else 0)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(bar)
+        column.addWidget(self.view)
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._dress(shown)
+        self._following = True  # rows that come or go move the selection, and nobody has picked anything
+        self.model.show_state(shown)
+        self._following = False
+        if before is None or not shown.same_readings(before):
+            self._count(shown)
+        if before is None or _to_be_read(before) != _to_be_read(shown):
+            self._make_room(shown)
+        if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
+            self._fade_counts(shown)
+        self._follow(shown.chosen)
+
+    @Slot()
+    def copy_rows(self) -> None:
+        """Copy rows as CSV: the selected ones, or all that are listed where there are no two."""
+        if self._shown is not None:
+            selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
+            order = self.model.order[selected] if len(selected) > 1 else self.model.order
+            in_metres = replace(self._shown, look=Look())
+            QGuiApplication.clipboard().setText(rows_as_csv(self.model.rows, order.tolist(), in_metres.sentence_of))
+
+    def _made_view(self) -> _Rows:
+        view = _Rows(showGrid=False, wordWrap=False)
+        view.setAlternatingRowColors(True)
+        view.setModel(self.model)
+        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerItem)
+        view.setTabKeyNavigation(False)
+        view.verticalHeader().hide()
+        view.horizontalHeader().setStretchLastSection(True)
+        view.horizontalHeader().setHighlightSections(False)
+        view.horizontalHeader().setSortIndicator(Column.NUMBER, Qt.SortOrder.AscendingOrder)
+        view.setSortingEnabled(True)
+        return view
+
+    def _made_button(self, kind: Class) -> QToolButton:
+        button = QToolButton(autoRaise=True)
+        button.setCheckable(True)
+        button.setChecked(True)
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
+        button.setToolTip(f"{class_name(kind)}: {meaning}. Press to hide them or show them again")
+        button.toggled.connect(self._filter)
+        return button
+
+    def _connect(self) -> None:
+        self.view.selectionModel().currentRowChanged.connect(self._row_changed)
+        self.view.clicked.connect(self._pick)
+        self.model.modelReset.connect(self._follow_again)
+        self.words.textChanged.connect(self._filter)
+        self.copy.clicked.connect(self.copy_rows)
+        self.view.copied.connect(self.copy_rows)
+        self.view.resized.connect(self._choose_columns)
+        self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
+        QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
+
+    def _dress(self, shown: Shown) -> None:
+        look = shown.look
+        font = text_font(look, 0.9)
+        metrics = QFontMetrics(font)
+        self.view.setFont(font)
+        self.view.horizontalHeader().setFont(font)
+        self.view.verticalHeader().setDefaultSectionSize(metrics.height() + 4)
+        for column in Column:
+            self.view.setColumnWidth(column, self._needed(shown, column))
+        self._path_width = metrics.horizontalAdvance(_USUAL_PATH) + _BESIDE
+        for kind, button in self.classes.items():
+            button.setFont(font)
+            button.setIconSize(QSize(14, 14))
+            if kind in MARKS and MARKS[kind] is not UNCLASSED:
+                button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
+            button.setFixedSize(button.sizeHint())
+
+    def _make_room(self, shown: Shown) -> None:
+        """For numbers and words that have become longer."""
+        for column in (Column.NUMBER, Column.CLASS):
+            self.view.setColumnWidth(column, max(self._needed(shown, column), self.view.columnWidth(column)))
+        self._choose_columns()
+
+    def _needed(self, shown: Shown, column: Column) -> int:
+        """How many pixels it takes to read what stands in a column; of a path or a sentence, the least worth seeing."""
+        widest = _LEAST.get(column, "")
+        if column is Column.NUMBER:
+            widest = "0" * _digits(shown)
+        elif column is Column.CLASS and shown.scene.room is None:
+            widest = class_name(Unclassed.MEASURED)
+        text = max(map(self.view.fontMetrics().horizontalAdvance, (widest, column_name(column, shown.look))))
+        return text + _BESIDE + _MARK * (column is Column.CLASS) + _ARROW * (column is self._sorted_by)
+
+    @Slot()
+    def _choose_columns(self) -> None:
+        """Leave out what can best be done without, until the others can be read."""
+        if self._shown is None:
+            return
+        needed = {column: self._needed(self._shown, column) for column in Column}
+        for column in _LEFT_OUT_FIRST:
+            if sum(needed.values()) > self.view.viewport().width():
+                del needed[column]
+        for column in Column:
+            self.view.setColumnHidden(column, column not in needed)
+        # where it is the last it is stretched, but never made smaller
+        self.view.setColumnWidth(Column.PATH, self._path_width if Column.SENTENCE in needed else needed[Column.PATH])
+
+    @Slot(int)
+    def _move_arrow(self, column: int) -> None:
+        before, self._sorted_by = self._sorted_by, Column(column)
+        if self._shown is not None:
+            for which in (before, self._sorted_by):
+                self.view.setColumnWidth(which, self._needed(self._shown, which))
+            self._choose_columns()
+
+    def _count(self, shown: Shown) -> None:
+        for kind, count in self.model.rows.counts().items():
+            button = self.classes[kind]
+            button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
+            button.setFixedSize(button.sizeHint())  # or each count lays out the whole window anew
+            waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # classed a moment later
+            button.setVisible((count > 0 and not waiting) or not button.isChecked())
+
+    def _fade_counts(self, shown: Shown) -> None:
+        """Grey while they belong to the prediction before."""
+        colours = QPalette()
+        if shown.outdated:
+            colours.setColor(QPalette.ColorRole.ButtonText, shown.look.palette.faint)
+        for button in self.classes.values():
+            button.setPalette(colours)
+
+    @Slot()
+    def _filter(self) -> None:
+        hidden = frozenset(kind for kind, button in self.classes.items() if not button.isChecked())
+        self._following = True
+        self.model.want(replace(self.model.wanted, hidden=hidden, text=self.words.text()))
+        self._following = False
+        self._follow_again()
+
+    # the selection and the choice
+
+    def _follow(self, chosen: int | None) -> None:
+        """Select the chosen reading, where it is another one and listed."""
+        place = None if chosen is None else self.model.place_of(chosen)
+        current, selection = self.view.currentIndex(), self.view.selectionModel()
+        # where the chosen row went away, Qt makes its neighbour the current one without selecting it
+        if place is None or (place == current.row() and selection.hasSelection()):
+            return
+        self._following = True
+        # not by the view, which selects otherwise while Ctrl or Shift is down
+        selection.setCurrentIndex(self.model.index(place, max(current.column(), 0)), _SELECT)
+        self._following = False
+
+    @Slot()
+    def _follow_again(self) -> None:
+        if self._shown is not None:
+            self._follow(self._shown.chosen)
+            self.view.scrollTo(self.view.currentIndex())
+
+    @Slot(QModelIndex, QModelIndex)
+    def _row_changed(self, current: QModelIndex, before: QModelIndex) -> None:
+        if not self._following:
+            self._pick(current)
+
+    @Slot(QModelIndex)
+    def _pick(self, index: QModelIndex) -> None:
+        if index.isValid():
+            self.picked.emit(int(self.model.order[index.row()]))
+
+
+def _to_be_read(shown: Shown) -> tuple[Look, int, bool]:
+    """What the widths of the columns depend on."""
+    return shown.look, _digits(shown), shown.scene.room is None
+
+
+def _digits(shown: Shown) -> int:
+    return len(str(len(shown.readings)))

@@ -1,0 +1,1 @@
+"""The scene (room, place and board) and its edits, without widgets."""

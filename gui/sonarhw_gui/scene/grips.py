@@ -1,0 +1,86 @@
+"""Grips: what a hand can take hold of in the plan, and what of it lies under the mouse.
+
+Takes a scene, a point and how long a pixel is; hands on a frozen `Grip`, or None. What is small lies over what is
+large: the sensor and the handle on its beam first, then corners and rims of posts, then walls and posts.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+from sonarhw_sim.room.model import Room
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.scene.room_edit import Point, corners
+from sonarhw_gui.scene.scene import Scene
+
+REACH = 9.0  # pixels
+_SENSOR_REACH = 11.0  # it is drawn larger
+
+
+class Part(Enum):
+    """What a grip is a grip of."""
+
+    SENSOR = auto()
+    BEAM = auto()  # its handle: to turn the sensor
+    CORNER = auto()
+    RIM = auto()  # of a post
+    WALL = auto()
+    POST = auto()
+
+
+@dataclass(frozen=True)
+class Grip:
+    """One thing to take hold of."""
+
+    part: Part
+    at: Point  # m: of a corner, the corner itself; else where it was taken
+    surface: int | None = None  # number of the wall or post
+
+
+def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> Grip | None:
+    """The sensor, or the handle on its beam, within reach of a point; `pixel` is how long one is, m."""
+    if scene.place is None:
+        return None
+    if math.dist(scene.standing.position, at) <= _SENSOR_REACH * pixel:
+        return Grip(Part.SENSOR, at)
+    if handle is not None and math.dist(handle, at) <= _SENSOR_REACH * pixel:
+        return Grip(Part.BEAM, at)
+    return None
+
+
+def room_grip(room: Room, at: Point, pixel: float) -> Grip | None:
+    """Corner, rim, wall or post within reach of a point."""
+    reach = REACH * pixel
+    ends = corners(room)
+    away = np.hypot(*(np.array(ends) - at).T)
+    nearest = int(np.argmin(away))
+    if away[nearest] <= reach:
+        return Grip(Part.CORNER, ends[nearest])
+    surface = surface_at(room, at, pixel)
+    if surface is None:
+        return None
+    if surface < len(room.walls):
+        return Grip(Part.WALL, at, surface)
+    x, y, radius = room.posts[surface - len(room.walls)]
+    on_rim = math.dist((x, y), at) >= max(radius - reach, radius / 2)
+    return Grip(Part.RIM if on_rim else Part.POST, at, surface)
+
+
+def surface_at(room: Room, at: Point, pixel: float) -> int | None:
+    """Number of the wall or post within reach of a point: the nearest; inside a post, that."""
+    walls = wall_distances(room, at)
+    posts = np.maximum(np.hypot(*(room.posts[:, :2] - at).T) - room.posts[:, 2], 0.0)
+    distances = np.concatenate((posts, walls))
+    nearest = int(np.argmin(distances))
+    if distances[nearest] > REACH * pixel:
+        return None
+    return nearest - len(posts) if nearest >= len(posts) else len(walls) + nearest
+
+
+def wall_distances(room: Room, at: Point) -> FloatArray:
+    """Distance of a point to each wall, (n,) m."""
+    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
+    share = np.clip(((np.array(at) - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.hypot(*(starts + share[:, None] * along - at).T))

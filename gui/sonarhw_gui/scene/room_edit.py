@@ -1,0 +1,188 @@
+"""Changes to a room as one makes them with a pencil: corners, walls and posts moved, added, taken away, made of
+something else.
+
+Takes a room, which surface is meant (its number, as `Room.names` counts) and where to; hands on the changed room, or
+refuses with the InputError of a wrong room file. Names are kept, and so are places and whatever else the file says.
+"""
+
+from collections.abc import Sequence
+from itertools import count
+from typing import Any
+
+import tomlkit
+from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room_writing import Document, changed_room, with_corners
+from tomlkit.items import Array
+
+from sonarhw.errors import InputError
+
+WALL, POST = "wall", "post"  # what new ones are called, with a number
+Point = tuple[float, float]  # m
+Segments = tuple[list[list[float]], list[str]]  # of an open chain: its points, and the names of what lies between
+
+
+def move_corner(room: Room, corner: Point, to: Point) -> Room:
+    """The room with every wall end that lies at `corner` moved to `to`: walls that meet still meet."""
+    return with_corners(room, {corner: to})
+
+
+def move_wall(room: Room, wall: int, by: Point) -> Room:
+    """The room with both ends of a wall moved, and with them the ends of other walls that meet there."""
+    x0, y0, x1, y1 = map(float, room.walls[wall])
+    moved = {(x0, y0): (x0 + by[0], y0 + by[1]), (x1, y1): (x1 + by[0], y1 + by[1])}
+    return with_corners(room, moved)
+
+
+def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
+    """The room with one more straight wall; it meets those whose ends lie where its own do."""
+    name = free_name(room, WALL)
+    wall = {"name": name, "points": [list(start), list(end)], "material": material, "edges": [name]}
+    return changed_room(room, lambda document: _append(document, "walls", wall))
+
+
+def split_wall(room: Room, wall: int, at: Point) -> Room:
+    """The room with a corner more: a wall as two that meet at a point, the second with a name of its own."""
+    second = free_name(room, room.names[wall], 2)
+
+    def change(document: Document) -> None:
+        chain, k = _chain_of(document, wall)
+        names = _segment_names(chain)
+        points = _points(chain)
+        chain["points"] = [*points[: k + 1], list(at), *points[k + 1 :]]
+        chain["edges"] = [*names[: k + 1], second, *names[k + 1 :]]
+
+    return changed_room(room, change)
+
+
+def add_post(room: Room, center: Point, radius: float, material: str) -> Room:
+    """The room with one more post."""
+    post = {"name": free_name(room, POST), "center": list(center), "radius": radius, "material": material}
+    return changed_room(room, lambda document: _append(document, "posts", post))
+
+
+def move_post(room: Room, post: int, to: Point) -> Room:
+    """The room with the middle of a post elsewhere."""
+    return changed_room(room, lambda document: _post(document, room, post).update(center=list(to)))
+
+
+def resize_post(room: Room, post: int, radius: float) -> Room:
+    """The room with a post of another radius (m)."""
+    return changed_room(room, lambda document: _post(document, room, post).update(radius=radius))
+
+
+def remove_surface(room: Room, surface: int) -> Room:
+    """The room without a wall or a post. Raises InputError for the last wall, and for floor and ceiling."""
+    if surface in room.levels:
+        raise InputError(f"the {room.names[surface]} cannot be taken out here; take it out of the room file")
+    if surface < len(room.walls) == 1:
+        raise InputError(f"{room.names[surface]!r} is the last wall; a room needs at least one")
+
+    def change(document: Document) -> None:
+        if surface < len(room.walls):
+            chain, k = _chain_of(document, surface)
+            _put(document, chain, _without(chain, k))
+        else:
+            del document["posts"][surface - len(room.walls)]
+            if not document["posts"]:
+                del document["posts"]
+
+    return changed_room(room, change)
+
+
+def set_material(room: Room, surface: int, material: str) -> Room:
+    """The room with one surface of another material; a wall among others of its chain becomes a chain of its own."""
+
+    def change(document: Document) -> None:
+        if surface in room.levels:
+            document[room.names[surface]]["material"] = material
+        elif surface >= len(room.walls):
+            _post(document, room, surface)["material"] = material
+        else:
+            chain, k = _chain_of(document, surface)
+            if _count(chain) > 1:
+                alone = _like(chain, _ends(chain, k), [_segment_names(chain)[k]])
+                _put(document, chain, _without(chain, k))
+                _append(document, "walls", {**alone, "material": material})
+            else:
+                chain["material"] = material
+
+    return changed_room(room, change)
+
+
+def free_name(room: Room, stem: str, first: int = 1) -> str:
+    """`stem` with the first number, from `first` on, that no surface has."""
+    return next(name for name in (f"{stem} {k}" for k in count(first)) if name not in room.names)
+
+
+def corners(room: Room) -> tuple[Point, ...]:
+    """Every point where walls end, once."""
+    return tuple(dict.fromkeys((float(x), float(y)) for x, y in room.walls.reshape(-1, 2)))
+
+
+def _chain_of(document: Document, wall: int) -> tuple[Document, int]:
+    """The chain that a wall belongs to, and which of its segments it is."""
+    places = ((chain, k) for chain in document["walls"] for k in range(_count(chain)))
+    return next(place for number, place in enumerate(places) if number == wall)
+
+
+def _post(document: Document, room: Room, surface: int) -> Any:
+    return document["posts"][surface - len(room.walls)]
+
+
+def _points(chain: Document) -> list[list[float]]:
+    return [list(map(float, point)) for point in chain["points"]]
+
+
+def _count(chain: Document) -> int:
+    return len(chain["points"]) - (0 if chain.get("closed", False) else 1)
+
+
+def _segment_names(chain: Document) -> list[str]:
+    return [str(name) for name in chain.get("edges", [f"{chain['name']}[{k}]" for k in range(_count(chain))])]
+
+
+def _ends(chain: Document, k: int) -> list[list[float]]:
+    points = _points(chain)
+    return [points[k], points[(k + 1) % len(points)]]
+
+
+def _without(chain: Document, k: int) -> list[Segments]:
+    """What is left of a chain without segment k: one or two open chains, or none."""
+    points, names = _points(chain), _segment_names(chain)
+    if chain.get("closed", False):
+        return [(points[k + 1 :] + points[: k + 1], names[k + 1 :] + names[:k])]
+    return [left for left in ((points[: k + 1], names[:k]), (points[k + 1 :], names[k + 1 :])) if left[1]]
+
+
+def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> None:
+    """Let open chains be in the place of one: the first as what it was, the others like it, behind all walls."""
+    if not pieces:
+        document["walls"].remove(chain)
+        return
+    for points, names in pieces[1:]:
+        _append(document, "walls", _like(chain, points, names))
+    chain["points"], chain["edges"] = pieces[0]
+    chain.pop("closed", None)
+
+
+def _like(chain: Document, points: list[list[float]], names: list[str]) -> dict[str, Any]:
+    """An open chain of the same material and height."""
+    common: dict[str, Any] = {"material": str(chain["material"])}
+    if "height" in chain:
+        common["height"] = list(map(float, chain["height"]))
+    return {"name": names[0], "points": points, "edges": names, **common}
+
+
+def _append(document: Document, kind: str, what: dict[str, Any]) -> None:
+    present = document.get(kind, [])
+    if isinstance(present, Array):  # written as [{...}, {...}]
+        present.append(what)
+        return
+    table = tomlkit.table()
+    table.update(what)
+    before = present[-1].as_string() if present else tomlkit.dumps(document)
+    table.trivia.indent = "" if before.endswith("\n\n") else "\n"
+    table.add(tomlkit.nl())
+    if not present:
+        document[kind] = tomlkit.aot()
+    document[kind].append(table)

@@ -1,0 +1,189 @@
+"""What is shown and how it changes: the scene and its edits, what is predicted in it, the choice among the readings.
+
+Takes scenes, gestures and the readings that there are; hands on `Shown` by a signal, at once or with the next tick.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from PySide6.QtCore import QObject, Signal, Slot
+
+from sonarhw.readings import Reading
+from sonarhw_gui.live.intake import Intake
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.scene.history import History
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.trace_forecast import TraceForecast
+from sonarhw_gui.shown.choice import Choice
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.bscan_picture import BScanWish
+from sonarhw_gui.work.forecast import Forecast
+
+
+class Showing(QObject):
+    """What the views draw, and what a person does to it."""
+
+    changed = Signal(object)  # Shown
+    edited = Signal()  # the scene has; views may hear of it later
+
+    def __init__(self, scene: Scene, look: Look, intake: Intake, parent: QObject) -> None:
+        super().__init__(parent)
+        self.shown = Shown(scene, look=look)
+        self.history = History()
+        self.forecast, self.traces = Forecast(), TraceForecast()
+        self._intake = intake
+        self._choice = Choice()
+        self._to_tell = False  # whether what is shown has changed since the views were told
+        self.forecast.set_scene(scene)
+
+    @Slot(object, str, object)
+    def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
+        """Change the scene: `label` says what was done, in words that fit behind Undo.
+
+        Edits of one gesture, the same object each time and not None, are undone at once.
+        """
+        if scene is not self.shown.scene:
+            self.history.remember(self.shown.scene, label, gesture)
+            self._change(scene, moving=gesture is not None)
+
+    @Slot()
+    def undo(self) -> None:
+        """Take back the last edit."""
+        before = self.history.undo(self.shown.scene)
+        if before is not None:
+            self._change(before)
+
+    @Slot()
+    def redo(self) -> None:
+        """Do again the edit that was taken back last."""
+        after = self.history.redo(self.shown.scene)
+        if after is not None:
+            self._change(after)
+
+    @Slot(object)
+    def cancel(self, gesture: object) -> None:
+        """Take back what a gesture has done so far, and leave no step of it."""
+        before = self.history.cancel(gesture)
+        if before is not None:
+            self._change(before)
+
+    def _change(self, scene: Scene, moving: bool = False) -> None:
+        self.shown = replace(self.shown, scene=scene)
+        self.forecast.change_scene(scene, moving)
+        if moving:
+            self._to_tell = True  # a mouse moves more often than anybody looks
+        else:
+            self.refresh()
+        self.edited.emit()
+
+    @Slot(str)
+    def set_place(self, name: str) -> None:
+        """Stand at another place of the room."""
+        scene = self.shown.scene
+        if scene.room is not None and name != scene.standing.name:
+            self.edit(replace(scene, place=scene.room.place(name)), f"standing at {name}")
+
+    @Slot(int)
+    def choose(self, index: int) -> None:
+        """Ask about one reading."""
+        self._choice.pick(index)
+        self.refresh()
+
+    @Slot()
+    def follow_newest(self) -> None:
+        """Let the choice follow the newest reading again."""
+        self._choice.follow_newest()
+        self.refresh()
+
+    @Slot()
+    def choose_next(self) -> None:
+        """Ask about the next reading, round and round."""
+        self._step(1)
+
+    @Slot()
+    def choose_previous(self) -> None:
+        """Ask about the reading before this one, round and round."""
+        self._step(-1)
+
+    def _step(self, by: int) -> None:
+        self._choice.step(by, self.shown.chosen, len(self.shown.readings))
+        self.refresh()
+
+    @Slot(object)
+    def point_at(self, cursor: Cursor | None) -> None:
+        """Point at a heading and range, in every view."""
+        if cursor != self.shown.cursor:
+            self.shown = replace(self.shown, cursor=cursor)
+            self._to_tell = True
+
+    @Slot(object)
+    def wish_bscan(self, wish: BScanWish | None) -> None:
+        """Have the B-scan worked out as it is wanted; None: nobody looks at it."""
+        self.traces.wish(wish)
+
+    def set_look(self, look: Look) -> None:
+        """Draw everything in another palette, unit or size."""
+        if look != self.shown.look:
+            self._tell_shown(replace(self.shown, look=look))
+
+    # what happens meanwhile
+
+    def begin(self) -> None:
+        """Show other readings from now on, beginning with none."""
+        self._choice.follow_newest()
+        self.forecast.begin_scan()
+        self.traces.begin_scan()
+
+    def put(self, scene: Scene) -> None:
+        """Put the readings into another room; what was done to the one before cannot be undone any more."""
+        self.history.forget()
+        self.shown = replace(self.shown, scene=scene)
+        self.forecast.set_scene(scene)
+        self.follow(self._intake.all_readings)
+        self.refresh()
+
+    def name_room(self, file: str) -> None:
+        """The room that is shown stands in that file."""
+        self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=file))
+        self.refresh()
+
+    def follow(self, readings: Sequence[Reading]) -> None:
+        """Compare these readings, too."""
+        self.forecast.follow(readings)
+
+    def tell_soon(self) -> None:
+        """Tell the views with the next tick."""
+        self._to_tell = True
+
+    def tick(self, heard: bool) -> None:
+        """Take in what has been worked out since the last tick, and tell where there is news; `heard`: of readings."""
+        traced = self.traces.take()
+        if self.forecast.take() or heard or traced or self._to_tell:
+            self.refresh()
+
+    def close(self) -> None:
+        """End the threads."""
+        self.forecast.close()
+        self.traces.close()
+
+    def refresh(self) -> None:
+        """Tell the views what there is now."""
+        readings, compared = self._intake.readings, self.forecast.compared
+        if self._intake.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
+            self.forecast.follow(readings)  # a long log is compared by stretches
+        shown = replace(
+            self.shown,
+            outline=self.forecast.outline,
+            compared=compared,
+            outdated=self.forecast.behind,
+            readings=readings,
+            earlier=self.shown.known_rows,
+            chosen=self._choice.among(len(readings), compared.end if compared else 0),
+        )
+        self._tell_shown(shown)
+
+    def _tell_shown(self, shown: Shown) -> None:
+        self.traces.follow(shown)
+        self.shown = replace(shown, trace=self.traces.trace, bscan=self.traces.bscan)
+        self._to_tell = False
+        self.changed.emit(self.shown)

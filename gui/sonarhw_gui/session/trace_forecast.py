@@ -1,0 +1,141 @@
+"""Traces and B-scans behind the window: read, predicted and drawn while the window goes on.
+
+Takes what is shown; hands on the chosen trace and the B-scan. Of what is asked for while the thread is busy the newest
+is answered; what belongs to another scan is dropped.
+"""
+
+import time
+from dataclasses import dataclass
+
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+
+from sonarhw.readings import Reading
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.work.bscan_picture import BScanWish
+from sonarhw_gui.work.bscan_request import BScanRequest, BScans
+from sonarhw_gui.work.chosen_trace import ChosenTrace, chosen_trace
+from sonarhw_gui.work.worker import Failure, Worker
+
+_PAUSE = 0.05  # s between two traces: of fifty readings a second nobody sees every one
+
+
+@dataclass(frozen=True)
+class TraceFound:
+    """The trace of a reading."""
+
+    generation: int
+    trace: ChosenTrace
+
+
+@dataclass(frozen=True)
+class TraceRequest:
+    """What did the board receive at this reading, and what should it have?"""
+
+    generation: int
+    scene: Scene
+    reading: Reading
+    prediction: PredictedScan | None
+    index: int  # among the prediction's headings
+
+    def answer(self) -> TraceFound:
+        """Read and predict it: some milliseconds."""
+        return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))
+
+
+class TraceForecast:
+    """Keeps trace and B-scan up with what is shown."""
+
+    def __init__(self) -> None:
+        self.trace: ChosenTrace | None = None
+        self.bscan: BScans | None = None
+        self.failures: list[str] = []
+        self._generation = 0
+        self._shown: Shown | None = None
+        self._wish: BScanWish | None = None
+        self._asked_trace: tuple[object, ...] = ()
+        self._asked_at = -_PAUSE
+        self._asked_bscan: tuple[object, ...] = ()
+        self._drawing = False  # one B-scan at a time: the next goes on from it
+        # two, so that a trace never waits for a B-scan
+        self._tracer = Worker("traces")
+        self._drawer = Worker("B-scans")
+
+    def begin_scan(self) -> None:
+        """Forget traces and B-scan; what is shown from now on belongs to another scan."""
+        self._generation += 1
+        self.trace, self.bscan, self._shown = None, None, None
+        self._asked_trace, self._asked_bscan = (), ()
+
+    def wish(self, wish: BScanWish | None) -> None:
+        """Keep up the B-scan as it is wanted; None: nobody sees it."""
+        self._wish = wish
+        self._ask_bscan()
+
+    def follow(self, shown: Shown) -> None:
+        """Work for what is shown from now on."""
+        self._shown = shown
+        self._ask_trace(shown)
+        self._ask_bscan()
+
+    def take(self) -> bool:
+        """Take in what has been worked out since the last call; whether anything has changed."""
+        changed = False
+        if self._shown is not None:
+            self._ask_trace(self._shown)  # what came too soon after the one before
+        for answer in (*self._tracer.take(), *self._drawer.take()):
+            match answer:
+                case Failure(request=BScanRequest()):
+                    self._drawing = False
+                    self.failures.append(answer.message)
+                case Failure():
+                    self.failures.append(answer.message)
+                    self.trace, changed = None, True
+                case TraceFound(generation=self._generation):
+                    self.trace, changed = answer.trace, True
+                case BScans():
+                    self._drawing = False
+                    changed = self._take_bscan(answer) or changed
+        return changed
+
+    def close(self) -> None:
+        """End the threads."""
+        self._tracer.close()
+        self._drawer.close()
+
+    def _ask_trace(self, shown: Shown) -> None:
+        reading, row = shown.chosen_reading, shown.chosen_row
+        if reading is None:
+            self.trace, self._asked_trace = None, ()
+            return
+        prediction, index = (shown.prediction, row.index) if row is not None else (None, 0)
+        subject = (shown.scene, reading, prediction, index)
+        now = time.monotonic()
+        if not _same(subject, self._asked_trace) and now - self._asked_at >= _PAUSE:
+            self._asked_trace, self._asked_at = subject, now
+            self._tracer.ask(TraceRequest(self._generation, shown.scene, reading, prediction, index))
+
+    def _ask_bscan(self) -> None:
+        shown, wish = self._shown, self._wish
+        if shown is None or wish is None or self._drawing:
+            return
+        subject = (shown.scene, shown.readings, shown.outline, wish, shown.look.palette)
+        if not _same(subject, self._asked_bscan):
+            self._asked_bscan, self._drawing = subject, True
+            self._drawer.ask(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
+
+    def _take_bscan(self, bscan: BScans) -> bool:
+        if bscan.generation != self._generation:
+            self._ask_bscan()
+            return False
+        if bscan.rows.unreadable and (self.bscan is None or bscan.rows.unreadable != self.bscan.rows.unreadable):
+            self.failures.append(bscan.rows.unreadable)
+        self.bscan = bscan
+        if bscan.rows.done < 1:
+            self._asked_bscan = ()
+        self._ask_bscan()  # what is still to do, or what has come meanwhile
+        return True
+
+
+def _same(one: tuple[object, ...], other: tuple[object, ...]) -> bool:
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))

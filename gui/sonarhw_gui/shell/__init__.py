@@ -1,0 +1,1 @@
+"""The application, its main window and the bars around the views."""

@@ -1,0 +1,96 @@
+"""The status bar: live or replay, readings per second, readings lost, temperature, and where the scan is recorded.
+
+Takes the status; hands on nothing.
+"""
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtWidgets import QLabel, QStatusBar
+
+from sonarhw_gui.live.status import Source, Standing, Status
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import LIGHT
+from sonarhw_gui.parts.steady import Steady
+
+# badges carry their own ground, the same on every paper
+_COLOURS = {Standing.LIVE: LIGHT.live, Standing.REPLAY: LIGHT.replay}
+
+_A_WHILE = 10_000  # ms
+
+
+class StatusBar(QStatusBar):
+    """One line at the bottom."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizeGripEnabled(False)
+        self.doing = QLabel()
+        self.badge = QLabel()
+        self.figures = QLabel()
+        self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air")
+        # room for the longest line, or a number that grows by a digit is cut off until the next layout
+        widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
+        self.figures.setMinimumWidth(widest)
+        self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.setContentsMargins(8, 0, 4, 0)
+        self.addWidget(Steady(self.doing), 1)
+        self.addPermanentWidget(Steady(self.figures))
+        self.addPermanentWidget(self.badge)
+        self.show_state(Status())
+
+    @Slot(str)
+    def tell(self, message: str) -> None:
+        """Say it for a while."""
+        self.showMessage(message, _A_WHILE)
+
+    def show_look(self, look: Look) -> None:
+        """Write in the colours of this look: under a style sheet Qt keeps those of the look before."""
+        ink = look.palette.ink
+        self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")
+
+    def show_state(self, status: Status) -> None:
+        """Say how things stand."""
+        self.doing.setText(doing(status))
+        self.figures.setText(figures(status))
+        self.badge.setText(badge(status))
+        ground = _COLOURS.get(status.standing, LIGHT.idle)
+        style = f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+        if self.badge.styleSheet() != style:  # Qt reads it anew each time, and lays out the window after it
+            self.badge.setStyleSheet(style)
+
+
+def badge(status: Status) -> str:
+    """How it stands with what is shown."""
+    return f"● {status.standing}" if status.standing is Standing.LIVE else str(status.standing)
+
+
+def figures(status: Status) -> str:
+    """The numbers."""
+    rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # nothing comes: no rate to tell
+    parts = [f"{status.readings} readings", *rate, f"{status.lost} lost"]
+    if status.temperature_c is not None:
+        parts.append(f"{status.temperature_c:.1f} °C")
+    return " · ".join(parts)
+
+
+def doing(status: Status) -> str:
+    """What goes on now."""
+    parts = []
+    if status.source is Source.LIVE and status.phase is not None:
+        parts.append("waiting for the scanner" if status.trouble else str(status.phase))
+    if status.source is Source.LIVE and status.recording is not None:
+        parts.append(f"{'recording to' if status.scanning else 'recorded in'} {_short(status.recording)}")
+    if status.source is Source.REPLAY:
+        parts.append(f"replaying {status.log_name}")
+    if status.outdated:
+        parts.append("predicting … what is grey belongs to the prediction before")
+    elif status.predicting:
+        parts.append("predicting …")
+    return " · ".join(parts)
+
+
+def _short(path: Path) -> str:
+    """A path with the person's own folder as ~."""
+    home = Path.home()
+    return f"~/{path.relative_to(home).as_posix()}" if path.is_relative_to(home) else str(path)

@@ -1,0 +1,49 @@
+"""The toolbar: what is always needed within one click, and the list of places.
+
+Takes the commands; hands on the place that was chosen.
+"""
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.shown.shown import Shown
+
+_PLACE = 11  # characters: as X,Y with millimetres
+
+
+class ToolBar(QToolBar):
+    """What is always within one click."""
+
+    def __init__(self, commands: Commands) -> None:
+        super().__init__("Main", movable=False)
+        self.setObjectName("toolbar")
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
+        self.place = QComboBox()
+        self.place.setToolTip("Where in the room the scanner stands")
+        self.place.setMinimumContentsLength(_PLACE)
+        self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
+        self.addSeparator()
+        self.addActions([commands.scan, commands.stop])
+        self.addSeparator()
+        self.addActions(commands.views.actions())
+        self.addSeparator()
+        self.addAction(commands.fit)
+        self.addWidget(QLabel("  Place "))
+        self.addWidget(self.place)
+        gap = QWidget()
+        gap.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self.addWidget(gap)
+        self.addAction(commands.dark)
+
+    def show_state(self, shown: Shown) -> None:
+        """Offer the places of the room."""
+        names = [*shown.scene.room.places] if shown.scene.room else []
+        here = shown.scene.standing.name
+        if here and here not in names:
+            names.append(here)  # a place given as X,Y
+        if [self.place.itemText(k) for k in range(self.place.count())] != names:
+            self.place.clear()
+            self.place.addItems(names)
+        self.place.setCurrentText(here)

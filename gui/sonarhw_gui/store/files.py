@@ -1,0 +1,138 @@
+"""Opening logs, rooms and other people's scans while the window goes on: requests for a worker, and what it answers.
+
+Takes a file; hands on a log with the scene it carries, or a scene for the room.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+
+from sonarhw_compare.imports.foreign_csv import Columns, guess_columns, likely_silence, read_foreign_scan
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.errors import InputError, LogError
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import Log, LogMetadata, read_log
+from sonarhw_gui.scene.scene import Scene, first_place, scene_of_log, scene_with
+from sonarhw_gui.shown.notices import Notice
+
+LOG, ROOM, CSV = ".mcap", ".toml", ".csv"
+_UNITS = {1.0: "metres", 0.01: "centimetres", 0.001: "millimetres", 0.3048: "feet", 0.0254: "inches"}
+
+
+@dataclass(frozen=True)
+class LogOpened:
+    """A log and the scene that it is shown in; its room is None where the log carries none."""
+
+    path: Path
+    log: Log
+    scene: Scene
+    notice: str = ""  # how it was understood, where that could be otherwise
+    doubt: Notice | None = None  # what may have been misunderstood, with the request that reads it anew
+
+
+@dataclass(frozen=True)
+class OpenLogRequest:
+    """What is in this log?"""
+
+    path: Path
+    seen_in: Scene | None = None  # as it was left the last time; None: the scene that it carries
+
+    def answer(self) -> LogOpened:
+        """Read it. Raises InputError."""
+        log = read_log(self.path)
+        return LogOpened(self.path, log, self.seen_in or scene_of_log(log.metadata))
+
+
+@dataclass(frozen=True)
+class OpenCsvRequest:
+    """What is in this CSV file?"""
+
+    path: Path
+    folder: Path  # where the log that it becomes is kept
+    no_echo: float | None = None  # the range that stands for none
+    kept: Path | None = None  # the log that it became before and becomes again
+
+    def answer(self) -> LogOpened:
+        """Make a log of it, and read that. Raises InputError, LogError."""
+        columns, guessed = guess_columns(self.path)
+        meaning = replace(guessed, no_echo=self.no_echo)
+        readings = read_foreign_scan(self.path, columns, meaning)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogError(f"{self.folder}: cannot be made: {error.strerror}; imported scans lie there") from error
+        path = self.kept or self._free_name()
+        write_scan(path, LogMetadata("import", time.time()), readings, overwrite=path == self.kept)
+        log = read_log(path)
+        silence = "" if self.no_echo is None else f" and {self.no_echo:g} as no echo"
+        notice = (
+            f"{self.path.name} is now kept as {path.name}, in {self.folder}; {columns.heading!r} was read as degrees "
+            f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}"
+            f"{silence}; `sonarhw import` reads it otherwise"
+        )
+        return LogOpened(path, log, scene_of_log(log.metadata), notice, self._doubt(columns, path))
+
+    def _free_name(self) -> Path:
+        names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
+        return next(name for name in names if not name.exists())
+
+    def _doubt(self, columns: Columns, kept: Path) -> Notice | None:
+        likely = None if self.no_echo is not None else likely_silence(self.path, columns)
+        if likely is None:
+            return None
+        value, count = likely
+        return Notice(
+            f"{count} readings of {self.path.name} have {value:g} in {columns.distance!r}"
+            f"{', the longest there is' if value else ''}: did they hear no echo?",
+            "No echo",
+            replace(self, no_echo=value, kept=kept),
+        )
+
+
+@dataclass(frozen=True)
+class RoomOpened:
+    """A scene in the room of a file, at its first place."""
+
+    path: Path
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class OpenRoomRequest:
+    """What is in this room file?"""
+
+    path: Path
+    board: Board
+
+    def answer(self) -> RoomOpened:
+        """Read it. Raises InputError."""
+        room = load_room(self.path)
+        return RoomOpened(self.path, scene_with(self.board, room, first_place(room), self.path.name))
+
+
+Opened = LogOpened | RoomOpened
+OpenRequest = OpenLogRequest | OpenRoomRequest | OpenCsvRequest
+
+
+def _unit_name(metres: float) -> str:
+    return _UNITS.get(metres, f"{metres:g} m")
+
+
+def can_open(path: Path) -> bool:
+    """Whether a file is called like one that can be opened."""
+    return path.suffix.lower() in (LOG, ROOM, CSV)
+
+
+def request_for(path: Path, board: Board, folder: Path) -> OpenRequest:
+    """The request that opens a file of that name. Raises InputError where nothing does."""
+    match path.suffix.lower():
+        case ".mcap":
+            return OpenLogRequest(path)
+        case ".toml":
+            return OpenRoomRequest(path, board)
+        case ".csv":
+            return OpenCsvRequest(path, folder)
+    raise InputError(f"{path.name}: expected a log ({LOG}), a room ({ROOM}) or a scan as {CSV}")

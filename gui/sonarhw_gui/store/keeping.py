@@ -1,0 +1,184 @@
+"""Keeping what the window shows: pictures, data and reports, written in a thread, whole or not at all.
+
+Takes what to write and where; hands on what has been written and what could not be. Files that are there already are
+written over only where that was said.
+"""
+
+import json
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from PySide6.QtCore import QObject, Signal
+
+from sonarhw.errors import InputError, SonarError
+from sonarhw.log import Log, read_log
+from sonarhw.readings import Reading
+from sonarhw_gui.parts.pixels import Pixels
+from sonarhw_gui.parts.svg_strokes import with_own_coordinates
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import furnished
+from sonarhw_gui.work.worker import Failure, Worker
+
+CSV, NPZ, JSON, HTML, PNG, SVG = ".csv", ".npz", ".json", ".html", ".png", ".svg"
+
+
+class Content(Protocol):
+    """What can be written."""
+
+    @property
+    def endings(self) -> Sequence[str]:
+        """How its file may be called."""
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write it, in a thread of its own. Raises SonarError."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A view, as pixels or as SVG."""
+
+    pixels: Pixels | None
+    svg: str = ""
+    endings: Sequence[str] = (PNG, SVG)
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write it."""
+        if self.pixels is None:
+            file.write(with_own_coordinates(self.svg).encode())
+            return
+        from matplotlib.image import imsave  # half a second, which only the first picture takes
+
+        imsave(file, self.pixels, format="png")
+
+
+@dataclass(frozen=True)
+class Data:
+    """The readings of a log as `sonarhw log export` writes them, or the figures of `sonarhw compare --json`."""
+
+    recorded: Log | Path
+    scene: Scene
+    endings: Sequence[str] = (CSV, NPZ, JSON)
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Write them."""
+        log = _log_of(self.recorded)
+        if ending == JSON:
+            file.write(_figures(log.readings, self.scene).encode())
+        elif ending == NPZ:
+            from sonarhw.export.npz import write_arrays
+
+            write_arrays(file, log.scans)
+        else:
+            from sonarhw.export.csv_rows import lines
+
+            file.writelines(line.encode() for line in lines(log.scans))
+
+
+@dataclass(frozen=True)
+class ReportPage:
+    """The report on a log in a scene."""
+
+    name: str
+    recorded: Log | Path
+    scene: Scene
+    link: Sequence[tuple[str, str]] = ()
+    endings: Sequence[str] = (HTML,)
+
+    def write(self, file: BinaryIO, ending: str) -> None:
+        """Work it out, in some seconds, and write it."""
+        from sonarhw_compare.report.html_report import (  # with matplotlib, which the window does without
+            report_html,
+            report_of,
+        )
+
+        log, scene = _log_of(self.recorded), self.scene
+        room, place = furnished(scene)
+        report = report_of(
+            self.name, log.readings, room, place, scene.board, scene.options, log=log, link=tuple(self.link)
+        )
+        file.write(report_html(report).encode())
+
+
+@dataclass(frozen=True)
+class KeepRequest:
+    """Write it there."""
+
+    content: Content
+    path: Path
+    overwrite: bool
+
+    def answer(self) -> Path:
+        """Write it. Raises InputError, OutputError; then nothing has been written."""
+        from sonarhw.whole_file import whole_file
+
+        endings, path = self.content.endings, self.path
+        if path.suffix.lower() not in endings:
+            raise InputError(f"{path.name}: expected a name that ends in {' or '.join(endings)}")
+        if path.exists() and not self.overwrite:
+            raise InputError(f"{path}: exists already; choose another name")
+        with whole_file(path, "name") as file:
+            self.content.write(file, path.suffix.lower())
+        return path
+
+
+def _log_of(recorded: Log | Path) -> Log:
+    return read_log(recorded) if isinstance(recorded, Path) else recorded
+
+
+def _figures(readings: Sequence[Reading], scene: Scene) -> str:
+    from sonarhw_compare.matching.match import compare_readings
+
+    room, _ = furnished(scene)
+    compared = compare_readings(readings, room, scene.standing, scene.board, options=scene.options)
+    return json.dumps(asdict(compared.summary()), indent=2) + "\n"
+
+
+class Keeping(QObject):
+    """Writes one file after another, all that are asked for."""
+
+    kept = Signal(str)  # what to tell
+    failed = Signal(str)
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._waiting: deque[KeepRequest] = deque()
+        self._worker: Worker | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether files are still to be written."""
+        return bool(self._waiting) or (self._worker is not None and self._worker.busy)
+
+    def write(self, content: Content, path: Path, overwrite: bool = False) -> None:
+        """Have it written; `overwrite`: the person has said so."""
+        if self._worker is None:
+            self._worker = Worker("keep files")
+        self._waiting.append(KeepRequest(content, path, overwrite))
+        self._write_next()
+
+    def tick(self) -> None:
+        """Tell what has been written."""
+        if self._worker is None:
+            return
+        for answer in self._worker.take():
+            if isinstance(answer, Failure):
+                self.failed.emit(answer.message)
+            else:
+                self.kept.emit(f"kept in {answer}")
+        self._write_next()
+
+    def close(self) -> None:
+        """Write what was asked for, and end the thread."""
+        if self._worker is not None:
+            self._worker.close()
+            for request in self._waiting:
+                with suppress(SonarError):  # nobody is there any more to be told
+                    request.answer()
+
+    def _write_next(self) -> None:
+        if self._waiting and self._worker is not None and not self._worker.busy:
+            self._worker.ask(self._waiting.popleft())

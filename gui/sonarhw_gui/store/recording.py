@@ -1,0 +1,55 @@
+"""Where a live scan is recorded when nobody said where: a folder of the person's own, a file named by date and room.
+
+Takes a scene; hands on an open log.
+"""
+
+import re
+import time
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+
+from platformdirs import user_data_path
+
+from sonarhw.errors import LogError
+from sonarhw.log import LogMetadata, LogWriter
+from sonarhw_gui.scene.scene import Scene
+
+
+def recordings_folder() -> Path:
+    """The folder of recordings on this system; it may not exist yet."""
+    return user_data_path("sonarhw", appauthor=False) / "recordings"
+
+
+def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
+    """A new log in `folder`, named by the moment and the room; `warn` is told when the disk is nearly full.
+
+    Raises LogError where none can be made there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be made: {error.strerror}; recordings would lie there") from error
+    now = time.time()
+    path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_plain(scene)}")
+    room = scene.written_room
+    metadata = LogMetadata(
+        made_by="scan",
+        started=now,
+        room_file=scene.room_file,
+        room_text=room.text if room else "",
+        place=scene.standing.name,
+        board=scene.board.name,
+        board_text=scene.board.text,
+    )
+    return LogWriter(path, metadata, warn=warn), path
+
+
+def _plain(scene: Scene) -> str:
+    """The room's name with nothing in it that a file system may not like."""
+    return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
+
+
+def _free_name(folder: Path, stem: str) -> Path:
+    names = (folder / (f"{stem}.mcap" if k == 1 else f"{stem}_{k}.mcap") for k in count(1))
+    return next(name for name in names if not name.exists())

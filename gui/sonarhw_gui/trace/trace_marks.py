@@ -1,0 +1,68 @@
+"""What is drawn into a trace besides the traces: blanking, threshold, gain, the echoes that the board reported.
+
+Takes a chosen trace and what heights mean; draws into a plot.
+"""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.plot_look import cosmetic_pen
+from sonarhw_gui.plots.spots import Spots
+from sonarhw_gui.trace.trace_axes import GainAxis, Heights
+from sonarhw_gui.work.chosen_trace import ChosenTrace
+
+_FROM = 3e-4  # s: before it the gain of an ideal receiver falls to nothing
+_BEHIND = -20  # z value
+
+
+class TraceMarks:
+    """The marks of one plot, whose right axis tells the gain."""
+
+    def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
+        self._gain_axis = gain_axis
+        self._blanking = pg.LinearRegionItem(movable=False)
+        self._blanking.setZValue(_BEHIND)
+        self._threshold = pg.PlotCurveItem(connect="pairs")
+        self._gain = pg.PlotCurveItem()
+        self._gain.setZValue(_BEHIND + 1)
+        self._reported = Spots(size=9, symbol="t1", pen=None, hoverable=True, tip=_tip)
+        self._reported.setZValue(5)
+        self._items = (self._blanking, self._threshold, self._gain, self._reported)
+        for item in self._items:
+            plot.addItem(item, ignoreBounds=True)
+
+    def dress(self, look: Look) -> None:
+        """Draw in the colours of this look from now on."""
+        colours = look.palette
+        self._blanking.setBrush(colours.blanking)
+        for line in self._blanking.lines:
+            line.setPen(cosmetic_pen(colours.blanking))
+        self._threshold.setPen(cosmetic_pen(colours.threshold, width=1, style=Qt.PenStyle.DashLine))
+        self._gain.setPen(cosmetic_pen(colours.faint, width=1))
+        self._reported.setBrush(colours.measured)
+
+    def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
+        """Draw the marks of a trace; None: none."""
+        for item in self._items:
+            item.setVisible(trace is not None)
+        if trace is None:
+            return
+        self._blanking.setRegion((0.0, trace.blanking))
+        levels = [heights.of(trace.threshold_db)]
+        if not heights.decibels:
+            levels.append(-levels[0])
+        ends = [(time, level) for level in levels for time in (trace.blanking, trace.duration)]
+        self._threshold.setData(*np.array(ends).T)
+        begun = trace.gain.curve.times >= _FROM
+        placed = self._gain_axis.place(trace.gain.curve.values[begun], heights)
+        self._gain.setData(trace.gain.curve.times[begun], placed)
+        data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
+        self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data=data)
+
+
+def _tip(x: float, y: float, data: str) -> str:
+    return data if math.isfinite(x + y) else ""

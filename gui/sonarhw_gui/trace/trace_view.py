@@ -1,0 +1,250 @@
+"""The trace of the chosen heading: measured over predicted, blanking, gain, threshold, and every echo by its path.
+
+Takes what is shown; hands on where the mouse points. Time runs along the bottom, the range that it means along the top.
+"""
+
+from functools import partial
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
+from PySide6.QtGui import QActionGroup
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from sonarhw_compare.headings import heading_text
+from sonarhw_sim.air import Air
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.parts.elided import ElidedLabel
+from sonarhw_gui.parts.steady import Steady
+from sonarhw_gui.plots.marks import WHOLE
+from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis
+from sonarhw_gui.plots.reach import first_look
+from sonarhw_gui.plots.view_actions import add_buttons, view_action
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.trace.echo_names import EchoNames
+from sonarhw_gui.trace.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
+from sonarhw_gui.trace.trace_cursors import TraceCursors
+from sonarhw_gui.trace.trace_marks import TraceMarks
+from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve
+
+_LOWEST = 120  # pixels of the plot at the usual size of text: its axes keep room for their names
+_STEPS = 200  # of a cursor across the view
+
+
+class TraceView(QWidget):
+    """Draws the trace of the chosen reading."""
+
+    pointed = Signal(object)  # Cursor or None
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: Shown | None = None
+        self._look = Look()
+        self._trace: ChosenTrace | None = None
+        self._duration = 0.0
+        self.envelope = view_action(self, "Envelope", "V", "The level of the trace")
+        self.rf = view_action(self, "RF", "R", "The trace with its carrier")
+        self.forms = QActionGroup(self)
+        for form in (self.envelope, self.rf):
+            self.forms.addAction(form)
+        self.envelope.setChecked(True)
+        self.cursors_shown = view_action(self, "Cursors", "C", "Two cursors that read time and range; drag them")
+        self.title, self.readout = ElidedLabel(), QLabel()
+        self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        gain_axis = GainAxis()
+        self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
+        axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
+        self.plot = pg.PlotWidget(axisItems=axes)
+        self.plot.setViewportUpdateMode(WHOLE)
+        self.plot.hideButtons()
+        self.plot.setMouseEnabled(x=True, y=False)
+        for side in axes:
+            self.plot.showAxis(side)
+        self._predicted, self._measured = _curve_item(), _curve_item()
+        for item in (self._predicted, self._measured):
+            self.plot.addItem(item, ignoreBounds=True)
+        self.marks = TraceMarks(self.plot.plotItem, gain_axis)
+        self.names = EchoNames(self.plot.plotItem.vb)
+        self.cursors = TraceCursors(self.plot.plotItem, self)
+        self._pointer = pg.InfiniteLine(angle=90)
+        self.plot.addItem(self._pointer, ignoreBounds=True)
+        self._arrange()
+        self._connect()
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self._shown = self._shown, shown
+        if before is None or before.look != shown.look:
+            self._dress(shown.look)
+        if before is None or before.trace is not shown.trace or before.look != shown.look:
+            self._draw(shown.trace)
+        if shown.trace is None and not self._duration:
+            self._look_as_far_as_the_board_hears(shown.scene)
+        self._name()
+        self._point(shown.cursor)
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout()
+        row.setContentsMargins(8, 2, 8, 0)
+        row.setSpacing(3)
+        row.addWidget(Steady(self.title), stretch=1)
+        add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
+        self.readout.setVisible(False)
+        self.readout.setContentsMargins(8, 0, 8, 2)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(row)
+        column.addWidget(self.plot, stretch=1)
+        column.addWidget(self.readout)
+
+    def _connect(self) -> None:
+        self.forms.triggered.connect(self._draw_anew)
+        self.cursors_shown.toggled.connect(self._show_cursors)
+        self.cursors.moved.connect(self._read_cursors)
+        self.plot.scene().sigMouseMoved.connect(self._tell_pointed)
+        self.plot.viewport().installEventFilter(self)
+        for which, name in enumerate("AB"):
+            for side, by in (("Left", -1), ("Right", 1)):
+                key = f"Alt+Shift+{side}" if which else f"Alt+{side}"
+                action = view_action(self, f"Cursor {name} {side.lower()}", key, "A small step", checkable=False)
+                action.triggered.connect(partial(self._step_cursor, which, by))
+
+    def eventFilter(self, watched: object, event: QEvent) -> bool:
+        """Tell when the mouse has left the plot."""
+        if event.type() == QEvent.Type.Leave:
+            self.pointed.emit(None)
+        return False
+
+    def _dress(self, look: Look) -> None:
+        self._look = look
+        colours = look.palette
+        self.plot.setBackground(colours.paper)
+        self.plot.setMinimumHeight(round(_LOWEST * look.scale))
+        dress_plot(self.plot.plotItem, look)
+        self._times.write_in("ms", 1e3)
+        gain = self.plot.getAxis("right")
+        label_axis(gain, "gain (dB)")
+        for axis in (gain, self._ranges):
+            axis.setGrid(False)
+        self._predicted.setPen(cosmetic_pen(colours.predicted, width=1, style=Qt.PenStyle.DashLine))
+        self._measured.setPen(cosmetic_pen(colours.measured, width=1))
+        self._pointer.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
+        for part in (self.marks, self.names, self.cursors):
+            part.dress(look)
+
+    def _draw(self, trace: ChosenTrace | None) -> None:
+        self._trace = trace
+        rf = self.rf.isChecked()
+        heights = heights_of(trace, rf) if trace else EMPTY
+        self._levels.write_for(heights)
+        unit = self._look.unit
+        self._ranges.write_in(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
+        for item, sound in (
+            (self._measured, trace.measured if trace else None),
+            (self._predicted, trace.predicted if trace else None),
+        ):
+            curve = None if sound is None else signal_curve(sound) if rf else sound.envelope
+            _set_curve(item, curve, heights)
+        self.marks.draw(trace, heights, self._look)
+        self.names.draw(trace.echoes if trace else (), heights)
+        self._name()
+        self._measured.setZValue(1 if rf else -1)
+        if trace is not None:
+            self._look_at(trace)
+        self._read_cursors()
+
+    def _name(self) -> None:
+        shown = self._shown
+        due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
+        self.title.setText(_title(self._trace, self.rf.isChecked(), due))
+
+    @Slot()
+    def fit(self) -> None:
+        """Show all of the trace."""
+        if self._trace is not None:
+            self.plot.setXRange(0.0, self._trace.duration, padding=0)
+
+    def _look_at(self, trace: ChosenTrace) -> None:
+        if self._duration == trace.duration or self._shown is None:
+            return  # a zoom lasts from one reading to the next
+        self._duration = trace.duration
+        reach = first_look(self._shown)
+        end = trace.duration if reach is None else min(trace.duration, trace.time_at(reach))
+        self.plot.setLimits(xMin=0.0, xMax=trace.duration)
+        self.plot.setXRange(0.0, end, padding=0)
+        self.cursors.fit(trace.duration, end)
+
+    def _look_as_far_as_the_board_hears(self, scene: Scene) -> None:
+        air = scene.room.air if scene.room else Air()
+        self.plot.setXRange(0.0, 2 * scene.board.max_range / air.speed_of_sound, padding=0)
+
+    @Slot()
+    def _draw_anew(self) -> None:
+        self._draw(self._trace)
+
+    @Slot(bool)
+    def _show_cursors(self, shown: bool) -> None:
+        self.cursors.show(shown)
+        self.readout.setVisible(shown)
+        self._read_cursors()
+
+    def _step_cursor(self, which: int, by: int) -> None:
+        left, right = self.plot.viewRange()[0]
+        self.cursors_shown.setChecked(True)
+        self.cursors.step(which, by * (right - left) / _STEPS)
+
+    @Slot()
+    def _read_cursors(self) -> None:
+        if self._trace is not None:
+            self.readout.setText(self.cursors.text(self._trace, self._look))
+
+    @Slot(object)
+    def _tell_pointed(self, position: QPointF) -> None:
+        box = self.plot.plotItem.vb
+        if self._trace is not None and box.sceneBoundingRect().contains(position):
+            time = box.mapSceneToView(position).x()
+            self.pointed.emit(Cursor(self._trace.heading, self._trace.range_at(time)))
+
+    def _point(self, cursor: Cursor | None) -> None:
+        self._pointer.setVisible(cursor is not None and self._trace is not None)
+        if cursor is not None and self._trace is not None:
+            self._pointer.setValue(self._trace.time_at(cursor.range))
+
+
+def _curve_item() -> pg.PlotDataItem:
+    # of a thousand samples on a pixel the highest and the lowest are drawn
+    return pg.PlotDataItem(connect="finite", autoDownsample=True, downsampleMethod="peak", clipToView=True)
+
+
+def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> None:
+    if curve is None:
+        item.setData(np.empty(0), np.empty(0))
+    else:
+        # what the board hears of its own burst is louder than any echo
+        item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
+
+
+def _degrees(heading: float) -> str:
+    return heading_text(heading)
+
+
+def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
+    """What the trace is of; `due`: the heading that all other views are about already."""
+    if trace is None:
+        return "Trace: no reading yet"
+    told = [f"Trace at {_degrees(trace.heading)}"]
+    if due is not None and _degrees(due) != _degrees(trace.heading):
+        told.append(f"{_degrees(due)} follows")
+    if trace.measured is None:
+        told.append("no trace recorded")
+    elif rf and trace.measured.rf is None:
+        told.append("measured: envelope only")
+    if trace.predicted is None:
+        told.append("no prediction")
+    elif rf and trace.predicted.folded:
+        told.append(f"both as {trace.predicted.rate / 1e3:.1f} kHz fold it")
+    if trace.gain.stepped:
+        told.append("stepped gain")
+    return " · ".join(told)

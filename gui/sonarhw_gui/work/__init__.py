@@ -1,0 +1,1 @@
+"""Work for worker threads: prediction, comparison, B-scan, fit, ports."""

@@ -1,0 +1,71 @@
+"""What the B-scan looks like: a request for a worker, and its answer with the pictures drawn.
+
+Takes what is shown and what a person wants to see of it; hands on `BScans`, which a view has only to put on the screen.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sonarhw_compare.pictures.bscan import BScan, difference
+from sonarhw_compare.pictures.trace_levels import floor_of
+from sonarhw_sim.predict.by_heading import arm
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+
+from sonarhw.readings import Reading
+from sonarhw_gui.look.palette import Palette
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.bscan_picture import Arm, BScanWish, ColourScale, Pane, Pixels, colour_scale, draw_bscan
+from sonarhw_gui.work.bscan_rows import BScanRows, more_rows
+
+SLICE = 0.05  # s
+
+
+@dataclass(frozen=True)
+class PanePicture:
+    """One pane, drawn."""
+
+    pixels: Pixels
+    scale: ColourScale
+
+
+@dataclass(frozen=True)
+class BScans:
+    """The B-scan as far as it is worked out."""
+
+    generation: int
+    wish: BScanWish
+    rows: BScanRows
+    measured: BScan
+    predicted: BScan
+    pictures: Mapping[Pane, PanePicture]
+
+
+@dataclass(frozen=True)
+class BScanRequest:
+    """What does the B-scan look like?"""
+
+    generation: int
+    scene: Scene
+    readings: tuple[Reading, ...]
+    outline: PredictedScan | None
+    wish: BScanWish
+    palette: Palette
+    before: BScanRows | None  # of the same scan
+
+    def answer(self) -> BScans:
+        """Work on it for `SLICE` and draw what there is."""
+        rows = more_rows(self.scene, self.readings, self.outline, self.before, SLICE)
+        measured, predicted = rows.images()
+        pictures = {pane: self._drawn(pane, measured, predicted) for pane in self.wish.panes}
+        return BScans(self.generation, self.wish, rows, measured, predicted, pictures)
+
+    def _drawn(self, pane: Pane, measured: BScan, predicted: BScan) -> PanePicture:
+        floor = floor_of(self.scene.board)
+        scale = colour_scale(pane, self.wish.decibels, floor, self.palette)
+        floor_db = floor if self.wish.decibels else None
+        polar = Arm(*arm(self.scene.board)) if self.wish.polar else None
+        if pane is Pane.DIFFERENCE:
+            apart = difference(measured, predicted, floor_db)
+            return PanePicture(draw_bscan(apart, scale, None, polar), scale)
+        image = measured if pane is Pane.MEASURED else predicted
+        return PanePicture(draw_bscan(image, scale, floor_db, polar), scale)

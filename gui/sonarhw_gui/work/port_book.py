@@ -1,0 +1,108 @@
+"""The ports of this machine and what answers at each: looked up and asked while the window goes on.
+
+Takes wishes to look and to ask; hands on rows. Ports with known USB ends are asked at once, the others when a person
+says so: asking may reset whatever hangs on a port.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from sonarhw.host.who_answers import who_answers
+from sonarhw.link.ports import Port, serial_ports
+from sonarhw_gui.work.worker import Failure, Worker
+
+
+@dataclass(frozen=True)
+class PortRow:
+    """One port."""
+
+    device: str
+    description: str
+    known: bool  # its USB end may be a scanner's
+    answer: str = "not asked"
+    answers: bool = False  # a scanner does
+
+
+@dataclass(frozen=True)
+class _Look:
+    find: Callable[[], list[Port]]
+
+    def answer(self) -> tuple[PortRow, ...]:
+        return tuple(
+            PortRow(port.device, port.known or port.description, port.known is not None) for port in self.find()
+        )
+
+
+@dataclass(frozen=True)
+class _Ask:
+    row: PortRow
+    ask: Callable[[str], tuple[bool, str]]
+
+    def answer(self) -> PortRow:
+        answers, said = self.ask(self.row.device)
+        return replace(self.row, answer=said, answers=answers)
+
+
+class PortBook:
+    """Rows of ports, asked one after another."""
+
+    def __init__(
+        self,
+        find: Callable[[], list[Port]] = serial_ports,
+        ask: Callable[[str], tuple[bool, str]] = who_answers,
+    ) -> None:
+        self.rows: tuple[PortRow, ...] = ()
+        self.failures: list[str] = []
+        self._find, self._ask = find, ask
+        self._in_use = ""
+        self._to_ask: list[str] = []
+        self._worker = Worker("ask ports")
+
+    @property
+    def busy(self) -> bool:
+        """Whether ports are still looked up or asked."""
+        return bool(self._to_ask) or self._worker.busy
+
+    def look(self, in_use: str = "") -> None:
+        """Look up the ports, and ask the known ones but the one that is in use."""
+        self._in_use, self._to_ask = in_use, []
+        self._worker.ask(_Look(self._find))
+
+    def ask_all(self) -> None:
+        """Ask every port that has not been asked."""
+        self._put_down([row.device for row in self.rows])
+
+    def take(self) -> bool:
+        """Take in what has been found out since the last call; whether anything has changed."""
+        taken = self._worker.take()
+        for answer in taken:
+            match answer:
+                case Failure():
+                    self.failures.append(answer.message)
+                case PortRow():
+                    self.rows = tuple(answer if row.device == answer.device else row for row in self.rows)
+                case rows:
+                    self.rows = tuple(
+                        replace(row, answer="in use by this window") if row.device == self._in_use else row
+                        for row in rows
+                    )
+                    self._put_down([row.device for row in rows if row.known])
+        if taken:
+            self._ask_next()
+        return bool(taken)
+
+    def close(self) -> None:
+        """End the thread; a port that is being asked is waited for."""
+        self._to_ask.clear()
+        self._worker.close()
+
+    def _put_down(self, devices: list[str]) -> None:
+        waiting = {row.device for row in self.rows if row.answer == "not asked"}
+        self._to_ask = [device for device in devices if device in waiting]
+        self.rows = tuple(replace(row, answer="asking …") if row.device in self._to_ask else row for row in self.rows)
+        self._ask_next()
+
+    def _ask_next(self) -> None:
+        if self._to_ask and not self._worker.busy:
+            device = self._to_ask.pop(0)
+            self._worker.ask(_Ask(next(row for row in self.rows if row.device == device), self._ask))

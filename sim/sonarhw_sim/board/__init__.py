@@ -1,0 +1,1 @@
+"""The ranging board: profile, transducer, gain, traces and receiver."""

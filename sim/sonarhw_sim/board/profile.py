@@ -1,0 +1,241 @@
+"""Board profiles: everything that makes one ranging board answer differently from another.
+
+Takes the name of a profile that ships with the product, or a file; hands on a frozen `Board`.
+"""
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from sonarhw_sim.air import Air, absorption
+from sonarhw_sim.board.mount import ON_AXIS, Mount
+from sonarhw_sim.board.ring import Ring
+from sonarhw_sim.toml_file import TomlModel, parse_toml, read_text
+
+MOST_RANGE = 1000.0  # m; sound in air is gone long before
+
+Positive = Annotated[float, Field(gt=0)]
+
+# Unverified, and so only what a profile that says nothing gets: each way the transducer swells and rings by this time
+# constant; rung down by 0.75 ms, where BINH may end blanking (6500 data sheet), with the burst at 12 dB.
+RISE_CYCLES = 1.5
+OWN_BURST_DB = 12.0  # dB over full scale
+# REC needs 3 to 16 cycles (recalled), and a barely seen echo comes some 45 mm after a strong one: about 8
+INTEGRATION_CYCLES = 8.0
+GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; the data sheets say none
+_CHIRP_REACH = 30e3  # Hz; signals are kept 60 kHz to each side of the carrier (sonarhw_sim.board.burst)
+REARM = 0.44e-3  # s, BLNK high at least so long (6500 data sheet)
+
+
+class Receiver(StrEnum):
+    """How a board makes a range of what it receives."""
+
+    FIRST_ECHO = "first-echo"  # the paper's: the first arrival over the threshold, after an ideal gain
+    BOARD = "board"  # the ranging board's own: stepped gain, integration, its own clock (sonarhw_sim.board.receiver)
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A stretch of the burst at one frequency."""
+
+    frequency: float  # Hz
+    cycles: int
+
+
+class ToneFile(TomlModel):
+    """A stretch of a chirp in a profile."""
+
+    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
+    cycles: Annotated[int, Field(ge=1)]
+
+
+class BoardFile(TomlModel):
+    """What may stand in a profile."""
+
+    name: str
+    aperture_radius: Annotated[float, Field(gt=0, le=1)]  # m
+    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
+    transmit_cycles: Annotated[int, Field(ge=1, le=1000)]
+    blanking: Annotated[float, Field(ge=0, le=1)]  # s
+    max_range: Annotated[float, Field(gt=0, le=MOST_RANGE)]  # m
+    threshold_db: Annotated[float, Field(le=0)]
+    rounding: Annotated[float, Field(ge=0, le=1)] = 0.0  # m; 0: none
+    absorption: bool = True
+    receiver: Literal["first-echo", "board"] = "first-echo"
+    chirp: tuple[ToneFile, ...] = ()
+    # shorter ones would need more than the 60 kHz to each side of the carrier that signals are kept in
+    rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = RISE_CYCLES
+    own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
+    integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
+    fixed_gain: bool = False
+    gain_steps: tuple[Positive, ...] = ()  # s
+    gain_step_db: Annotated[float, Field(ge=0, le=20)] = GAIN_STEP_DB
+    blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s
+    rearm: Positive = REARM  # s
+    clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
+    mount: Mount = ON_AXIS
+    ring: Ring | None = None
+    range_offset: Annotated[float, Field(ge=-1, le=1)] = 0.0  # m; `sonarhw calibrate` finds these two
+    home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+
+    @field_validator("gain_steps")
+    @classmethod
+    def _in_order(cls, steps: tuple[float, ...]) -> tuple[float, ...]:
+        if any(later <= earlier for earlier, later in pairwise(steps)):
+            raise ValueError("expected times that grow from one gain step to the next")
+        return steps
+
+    @model_validator(mode="after")
+    def _one_carrier(self) -> "BoardFile":
+        if self.ring is not None and self.mount != ON_AXIS:
+            raise ValueError("[mount] and [ring]: a board has one of them, a head on a turntable or a ring of sensors")
+        return self
+
+    @model_validator(mode="after")
+    def _one_gain(self) -> "BoardFile":
+        if self.fixed_gain and self.gain_steps:
+            raise ValueError("fixed_gain and gain_steps: a gain stays as it is or rises, not both")
+        return self
+
+    @model_validator(mode="after")
+    def _hears_something(self) -> "BoardFile":
+        silent = Air().speed_of_sound / 2 * (self.blanking if self.blanking_inhibit is None else self.blanking_inhibit)
+        if self.max_range <= silent:
+            raise ValueError(
+                f"max_range: expected more than {silent:.3g} m, where blanking ends, got {self.max_range:g}; "
+                "it would hear nothing"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _adds_up(self) -> "BoardFile":
+        cycles = sum(tone.cycles for tone in self.chirp)
+        if self.chirp and cycles != self.transmit_cycles:
+            raise ValueError(f"chirp: expected transmit_cycles = {self.transmit_cycles} cycles in all, got {cycles}")
+        for row, tone in enumerate(self.chirp):
+            if abs(tone.frequency - self.frequency) > _CHIRP_REACH:
+                raise ValueError(
+                    f"chirp[{row}].frequency: expected one within {_CHIRP_REACH:g} Hz of frequency = "
+                    f"{self.frequency:g}, got {tone.frequency:g}"
+                )
+        if self.blanking_inhibit is not None and self.blanking_inhibit > self.blanking:
+            raise ValueError(
+                f"blanking_inhibit: expected {self.blanking:g} s (blanking) or less, got {self.blanking_inhibit:g}; "
+                "BINH only shortens"
+            )
+        return self
+
+
+@dataclass(frozen=True)
+class Board:
+    """A ranging board; lengths in m, times in s."""
+
+    name: str
+    aperture_radius: float
+    frequency: float  # Hz
+    transmit_cycles: int
+    blanking: float  # nothing is heard before this time
+    max_range: float
+    threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
+    text: str = field(default="", compare=False, repr=False)  # the profile, so that a log can carry it
+    rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
+    absorption: bool = True  # whether air other than the ideal gain expects makes a difference
+    receiver: Receiver = Receiver.FIRST_ECHO  # the one it is used with where nobody asks for another
+    chirp: tuple[Tone, ...] = ()  # the burst stretch by stretch; empty: all of it at `frequency`
+    rise_cycles: float = RISE_CYCLES  # time constant of swelling and ringing each way, in cycles
+    own_burst_db: float = OWN_BURST_DB  # how loud its own burst is in its receiver, over full scale
+    integration_cycles: float = INTEGRATION_CYCLES  # time constant of the detector, in cycles; 0: none
+    fixed_gain: bool = False  # its gain never rises: far echoes are fainter, and levels count from a wall 0.5 m ahead
+    gain_steps: tuple[float, ...] = ()  # when the gain rises by a step; empty: the ideal gain, or the fixed one
+    gain_step_db: float = GAIN_STEP_DB
+    blanking_inhibit: float | None = None  # when BINH ends blanking early; None: it stays low
+    rearm: float = REARM  # from one echo to the next that can be heard
+    clock_error: float = 0.0  # 0.01: its clock runs 1 % fast, its times end early and it counts too many
+    mount: Mount = ON_AXIS
+    ring: Ring | None = None  # the sensors it has instead of one on a turntable
+    range_offset: float = 0.0  # what this board tells beyond the true range
+    home_angle_deg: float = 0.0  # where the turntable's zero points, counter-clockwise from where it should
+
+    @property
+    def carrier(self) -> Mount | Ring:
+        """What carries its transducers."""
+        return self.ring or self.mount
+
+    @property
+    def listens_from(self) -> float:
+        """When blanking ends by the board's clock, s: by itself, or by BINH."""
+        return self.blanking if self.blanking_inhibit is None else self.blanking_inhibit
+
+    @property
+    def burst(self) -> tuple[Tone, ...]:
+        """What it sends, stretch by stretch."""
+        return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
+
+    def heading_at(self, angle: float, zero: float) -> float:
+        """Where it points at a turntable angle, if step 0 should point along `zero`; all rad."""
+        return zero + math.radians(self.home_angle_deg) + angle
+
+    def wavenumber(self, air: Air) -> float:
+        """2π over the wavelength, rad/m."""
+        return math.tau * self.frequency / air.speed_of_sound
+
+    def wavelength(self, air: Air) -> float:
+        """Wavelength in that air, m."""
+        return air.speed_of_sound / self.frequency
+
+    def blanked_range(self, air: Air) -> float:
+        """Range below which nothing is heard, m."""
+        return self.listens_from * air.speed_of_sound / 2
+
+    def excess_absorption(self, air: Air) -> float:
+        """What this air takes beyond what the ideal gain gives back, dB/m.
+
+        The gain is made for 20 °C and 50 % humidity (the defaults of `Air`).
+        """
+        return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
+
+    def reported(self, distances: FloatArray) -> FloatArray:
+        """The ranges the board would report for true ones, m, same shape; NaN stays NaN."""
+        told = distances + self.range_offset if self.range_offset else distances
+        return np.round(told / self.rounding) * self.rounding if self.rounding else told
+
+
+def load_board(wanted: str) -> Board:
+    """The profile that ships under this name, or in this file. Raises InputError where there is none or it is wrong."""
+    if wanted.endswith(".toml"):
+        return parse_board(read_text(Path(wanted), "board profile"), wanted)
+    shipped = files("sonarhw_sim.board.shipped") / f"{wanted}.toml"
+    if wanted not in board_names():
+        raise InputError(f"no board {wanted!r}; known: {', '.join(board_names())}, or a file NAME.toml")
+    return parse_board(shipped.read_text(encoding="utf-8"), shipped.name)
+
+
+def parse_board(text: str, where: str) -> Board:
+    """The board in the text of a profile. Raises InputError naming `where` and the key."""
+    return board_from(parse_toml(text, where, BoardFile), text)
+
+
+def board_from(file: BoardFile, text: str = "") -> Board:
+    """The board that a checked profile describes; `text` is what a log carries of it."""
+    values = file.model_dump()
+    chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
+    made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring, "text": text}
+    return Board(**values | made)
+
+
+def board_names() -> list[str]:
+    """Names of the profiles that ship with the product."""
+    return sorted(
+        entry.name.removesuffix(".toml")
+        for entry in files("sonarhw_sim.board.shipped").iterdir()
+        if entry.name.endswith(".toml")
+    )

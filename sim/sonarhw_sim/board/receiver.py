@@ -1,0 +1,155 @@
+"""The ranging board's own receiver, as the Polaroid 6500 has it: from the receive signal to echo times.
+
+Takes the arrivals of one ping; hands on the times at which ECHO goes high, found in the very signal that
+`sonarhw_sim.board.traces.received` makes of them, and which arrival made the first. The rectified signal charges a
+capacitor, REC, which leaks; an echo is there when it is full. So an echo is found late, a weak one later than a strong
+one, and one too short or too weak never. While the board is blanked REC is held empty: at first by itself or until
+BINH, and again after each echo while BLNK is high.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.board.burst import RATE, burst_of
+from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, received
+from sonarhw_sim.board.transducer import ComplexArray
+from sonarhw_sim.compiled import compiled
+
+_FIRST_LISTEN = 0.01  # s, within which most pings are answered
+_SHARE = 0.1  # of what there is just before an echo is found, the least that an arrival must be to have made it
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What the board makes of one ping."""
+
+    times: FloatArray  # (k,), s, true time, earliest first
+    winner: int  # row of the arrival that was loudest just before the first; -1: no echo, or noise, or the own burst
+
+
+def hear(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
+    """The echoes that the board's own receiver finds up to its maximum range."""
+    return _hear_for(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
+
+
+def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
+    """What `hear` finds, up to the first echo or some more: most pings need no more of the signal than that."""
+    whole = 2 * board.max_range / speed_of_sound
+    listen = min(_FIRST_LISTEN, whole)
+    heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+    while not len(heard.times) and listen < whole:
+        listen = min(2 * listen, whole)
+        heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+    return heard
+
+
+def _hear_for(duration: float, arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None) -> Heard:
+    samples = received(arrivals, board, speed_of_sound, duration, Receiver.BOARD, noise).samples
+    times = echo_times(samples, board, speed_of_sound)
+    winner = _loudest_before(float(times[0]), samples, arrivals, board, speed_of_sound) if len(times) else -1
+    return Heard(times, winner)
+
+
+def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, board: Board, speed_of_sound: float) -> int:
+    """The arrival that was loudest while REC last charged, before `time`; -1 where none was worth naming."""
+    burst = burst_of(board, speed_of_sound)
+    since = time - arrivals.times
+    near = np.flatnonzero((since > -burst.lead / RATE) & (since < burst.length / RATE))
+    if not len(near):
+        return -1
+    end = math.ceil(time * RATE) + 1
+    begin = max(0, end - max(2, math.ceil(_time_constant(board))))
+    candidates = before_gain(arrivals.select(near), board, speed_of_sound, Receiver.BOARD)
+    gain = gain_at_samples(len(samples), board, Receiver.BOARD)[:end]
+    alone = _sums_between(*pulses(candidates, board, burst, speed_of_sound), gain, begin)
+    loudest = int(alone.argmax())
+    return int(near[loudest]) if alone[loudest] >= _SHARE * np.abs(samples[begin:end]).sum() else -1
+
+
+@compiled
+def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray, begin: int) -> FloatArray:
+    """How much of each pulse, after the gain, lies between sample `begin` and the end of `gain`, (n,) float."""
+    sums = np.zeros(some.shape[0])
+    for row in range(some.shape[0]):
+        for k in range(max(0, begin - first[row]), min(some.shape[1], gain.shape[0] - first[row])):
+            sums[row] += abs(some[row, k]) * gain[first[row] + k]
+    return sums
+
+
+def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
+    """When the board finds its echoes, (k,) float, s since the start of transmission, true time.
+
+    `samples` are the complex envelope after the gain, RATE a second. REC follows v′ = (|s|/A − v)/τ and is full at 1.
+    A is such that the echo of a lone wall straight ahead at the threshold just fills it: threshold_db means the same
+    to both receivers.
+    """
+    # over zero, so that a threshold of nothing hears everything
+    full = max(10 ** (board.threshold_db / 20), 1e-300) * _charge_of_burst(board, speed_of_sound)
+    # the board ends its blanking by its own clock
+    opens = board.listens_from / (1 + board.clock_error)
+    ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
+    found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board))
+    return np.asarray(found / RATE)
+
+
+def counted_time(times: FloatArray, board: Board) -> FloatArray:
+    """True times as the board's clock counts them, s, same shape."""
+    return times * (1 + board.clock_error)
+
+
+def _time_constant(board: Board) -> float:
+    """τ of the integration, samples."""
+    return board.integration_cycles / board.frequency * RATE
+
+
+@lru_cache(maxsize=16)
+def _charge_of_burst(board: Board, speed_of_sound: float) -> float:
+    """How full REC gets by the echo of a perfect wall straight ahead, where a lasting signal as loud gives 1."""
+    return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), _time_constant(board)).max())
+
+
+@compiled
+def _kept(time_constant: float) -> float:
+    """What REC keeps of its charge from one sample to the next."""
+    kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
+    return kept
+
+
+@compiled
+def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
+    """REC after every sample, from empty, (n,)."""
+    kept = _kept(time_constant)
+    charge = np.empty(levels.shape[0])
+    charge[0] = levels[0] * (1.0 - kept)
+    for k in range(1, levels.shape[0]):
+        charge[k] = kept * charge[k - 1] + (1.0 - kept) * levels[k]
+    return charge
+
+
+@compiled
+def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
+    """Sample numbers, with their fractions, at which REC is full, (k,) float."""
+    kept = _kept(time_constant)
+    found = np.empty(0)
+    charge = 0.0
+    for k in range(math.ceil(opens), levels.shape[0]):
+        # blanked: REC is held empty
+        if k < opens:
+            continue
+        before, charge = charge, kept * charge + (1.0 - kept) * levels[k]
+        if charge < 1.0:
+            continue
+
+        # full: between the last sample and this one, but not before it was let go
+        at = max(opens, k - 1 + (1.0 - before) / (charge - before))
+        if at > ends:
+            break
+        found = np.append(found, at)
+        opens, charge = at + rearm, 0.0
+    return found

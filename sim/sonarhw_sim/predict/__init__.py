@@ -1,0 +1,1 @@
+"""Predicted scans by model, and the echo source of the fake scanner."""

@@ -1,0 +1,136 @@
+"""The models by name: ray following, and those the paper argues against, to hold beside it.
+
+Takes what `predict_scan` takes and the name of a model; hands on the same `PredictedScan`, whatever the model.
+"""
+
+import math
+from dataclasses import replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
+from sonarhw_sim.rays.kernel import first_hit
+from sonarhw_sim.rays.paths import Paths
+from sonarhw_sim.room.grid import Surfaces
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.sections import cut, standing_at
+
+CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
+_CONE_RAYS = 121
+# How far readings of one surface at range z lie about: σ = 0.01 m + 0.015 z, as maps made with Polaroid units took it,
+# errors of the map included. The paper (§1, citing Lange, Korba, Wong 1989) adds only that the far tail is slightly
+# longer; that it is exponential, and half as long as σ, is ours.
+SPREAD = 0.01  # m
+SPREAD_BY_RANGE = 0.015
+FAR_TAIL = 0.5
+
+
+class Model(StrEnum):
+    """How to predict."""
+
+    RAY_FOLLOWING = "ray-following"
+    NEAREST = "nearest"  # the first wall along the axis; with a seed, its distance is off at random
+    CONE = "cone"  # the nearest wall within ±15°
+    KUC_SIEGEL = "kuc-siegel"  # single reflections and edges only
+
+
+def predict_with(
+    model: Model,
+    room: Room,
+    place: Place,
+    board: Board,
+    headings: FloatArray,
+    options: PredictionOptions | None = None,
+) -> PredictedScan:
+    """What `model` says that `board` would report from `place` at `headings` (n,) rad in the room."""
+    options = options or PredictionOptions()
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    match model:
+        case Model.RAY_FOLLOWING:
+            return predict_scan(room, place, board, headings, options)
+        case Model.KUC_SIEGEL:
+            return predict_scan(room, place, board, headings, replace(options, max_bounces=1, single=True))
+        case Model.NEAREST:
+            scan = _nearest_wall(room, place, _hearing(board, options), headings, np.zeros(1))
+            return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
+        case Model.CONE:
+            cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
+            return received_by(_nearest_wall(room, place, _hearing(board, options), headings, cone), options)
+
+
+def _hearing(board: Board, options: PredictionOptions) -> Board:
+    """The board as the two models of nearest walls believe it: with the paper's receiver nothing is too near for it."""
+    if options.receiver is Receiver.BOARD:
+        return board
+    return replace(board, blanking=0.0, blanking_inhibit=None)
+
+
+def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
+    """The scan with every range off at random, a function of the seed and its heading."""
+    assert scan.only_at is not None
+    distances = scan.paths.lengths / 2
+    drawn = np.array([_range_error(seed, float(heading)) for heading in scan.headings[scan.only_at]])
+    errors = drawn * (SPREAD + SPREAD_BY_RANGE * distances)
+    return with_first_echoes(replace(scan, lateness=2 * np.maximum(errors, -distances)))
+
+
+def _range_error(seed: int, heading: float) -> float:
+    """An error of mean 0 in units of σ: normal of spread 1, and exponential of scale FAR_TAIL towards far."""
+    microdegrees = round(math.degrees(heading) * 1e6) % 360_000_000
+    random = np.random.default_rng((seed, 4, microdegrees))
+    return float(random.normal() + FAR_TAIL * (random.exponential() - 1))
+
+
+def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
+    """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
+    starts = np.array([board.carrier.stand(place, float(heading)).receiver for heading in headings])
+    standing = standing_at(room, place.height)
+    section = cut(room, standing)
+    distances, directions, surfaces = _nearest_hits(starts.reshape(-1, 2), headings[:, None] + cone, section.surfaces)
+    rows = np.argsort(distances, kind="stable")
+    rows = rows[surfaces[rows] >= 0]
+    distances, directions, surfaces = distances[rows], directions[rows], surfaces[rows]
+    paths = Paths(
+        lengths=2 * distances,
+        departures=headings[rows],  # these models take whatever they meet for straight ahead
+        arrivals=headings[rows],
+        gains=np.ones(len(rows)),
+        surfaces=np.array(standing, dtype=np.int32)[surfaces].reshape(-1, 1),
+        edges=np.full(len(rows), -1, dtype=np.int32),
+        bends=np.ones(len(rows), dtype=np.int32),
+        elevations=np.zeros((len(rows), 2)),
+        points=_there_and_back(starts[rows], directions, distances),
+    )
+    return with_first_echoes(silent_scan(room, place, board, headings, paths, rows))
+
+
+@compiled
+def _nearest_hits(
+    starts: FloatArray, directions: FloatArray, surfaces: Surfaces
+) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    """Of each row of directions (n, m) rad the nearest hit from its start (n, 2) m: distance (m), direction, surface.
+
+    Surface -1, and no distance, where all look out; the first of equal distances.
+    """
+    count = len(starts)
+    distances, chosen, hit = np.full(count, np.inf), np.zeros(count), np.full(count, -1, np.intp)
+    for k in range(count):
+        for direction in directions[k]:
+            dx, dy = math.cos(direction), math.sin(direction)
+            distance, surface = first_hit(starts[k, 0], starts[k, 1], dx, dy, -1, surfaces)
+            if distance < distances[k]:
+                distances[k], chosen[k], hit[k] = distance, direction, surface
+    return distances, chosen, hit
+
+
+def _there_and_back(starts: FloatArray, directions: FloatArray, distances: FloatArray) -> FloatArray:
+    touches = starts + distances[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
+    points = np.full((len(directions), 4, 2), np.nan)
+    points[:, 0], points[:, 1], points[:, 2] = starts, touches, starts
+    return points

@@ -1,0 +1,164 @@
+"""The prediction: what the board would report at each heading, and by which path.
+
+Takes a room, a place, a board and headings; hands on a `PredictedScan`, which still knows every echo. Paths are
+found once for a whole scan; here they are only weighed by the transducer and held against blanking, threshold, range.
+Where more than the beam turns with the head, every heading has paths of its own (`sonarhw_sim.predict.by_heading`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.board.gain import most_gained
+from sonarhw_sim.board.mount import FACE_REFLECTANCES, Unit
+from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.receiver import counted_time
+from sonarhw_sim.board.weighing import beam_table, first_heard
+from sonarhw_sim.predict.by_heading import HeadingPaths, Leg, find_by_heading
+from sonarhw_sim.predict.levels import faintest_noticed, is_blanked, leg_amplitudes, noticed, strengths
+from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
+from sonarhw_sim.rays.audible import Front
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.sections import paths_from
+
+# Of paths bent by an edge there is no end; only those are sought that could be heard if they were a little louder. dB
+BENT_BELOW_THRESHOLD = 3.0
+
+
+@dataclass(frozen=True)
+class PredictionOptions:
+    """How to follow the sound; the defaults are those of every command."""
+
+    unit: Unit = Unit.PASS
+    max_bounces: int = MAX_BOUNCES
+    diffraction: bool = True
+    rays: int = RAYS
+    edge_strength: EdgeStrength = EdgeStrength.PAPER
+    receiver: Receiver = Receiver.FIRST_ECHO
+    noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; the board's own hears it, the paper's not
+    seed: int | None = None  # of whatever is random; None: 0 for `noise`, and a model that errs at random does not
+    single: bool = False  # only what one surface or one edge sends straight back
+    sections: int = 1  # horizontal ones, one above the other across the face, where a place has a height
+
+
+def predict_scan(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions | None = None
+) -> PredictedScan:
+    """What `board` would report from `place` at `headings` (n,) rad in the room.
+
+    Raises InputError where the board is a ring and no sensor of it points along one of the headings.
+    """
+    options = options or PredictionOptions()
+    if len(headings) and not paths_serve_all_headings(board, options.unit):
+        return received_by(_predict_by_heading(room, place, board, headings, options), options)
+    paths = paths_for(room, place, board, options)
+    return received_by(weigh_paths(room, place, board, headings, paths, options.unit), options)
+
+
+def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
+    """A scan of the paper's receiver as the one of `options` reports it, with their noise."""
+    scan = replace(scan, receiver=options.receiver, noise=options.noise, seed=options.seed or 0)
+    if options.receiver is Receiver.FIRST_ECHO:
+        return scan
+    winners = np.full(len(scan.headings), -1, dtype=np.intp)
+    distances = np.full(len(scan.headings), np.nan)
+    for k in range(len(scan.headings)):
+        heard = scan.first_heard_at(k)
+        if len(heard.times):
+            winners[k] = heard.winner
+            distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2
+    return replace(scan, winners=winners, distances=distances)
+
+
+def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
+    """Whether sound goes the same ways at every heading, so that one search is enough for a scan."""
+    return board.carrier.turns_about_face and unit is not Unit.REFLECT
+
+
+def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:
+    """Every path that `board` could hear at `place`, whatever its heading, where one search serves all headings."""
+    return _paths(room, place, board, search_for(room, board, options), options)
+
+
+def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
+    """Which paths `board` could hear."""
+    max_length = 2 * board.max_range
+    # weather makes little difference to an edge; a gain that gives nothing back, much
+    gained = most_gained(board, room.air, max_length) if board.fixed_gain else 1.0
+    return PathSearch(
+        max_length,
+        board.wavelength(room.air),
+        options.max_bounces,
+        options.diffraction,
+        options.rays,
+        options.edge_strength,
+        10 ** ((board.threshold_db - BENT_BELOW_THRESHOLD) / 20) / gained,
+    )
+
+
+def _paths(
+    room: Room,
+    place: Place,
+    board: Board,
+    search: PathSearch,
+    options: PredictionOptions,
+    receiver: tuple[float, float] | None = None,
+) -> Paths:
+    paths = paths_from(room, place, search, receiver, board.aperture_radius, options.sections)
+    return paths.select(np.flatnonzero(paths.bounces + (paths.edges >= 0) <= 1)) if options.single else paths
+
+
+def _predict_by_heading(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
+) -> PredictedScan:
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    search = search_for(room, board, options)
+    faintest = faintest_noticed(board)
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    gained = most_gained(board, room.air, search.max_length)
+
+    def find(crowded: Room, leg: Leg) -> Paths:
+        start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
+        front = Front(leg.sender.heading, leg.listener.heading, ka, faintest / gained)
+        search_leg = replace(search, max_length=leg.max_length, front=front)
+        # one point for both lets a search use every way twice
+        paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)
+        sent_at = np.full(len(paths), leg.sender.heading)
+        amplitudes = leg_amplitudes(room, board, leg.listener.heading, paths, sent_at)
+        return paths.select(np.flatnonzero(amplitudes >= faintest))
+
+    found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
+    return _scan_of(found, place, board, headings, options.unit)
+
+
+def _scan_of(found: HeadingPaths, place: Place, board: Board, headings: FloatArray, unit: Unit) -> PredictedScan:
+    scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, unit)
+    return with_first_echoes(replace(scan, sent_at=found.sent_at, lateness=found.lateness))
+
+
+def weigh_paths(
+    room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
+) -> PredictedScan:
+    """The scan that known paths give at `headings` (n,) rad; those too faint to notice at any heading are left out."""
+    headings = np.ascontiguousarray(headings, dtype=np.float64)
+    paths = paths.select(noticed(room, board, paths))
+    heard = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
+    ka = board.wavenumber(room.air) * board.aperture_radius
+    first = first_heard(
+        headings,
+        paths.leaving[heard],
+        paths.arriving[heard],
+        strengths(room, board, paths)[heard],
+        paths.points[heard] - np.array(place.position),
+        board.aperture_radius if unit is Unit.BLOCK else 0.0,
+        10 ** (board.threshold_db / 20),
+        ka,
+        beam_table(ka),
+    )
+    # row -1, "no echo", picks what is appended
+    winners = np.append(heard, -1)[first]
+    distances = np.append(paths.lengths, np.nan)[winners] / 2
+    return PredictedScan(room, place, board, headings, paths, unit, winners, distances)

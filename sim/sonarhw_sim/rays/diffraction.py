@@ -1,0 +1,210 @@
+"""Bends: paths that an edge bends, put together from the ways to the edge.
+
+Takes the ways that lead to each edge (reflected or straight) from the source and from the receiver; hands on every
+pair that makes a path, source → walls → edge → walls → receiver, with its strength. Compiled by numba.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.rays.ways import Ways
+from sonarhw_sim.room.edges import Edges, inside_wedge
+from sonarhw_sim.room.grid import IntArray
+from sonarhw_sim.room.model import Room
+
+_AT_EDGE = 1e-7  # m
+
+
+class EdgeStrength(StrEnum):
+    """How strongly an edge bends sound."""
+
+    PAPER = "paper"  # the same in all directions
+    KELLER = "keller"  # by the angles to its faces
+
+
+@dataclass(frozen=True)
+class Bending:
+    """What is asked of edges."""
+
+    wavelength: float  # m
+    faintest: float  # gain under which a bent path is not wanted
+    strength: EdgeStrength = EdgeStrength.PAPER
+
+    def longest_ways(self, distances: FloatArray) -> FloatArray:
+        """The longest way to edges so far (n,) m from the other end whose path can still be loud enough, (n,) m.
+
+        The way on is no shorter than the straight distance; 0 where not even that will do, inf where any will.
+        """
+        if self.strength is EdgeStrength.KELLER:
+            # near reflection it grows without bound
+            return np.full(len(distances), np.inf)
+        z = self.wavelength / (math.tau * max(self.faintest, 1e-9)) ** 2
+        with np.errstate(divide="ignore"):
+            # 2 / z = 1 / s + 1 / s′
+            per_longest = 2 / z - 1 / distances
+        longest = np.where(per_longest > 0, 1 / np.maximum(per_longest, 1e-300), np.inf)
+        return np.where(longest >= distances, longest, 0.0)
+
+    def loudest(self, there: FloatArray, on: FloatArray) -> FloatArray:
+        """The most that edges leave of paths whose legs are no shorter than those (n,) m, (n,) gain."""
+        if self.strength is EdgeStrength.KELLER:
+            return np.ones(len(there))
+        legs = zip(there, on, strict=True)
+        return np.array([edge_gain(one, other, self.wavelength) for one, other in legs], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class EdgeWays:
+    """Ways to edges, in order of edge and then of length; one row each."""
+
+    edges: IntArray  # (n,): row in the room's edges
+    lengths: FloatArray  # (n,), m
+    gains: FloatArray  # (n,): reflectances and curvature
+    angles: FloatArray  # (n,), rad from the wedge's first face to where the way comes from
+
+
+def bent_ways(room: Room, out: Ways, back: Ways, bending: Bending, max_length: float, max_bounces: int) -> Ways:
+    """Every path there by a way of `out` to an edge and on by one of `back`, gone backwards."""
+    out, out_ways = _ways_to_edges(room, out)
+    back, back_ways = (out, out_ways) if back is out else _ways_to_edges(room, back)
+    first, second, gains = join_at_edges(out_ways, back_ways, room.edges, bending, max_length)
+    most = int((out.bends[first] + back.bends[second]).max(initial=0))
+    surfaces, points = _thread(first, second, out.surfaces, out.points, back.surfaces, back.points, most)
+    lengths = out.lengths[first] + back.lengths[second]
+    ways = Ways(lengths, gains, surfaces, out.edges[first], out.bends[first], points)
+    return ways.select(np.flatnonzero((surfaces >= 0).sum(axis=1) <= max_bounces))
+
+
+def _ways_to_edges(room: Room, ways: Ways) -> tuple[Ways, EdgeWays]:
+    """The ways that reach an edge through its own wedge of air, in order of edge and length, and how they stand."""
+    ways = ways.select(np.flatnonzero(ways.edges >= 0))
+    rows = np.arange(len(ways.lengths))
+    before = ways.points[rows, ways.bends] - room.edges.points[ways.edges]
+    direction = np.arctan2(before[:, 1], before[:, 0])
+    within = inside_wedge(direction, room.edges.starts[ways.edges], room.edges.openings[ways.edges])
+    # a reflection at the very edge is no way to it
+    within &= np.hypot(*before.T) > _AT_EDGE
+    order = np.lexsort((ways.lengths, ways.edges))
+    order = order[within[order]]
+    ways, direction = ways.select(order), direction[order]
+    angles = np.mod(direction - room.edges.starts[ways.edges], math.tau)
+    return ways, EdgeWays(ways.edges, ways.lengths, ways.gains, angles)
+
+
+@compiled
+def _thread(
+    first: NDArray[np.intp],
+    second: NDArray[np.intp],
+    out_surfaces: IntArray,
+    out_points: FloatArray,
+    back_surfaces: IntArray,
+    back_points: FloatArray,
+    most: int,
+) -> tuple[IntArray, FloatArray]:
+    """Surfaces and points of paths there by one way and back by another, which is gone backwards."""
+    count = first.shape[0]
+    surfaces = np.full((count, most), -1, np.int32)
+    points = np.full((count, most + 3, 2), np.nan)
+    for path in range(count):
+        i, j = first[path], second[path]
+        b = 0
+        while b < out_surfaces.shape[1] and out_surfaces[i, b] >= 0:
+            surfaces[path, b] = out_surfaces[i, b]
+            b += 1
+        for k in range(b + 2):
+            points[path, k, 0], points[path, k, 1] = out_points[i, k, 0], out_points[i, k, 1]
+        back = 0
+        while back < back_surfaces.shape[1] and back_surfaces[j, back] >= 0:
+            back += 1
+        for k in range(back):
+            surfaces[path, b + k] = back_surfaces[j, back - 1 - k]
+        for k in range(back + 1):
+            points[path, b + 2 + k, 0] = back_points[j, back - k, 0]
+            points[path, b + 2 + k, 1] = back_points[j, back - k, 1]
+    return surfaces, points
+
+
+def join_at_edges(
+    out: EdgeWays, back: EdgeWays, edges: Edges, bending: Bending, max_length: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    """Rows of `out` and of `back` (m,) that make a path of at most `max_length`, loud enough, and its gain (m,)."""
+    pairs, gains = _join(
+        (out.edges, out.lengths, out.gains, out.angles),
+        (back.edges, back.lengths, back.gains, back.angles),
+        np.searchsorted(back.edges, out.edges),
+        edges.openings / math.pi,
+        bending.wavelength,
+        max_length,
+        bending.faintest,
+        bending.strength is EdgeStrength.KELLER,
+    )
+    return pairs[:, 0], pairs[:, 1], gains
+
+
+_Ways = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+
+
+@compiled
+def _join(
+    out: _Ways,
+    back: _Ways,
+    starts: NDArray[np.intp],
+    ns: FloatArray,
+    wavelength: float,
+    max_length: float,
+    faintest: float,
+    by_angle: bool,
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Rows of both that make a path, (m, 2), and its gain (m,); `starts` (o,): the first row of `back` at each edge."""
+    found = 0
+    pairs, gains = np.empty((0, 2), np.intp), np.empty(0)
+    for filling in (False, True):
+        if filling:
+            pairs, gains, found = np.empty((found, 2), np.intp), np.empty(found), 0
+        for i in range(out[0].shape[0]):
+            for j in range(starts[i], back[0].shape[0]):
+                if back[0][j] != out[0][i] or out[1][i] + back[1][j] > max_length:
+                    break
+                gain = out[2][i] * back[2][j] * edge_gain(out[1][i], back[1][j], wavelength)
+                if by_angle:
+                    gain = min(out[2][i] * back[2][j], gain * keller(out[3][i], back[3][j], ns[out[0][i]]))
+                if gain < faintest:
+                    continue
+                if filling:
+                    pairs[found, 0], pairs[found, 1], gains[found] = i, j, gain
+                found += 1
+    return pairs, gains
+
+
+@compiled
+def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
+    """Amplitude of a bent path relative to a reflected one of its length, for its two legs (m).
+
+    (2π √(z/λ))⁻¹ (CIM-92-9 §4) with z = 2 s s′/(s + s′); never over 1.
+    """
+    z = 2 * to_edge * from_edge / max(to_edge + from_edge, 1e-300)
+    gain: float = min(1.0, 1 / (math.tau * math.sqrt(z / wavelength)))
+    return gain
+
+
+@compiled
+def keller(one: float, other: float, n: float) -> float:
+    """Strength of an edge relative to the paper's factor, for ways at two angles (rad) from its first face.
+
+    Keller's coefficient for a hard wedge of outer angle nπ, over √2: straight back from a thin plate (n = 2) at angle
+    φ it is |1 + 1/cos φ| / √2. It grows without bound towards reflection, where the caller caps it at the wall's own
+    strength (Keller 1962, eq. 28; the cap stands for the uniform theory of Kouyoumjian and Pathak 1974).
+    """
+    turn = math.cos(math.pi / n)
+    apart, mirrored = turn - math.cos((one - other) / n), turn - math.cos((one + other) / n)
+    bound = 1e-9  # beside the cap it makes no difference
+    apart = apart if abs(apart) > bound else bound
+    mirrored = mirrored if abs(mirrored) > bound else bound
+    strength: float = 2 * abs(math.sin(math.pi / n) * (1 / apart + 1 / mirrored)) / n / math.sqrt(2.0)
+    return strength

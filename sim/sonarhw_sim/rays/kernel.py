@@ -1,0 +1,371 @@
+"""The ray kernel: a fan of rays followed round the room, noting where each comes near the receiver or an edge.
+
+Takes surfaces and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
+first b reflections, passes near target t". `rays.sequences` solves every candidate exactly, so nearness may be
+generous, and what nobody could hear (`sonarhw_sim.rays.audible`) is dropped first.
+Compiled by numba; plain arrays only.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.rays.audible import Audible
+from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
+
+# How near, in ray spacings, a ray must pass to be a candidate. A path midway between two rays is half a spacing from
+# both; what lies beyond that finds paths seen through gaps narrower than the spacing.
+ALLOWANCE = 1.5
+_STANDING = 1e-11  # m
+_FULL = 0.5  # share of a hash table's slots in use at which it grows
+
+
+@compiled
+def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: Surfaces) -> tuple[float, int]:
+    """Distance (m) to the first surface along a ray and its number; (inf, -1) where there is none.
+
+    `leaving` is the surface the ray starts from, -1 for none: it is convex or flat, so the ray cannot meet it again.
+    """
+    walls, posts, cells, (starts, numbers) = surfaces
+    return first_among(x, y, dx, dy, leaving, walls, posts, cells, starts, numbers)
+
+
+@compiled
+def first_among(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    leaving: int,
+    walls: FloatArray,
+    posts: FloatArray,
+    cells: Cells,
+    starts: IntArray,
+    numbers: IntArray,
+) -> tuple[float, int]:
+    """`first_hit` for inner loops: taking arrays out of a tuple costs as much as meeting a wall."""
+    nearest, surface = np.inf, -1
+    walk = enter(cells, x, y, dx, dy)
+    while walk.inside:
+        cell = walk.row * cells.columns + walk.column
+        for i in range(starts[cell], starts[cell + 1]):
+            k = numbers[i]
+            if k != leaving:
+                distance = distance_to(x, y, dx, dy, k, walls, posts)
+                if distance < nearest:
+                    nearest, surface = distance, k
+        if nearest <= min(walk.next_column, walk.next_row):
+            break
+        walk = advance(cells, walk)
+    return nearest, surface
+
+
+@compiled
+def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
+    """Distance (m) along a ray to a surface; inf where it misses."""
+    if surface >= walls.shape[0]:
+        near_side = post_distance(x, y, dx, dy, posts[surface - walls.shape[0]])
+        return near_side if near_side > 0.0 else np.inf
+    ex, ey = walls[surface, 2] - walls[surface, 0], walls[surface, 3] - walls[surface, 1]
+    rx, ry = walls[surface, 0] - x, walls[surface, 1] - y
+    across = dx * ey - dy * ex
+    side = 1.0 if across > 0.0 else -1.0
+    along, ahead, across = side * (rx * dy - ry * dx), side * (rx * ey - ry * ex), side * across
+    # where the ray stands it has just been: a second wall flush with the one it leaves is not met again
+    if (along < -1e-12 * across) | (along > (1.0 + 1e-12) * across) | (ahead <= _STANDING * across):
+        return np.inf
+    distance: float = ahead / across
+    return distance
+
+
+@compiled
+def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) -> float:
+    """Distance (m) along a ray to the near side of a post (x, y, radius); inf where it misses."""
+    cx, cy = post[0] - x, post[1] - y
+    towards = cx * dx + cy * dy
+    aside = cx * dy - cy * dx
+    inside = post[2] * post[2] - aside * aside
+    if towards <= 0.0 or inside <= 0.0:
+        return np.inf
+    near_side: float = towards - math.sqrt(inside)
+    return near_side
+
+
+@compiled
+def reflect(
+    x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray
+) -> tuple[float, float, float]:
+    """Direction after reflection at (x, y), and by how much a reflected tube opens per metre of its width, 1/m.
+
+    A flat wall opens it by nothing, a post of radius R at incidence i by 2 / (R cos i).
+    """
+    n = walls.shape[0]
+    if surface < n:
+        wall = walls[surface]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        scale = 2.0 * (dx * ex + dy * ey) / (ex * ex + ey * ey)
+        return scale * ex - dx, scale * ey - dy, 0.0
+    post = posts[surface - n]
+    nx, ny = (x - post[0]) / post[2], (y - post[1]) / post[2]
+    inward = dx * nx + dy * ny
+    return dx - 2.0 * inward * nx, dy - 2.0 * inward * ny, 2.0 / (post[2] * max(-inward, 1e-9))
+
+
+class _Leg(NamedTuple):
+    """A ray where it leaves a surface, and what has become of it so far."""
+
+    x: float  # m
+    y: float
+    dx: float  # unit vector
+    dy: float
+    length: float  # m travelled
+    width: float  # m per radian of departure: how far from its neighbour
+    opening: float  # growth of that width per metre
+    amplitude: float
+
+
+@compiled
+def follow_fan(
+    source: FloatArray,
+    directions: FloatArray,
+    surfaces: Surfaces,
+    reflectances: FloatArray,
+    targets: FloatArray,
+    longest: FloatArray,
+    max_bounces: int,
+    audible: Audible,
+) -> tuple[IntArray, IntArray]:
+    """Follow every ray until its path is longer than any way to a target may be, or too faint for all of them.
+
+    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges; `longest` (t,) m.
+    Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
+    target, row of the target; each sequence of surfaces to a target once.
+    """
+    # in one piece: lists that grow, handed to and fro between compiled functions, cost 5 to 20 % of the time
+    walls, posts, cells, (starts, numbers) = surfaces
+    leaving, least, axis_x, axis_y, hearing = audible
+    faintest, max_length, max_return = least.min(), longest.max(), _longest_there_and_on(targets, longest)
+    spacing = directions[1] - directions[0]
+    touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
+    candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
+    slots = np.full(4096, -1, np.int32)
+    edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
+    nearby, met, leg_number = np.empty(targets.shape[0], np.int32), np.zeros(targets.shape[0], np.int32), 0
+    hears_itself = targets[0, 0] == source[0] and targets[0, 1] == source[1]
+    for ray in range(directions.shape[0]):
+        dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
+        leg, surface = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray]), -1
+        if leg.amplitude <= faintest:
+            continue
+        for bounces in range(max_bounces + 1):
+            # find the next surface
+            distance, following = first_among(
+                leg.x, leg.y, leg.dx, leg.dy, surface, walls, posts, cells, starts, numbers
+            )
+            reach = min(distance, max_length - leg.length)
+
+            # note every target that this leg passes; the first leg only leaves a sensor that hears itself
+            leg_number += 1
+            passed = _edges_along(
+                leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
+            )
+            if bounces > 0 or not hears_itself:
+                nearby[passed] = 0
+                passed += 1
+            for target in nearby[:passed]:
+                miss, loudest = _passes(leg, reach, targets[target, 0], targets[target, 1], longest[target], spacing)
+                if target == 0 and miss >= 0.0:
+                    loudest *= _most_heard(leg, axis_x, axis_y, spacing, hearing)
+                if miss < 0.0 or loudest <= least[target]:
+                    continue
+                if found == candidates.shape[0]:
+                    candidates, misses = _longer(candidates, misses)
+                candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
+                misses[found] = miss
+                found += _enter(candidates[: found + 1], misses, touched, slots)
+                if found > _FULL * slots.shape[0]:
+                    slots = _grown(slots, candidates[:found], misses, touched)
+
+            # stop where the path leaves the room, is long enough or can no longer come home in time
+            if bounces == max_bounces or leg.length + distance > max_length:
+                break
+            if _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) > max_return:
+                break
+
+            # reflect, and stop where too little is left; what a post has spread only gets fainter
+            leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
+            if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:
+                break
+            surface = following
+            touched[ray, bounces] = following
+    return touched, candidates[:found]
+
+
+@compiled
+def _longest_there_and_on(targets: FloatArray, longest: FloatArray) -> float:
+    """The longest way to any target and straight on to the receiver, m."""
+    most = longest[0]
+    for target in range(1, targets.shape[0]):
+        on = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
+        most = max(most, longest[target] + on)
+    return float(most)
+
+
+@compiled
+def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing: float) -> tuple[float, float]:
+    """How far beside a target a leg passes, in widths of its tube, and the most that is left of it there.
+
+    The first is negative where the leg does not come near, or comes too late.
+    """
+    tx, ty = x - leg.x, y - leg.y
+    ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
+    on = max(ahead, 0.0)
+    width = leg.width + leg.opening * on
+    near = ALLOWANCE * spacing * width
+    if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > longest + near:
+        return -1.0, 0.0
+    return aside / near, leg.amplitude * math.sqrt((leg.length + on) / width)
+
+
+@compiled
+def _most_heard(leg: _Leg, axis_x: float, axis_y: float, spacing: float, hearing: FloatArray) -> float:
+    """The most that the receiver hears of a tube by where it comes from."""
+    cosine = -leg.dx * axis_x - leg.dy * axis_y
+    aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
+    most: float = hearing[int(aside / math.pi * (hearing.shape[0] - 1))]
+    return most
+
+
+@compiled
+def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
+    """How long a path is at least that goes on to the receiver from `distance` ahead: straight is the shortest."""
+    home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
+    return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
+
+
+@compiled
+def _reflected(
+    leg: _Leg, distance: float, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray
+) -> _Leg:
+    """The leg behind the surface at `distance`; between this ray and the next the tube has grown."""
+    x, y, width = leg.x + distance * leg.dx, leg.y + distance * leg.dy, leg.width + leg.opening * distance
+    dx, dy, curvature = reflect(x, y, leg.dx, leg.dy, surface, walls, posts)
+    opening = leg.opening + curvature * width
+    return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
+
+
+@compiled
+def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Both with room for twice as many; numba takes a second to compile a concatenation."""
+    count = misses.shape[0]
+    more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
+    for k in range(count):
+        more[k, 0], more[k, 1], more[k, 2] = candidates[k, 0], candidates[k, 1], candidates[k, 2]
+        more_misses[k] = misses[k]
+    return more, more_misses
+
+
+@compiled
+def _edges_along(
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    reach: float,
+    spread: bool,
+    cells: Cells,
+    edges: Listing,
+    nearby: IntArray,
+    met: IntArray,
+    leg_number: int,
+) -> int:
+    """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; hands on how many.
+
+    An edge is listed in every cell from which a plain ray could be near it; a tube that a post has spread (`spread`) is
+    wider than that and is asked about all of them. `met` (t,) keeps the last leg that each target was near to, so that
+    one listed in many cells is taken once.
+    """
+    count = 0
+    if spread:
+        for k in range(nearby.shape[0] - 1):
+            nearby[k] = k + 1
+        return int(nearby.shape[0] - 1)
+    if edges.numbers.shape[0] == 0:
+        return 0
+    walk = enter(cells, x, y, dx, dy)
+    while walk.inside:
+        for k in listed(cells, edges, walk):
+            if met[k + 1] != leg_number:
+                met[k + 1] = leg_number
+                nearby[count] = k + 1
+                count += 1
+        if min(walk.next_column, walk.next_row) > reach:
+            break
+        walk = advance(cells, walk)
+    return count
+
+
+@compiled
+def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
+    """Enter the last candidate in the hash table, unless one before it has its sequence and target.
+
+    Hands on whether it is new. Of alike ones the ray stays that passes nearest, in widths of its tube (`misses`): where
+    posts spread the tube, only from there is the exact path found.
+    """
+    last = candidates.shape[0] - 1
+    slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
+    while slots[slot] >= 0:
+        known = slots[slot]
+        if _alike(candidates[known], candidates[last], touched):
+            if misses[last] < misses[known]:
+                candidates[known, 0], misses[known] = candidates[last, 0], misses[last]
+            return False
+        slot = (slot + 1) & (slots.shape[0] - 1)
+    slots[slot] = last
+    return True
+
+
+@compiled
+def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
+    larger = np.full(4 * slots.shape[0], -1, np.int32)
+    for count in range(1, candidates.shape[0] + 1):
+        _enter(candidates[:count], misses, touched, larger)
+    return larger
+
+
+@compiled
+def _hash(candidate: IntArray, touched: IntArray) -> int:
+    ray, bounces, target = candidate
+    # numbers of targets and surfaces are alike: unless the first is spread out, so many pairs of them fall together
+    mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF
+    mixed ^= mixed >> 15
+    for surface in touched[ray, :bounces]:
+        # the multiplier of FNV-1a
+        mixed = ((mixed ^ (surface + 1)) * 16777619) & 0xFFFFFFFF
+        mixed ^= mixed >> 15
+    return mixed
+
+
+@compiled
+def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
+    if one[1] != other[1] or one[2] != other[2]:
+        return False
+    same = 0
+    while same < one[1] and touched[one[0], same] == touched[other[0], same]:
+        same += 1
+    return bool(same == one[1])
+
+
+def fan(rays: int, heading: float | None = None) -> FloatArray:
+    """Directions of `rays` evenly spaced rays all round, (rays,) float, rad; those within 90° of a `heading` (rad).
+
+    Turned by a fraction of the spacing that no symmetric room has, so that no ray runs straight into a vertex.
+    """
+    all_round = (np.arange(rays, dtype=np.float64) + (math.sqrt(5) - 1) / 2) * (math.tau / rays)
+    if heading is None:
+        return all_round
+    aside = np.sort((all_round - heading + math.pi) % math.tau - math.pi)
+    return heading + aside[np.abs(aside) < math.pi / 2]

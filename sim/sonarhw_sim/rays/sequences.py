@@ -1,0 +1,235 @@
+"""Sequences of surfaces solved exactly: the path that touches just these, in this order, or the proof that none does.
+
+Takes a sequence that a ray found; hands on the points of the exact path. Walls are solved by image reflection;
+where a post is among them there is no finite image, and the ray's own direction is refined by Newton's rule along the
+ray tube. Either way the path is then held against the room: every touch on its surface, every leg free. Compiled by
+numba.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.compiled import compiled
+from sonarhw_sim.rays.kernel import post_distance, reflect
+from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
+
+BoolArray = NDArray[np.bool_]
+
+_ON_WALL = 1e-9  # m: how far beyond its end a wall may still be touched; a vertex counts as on both its walls
+_LEG_ENDS = 1e-8  # m: what touches a leg this near to its end is the surface it starts or ends on
+_ON_TARGET = 1e-12  # of the length
+_NEAR_TARGET = 1e-7  # m
+_MOST_SHOTS = 60
+
+
+@compiled
+def solve_candidates(
+    source: FloatArray,
+    directions: FloatArray,
+    touched: IntArray,
+    candidates: IntArray,
+    targets: FloatArray,
+    longest: FloatArray,
+    surfaces: Surfaces,
+) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """Solve candidates (c, 3) of `follow_fan`.
+
+    Hands on whether each is a way no longer than its target's `longest` (t,) m, (c,) bool; its points (c, b + 2, 2)
+    from the source to the target, m, NaN behind, with b the most reflections of any; its length (c,) m; and
+    the divergence (c,): width of its ray tube over its length, 1 without posts.
+    """
+    walls, posts = surfaces.walls, surfaces.posts
+    count, most = candidates.shape[0], 0
+    for c in range(count):
+        most = max(most, candidates[c, 1])
+    real = np.zeros(count, np.bool_)
+    points = np.full((count, most + 2, 2), np.nan)
+    lengths = np.zeros(count)
+    divergences = np.ones(count)
+    for c in range(count):
+        ray, bounces, target = candidates[c]
+        sequence = touched[ray, :bounces]
+        path = points[c, : bounces + 2]
+        path[0, 0], path[0, 1] = source[0], source[1]
+        path[bounces + 1, 0], path[bounces + 1, 1] = targets[target, 0], targets[target, 1]
+        if _touches_post(sequence, walls.shape[0]):
+            solved, divergences[c] = _refine(path, directions[ray], sequence, walls, posts)
+        else:
+            solved = _unfold(path, sequence, walls)
+        for k in range(bounces + 1):
+            lengths[c] += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        real[c] = solved and lengths[c] <= longest[target] and path_is_free(path, surfaces)
+    return real, points, lengths, divergences
+
+
+@compiled
+def _touches_post(sequence: IntArray, walls: int) -> bool:
+    for surface in sequence:  # noqa: SIM110  numba compiles no generators
+        if surface >= walls:
+            return True
+    return False
+
+
+@compiled
+def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
+    """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
+    bounces = sequence.shape[0]
+    images = np.empty((bounces + 1, 2))
+    images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
+    for k in range(bounces - 1, -1, -1):
+        images[k, 0], images[k, 1] = _mirror(images[k + 1, 0], images[k + 1, 1], walls[sequence[k]])
+    for k in range(bounces):
+        wall = walls[sequence[k]]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        px, py = path[k]
+        dx, dy = images[k, 0] - px, images[k, 1] - py
+        across = dx * ey - dy * ex
+        if across == 0.0:
+            return False
+        rx, ry = wall[0] - px, wall[1] - py
+        ahead = (rx * ey - ry * ex) / across
+        along = (rx * dy - ry * dx) / across
+        slack = _ON_WALL / math.hypot(ex, ey)
+        if ahead < -1e-9 or ahead > 1.0 + 1e-9 or along < -slack or along > 1.0 + slack:
+            return False
+        path[k + 1, 0], path[k + 1, 1] = px + ahead * dx, py + ahead * dy
+    return True
+
+
+@compiled
+def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
+    return x - 2.0 * aside * ey, y + 2.0 * aside * ex
+
+
+@compiled
+def _refine(
+    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
+) -> tuple[bool, float]:
+    """Turn a ray until it goes through path[-1] after touching `sequence`; whether it does, and its divergence."""
+    sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
+    step = 0.0
+    for _ in range(_MOST_SHOTS):
+        reached, miss, width, length = _shoot(path, direction + step, sequence, walls, posts)
+        if not reached:
+            if step == 0.0:
+                return False, 1.0
+            # too far: past a post, or the path's end
+            step /= 2.0
+            continue
+        direction, step = direction + step, sign * miss / width
+        # where posts spread the tube so wide that the next direction is this one, no nearer is to be had
+        if abs(miss) <= _ON_TARGET * length or direction + step == direction:
+            return abs(miss) <= _NEAR_TARGET and _touches_lie_on_walls(path, sequence, walls), width / length
+    return False, 1.0
+
+
+@compiled
+def _shoot(
+    path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
+) -> tuple[bool, float, float, float]:
+    """Follow one ray off `sequence`, filling in its touches.
+
+    Hands on whether it met every surface, by how much it passes path[-1] (m, to its left), the width of its tube there
+    (m/rad) and its length (m).
+    """
+    n, last = walls.shape[0], sequence.shape[0] + 1
+    x, y = path[0]
+    dx, dy = math.cos(direction), math.sin(direction)
+    length, width, opening = 0.0, 0.0, 1.0
+    for k in range(last - 1):
+        surface = sequence[k]
+        if surface < n:
+            distance = _wall_distance(x, y, dx, dy, walls[surface])
+        else:
+            distance = post_distance(x, y, dx, dy, posts[surface - n])
+        if not -1e-9 < distance < np.inf:
+            return False, 0.0, 1.0, 1.0
+        x, y = x + distance * dx, y + distance * dy
+        path[k + 1, 0], path[k + 1, 1] = x, y
+        length += distance
+        width += opening * distance
+        dx, dy, curvature = reflect(x, y, dx, dy, surface, walls, posts)
+        opening += curvature * width
+    tx, ty = path[last, 0] - x, path[last, 1] - y
+    ahead = tx * dx + ty * dy
+    return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
+
+
+@compiled
+def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
+    # the wall's whole line: a ray still being turned may run past the end
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    across = dx * ey - dy * ex
+    return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
+
+
+@compiled
+def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
+    for k in range(sequence.shape[0]):
+        if sequence[k] >= walls.shape[0]:
+            continue
+        wall = walls[sequence[k]]
+        ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+        length = math.hypot(ex, ey)
+        along = ((path[k + 1, 0] - wall[0]) * ex + (path[k + 1, 1] - wall[1]) * ey) / length
+        if not -_ON_WALL <= along <= length + _ON_WALL:
+            return False
+    return True
+
+
+@compiled
+def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
+    """Whether no surface stands in any leg of a path (k, 2); surfaces touched at its corners do not."""
+    for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
+        if not leg_is_free(path[k], path[k + 1], surfaces):
+            return False
+    return True
+
+
+@compiled
+def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
+    """Whether sound gets straight from `start` to `end`, (2,) each; what stands at either end is no hindrance."""
+    length = math.hypot(end[0] - start[0], end[1] - start[1])
+    if length <= 2 * _LEG_ENDS:
+        return True
+    dx, dy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    walk = enter(surfaces.cells, start[0], start[1], dx, dy)
+    while walk.inside:
+        for k in listed(surfaces.cells, surfaces.listing, walk):
+            if k < surfaces.walls.shape[0]:
+                hindered = _crosses_wall(start, dx, dy, length, surfaces.walls[k])
+            else:
+                hindered = _crosses_post(start, dx, dy, length, surfaces.posts[k - surfaces.walls.shape[0]])
+            if hindered:
+                return False
+        if min(walk.next_column, walk.next_row) > length:
+            break
+        walk = advance(surfaces.cells, walk)
+    return True
+
+
+@compiled
+def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: FloatArray) -> bool:
+    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    across = dx * ey - dy * ex
+    if across == 0.0:
+        return False
+    rx, ry = wall[0] - start[0], wall[1] - start[1]
+    ahead = (rx * ey - ry * ex) / across
+    along = (rx * dy - ry * dx) / across
+    crosses: bool = _LEG_ENDS < ahead < length - _LEG_ENDS and -1e-12 <= along <= 1.0 + 1e-12
+    return crosses
+
+
+@compiled
+def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: FloatArray) -> bool:
+    ahead = (post[0] - start[0]) * dx + (post[1] - start[1]) * dy
+    ahead = min(max(ahead, 0.0), length)
+    gap = math.hypot(start[0] + ahead * dx - post[0], start[1] + ahead * dy - post[1])
+    inside: bool = gap < post[2] - 1e-7
+    return inside

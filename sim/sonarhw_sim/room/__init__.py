@@ -1,0 +1,1 @@
+"""The room model, its file format and its geometry."""

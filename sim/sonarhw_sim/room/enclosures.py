@@ -1,0 +1,139 @@
+"""Enclosures: closed chains of walls, and the edges that no sound from a place can reach for lying beyond one.
+
+Takes walls and edges; hands on `Enclosures`, once a room. A closed room has an edge outside at every corner, and ways
+to those would be sought for as long as all the rest.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.room.edges import Edges
+from sonarhw_sim.room.room_file import MEETING
+
+BoolArray = NDArray[np.bool_]
+
+_MOST_CORNERS = 2000  # of a chain: telling inside from outside takes the square of it
+_BESIDE = 1e-6  # of a wall's length: how far from a corner its air is looked at
+
+
+@dataclass(frozen=True)
+class Enclosures:
+    """The closed chains of a room, and the edges at their corners."""
+
+    walls: FloatArray  # (w, 4): chain after chain
+    starts: NDArray[np.intp]  # (c,): first row of each chain in `walls`
+    edges: NDArray[np.intp]  # (e,): rows in the room's edges
+    chains: NDArray[np.intp]  # (e,): the chain of each
+    inside: BoolArray  # (e,): whether the air of each lies inside its chain
+    count: int  # of the room's edges
+
+    def shut_off(self, point: FloatArray) -> BoolArray:
+        """Which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
+        shut = np.zeros(self.count, dtype=np.bool_)
+        if len(self.starts):
+            within = np.add.reduceat(_passed(point[None], self.walls)[0].astype(np.intp), self.starts) % 2 == 1
+            # on a wall there is no telling
+            apart = np.minimum.reduceat(_distances(point, self.walls), self.starts) > MEETING
+            shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
+        return shut
+
+    def shut_out(self, point: FloatArray, walls: FloatArray) -> bool:
+        """Whether `point` (2,) lies in no chain, where one goes round all `walls` (n, 4) of the room."""
+        ends = walls.reshape(-1, 2)
+        chains = np.split(self.walls, self.starts[1:]) if len(self.starts) else []
+        round_all = any(
+            (chain.reshape(-1, 2).min(axis=0) <= ends.min(axis=0) + MEETING).all()
+            and (chain.reshape(-1, 2).max(axis=0) >= ends.max(axis=0) - MEETING).all()
+            for chain in chains
+        )
+        return round_all and not any(
+            inside(point[None], chain)[0] or _distances(point, chain).min() <= MEETING for chain in chains
+        )
+
+
+def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:
+    """The closed chains of walls (n, 4) whose meeting ends have equal coordinates, each corner of two walls."""
+    corners, at = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+    chains = [chain for chain in _closed_chains(at.reshape(-1, 2), len(corners)) if len(chain) <= _MOST_CORNERS]
+    lengths = np.array([len(chain) for chain in chains], dtype=np.intp)
+    of_corner = {
+        corner: number for number, chain in enumerate(chains) for corner in map(tuple, walls[chain, :2].tolist())
+    } | {corner: number for number, chain in enumerate(chains) for corner in map(tuple, walls[chain, 2:].tolist())}
+    rows = [
+        (row, of_corner[corner]) for row, corner in enumerate(map(tuple, edges.points.tolist())) if corner in of_corner
+    ]
+    at_corners, chain_of = np.array(rows, dtype=np.intp).reshape(-1, 2).T
+    return Enclosures(
+        walls[np.array([wall for chain in chains for wall in chain], dtype=np.intp)].reshape(-1, 4),
+        np.cumsum(lengths) - lengths,
+        at_corners,
+        chain_of,
+        _air_inside(walls, chains, edges, at_corners, chain_of),
+        len(edges),
+    )
+
+
+def _air_inside(
+    walls: FloatArray,
+    chains: list[list[int]],
+    edges: Edges,
+    rows: NDArray[np.intp],
+    chain_of: NDArray[np.intp],
+) -> BoolArray:
+    middle = edges.starts[rows] + edges.openings[rows] / 2
+    aside = np.column_stack((np.cos(middle), np.sin(middle)))
+    within = np.zeros(len(rows), dtype=np.bool_)
+    # rows of one chain after those of another
+    order = np.argsort(chain_of, kind="stable")
+    bounds = np.searchsorted(chain_of[order], np.arange(len(chains) + 1))
+    for number, chain in enumerate(chains):
+        here = order[bounds[number] : bounds[number + 1]]
+        around = walls[chain]
+        shortest = np.hypot(around[:, 2] - around[:, 0], around[:, 3] - around[:, 1]).min()
+        within[here] = inside(edges.points[rows[here]] + _BESIDE * shortest * aside[here], around)
+    return within
+
+
+def inside(points: FloatArray, walls: FloatArray) -> BoolArray:
+    """Which points (m, 2) a closed chain of walls (k, 4) goes round an odd number of times, (m,) bool."""
+    return np.asarray(_passed(points, walls).sum(axis=1) % 2 == 1)
+
+
+def _passed(points: FloatArray, walls: FloatArray) -> BoolArray:
+    """Which walls (k, 4) a ray from each point (m, 2) along x passes, (m, k) bool."""
+    x, y = points[:, :1], points[:, 1:]
+    x0, y0, x1, y1 = walls.T
+    crosses = (y0 > y) != (y1 > y)
+    rise = np.where(y1 == y0, 1.0, y1 - y0)
+    return np.asarray(crosses & (x < x0 + (y - y0) / rise * (x1 - x0)))
+
+
+def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
+    """The walls of each closed chain, in order; `ends` (n, 2) are the corners that each wall joins."""
+    meeting: list[list[int]] = [[] for _ in range(corners)]
+    for wall, (start, end) in enumerate(ends.tolist()):
+        meeting[start].append(wall)
+        meeting[end].append(wall)
+    seen: set[int] = set()
+    for first in range(len(ends)):
+        chain, corner, wall = [], int(ends[first, 0]), first
+        while wall not in seen:
+            seen.add(wall)
+            chain.append(wall)
+            corner = int(ends[wall].sum()) - corner
+            if len(meeting[corner]) != 2:
+                break
+            wall = sum(meeting[corner]) - wall
+        if len(chain) > 2 and wall == first and corner == ends[first, 0]:
+            yield chain
+
+
+def _distances(point: FloatArray, walls: FloatArray) -> FloatArray:
+    """Distance of a point (2,) to each wall (k, 4), (k,) m."""
+    starts, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.hypot(*(starts + share[:, None] * along - point).T))

@@ -1,0 +1,239 @@
+"""The room as the ray follower sees it: walls, posts, reflectances and edges as arrays.
+
+Takes a room file; hands on a frozen `Room` and its places. Surfaces are numbered walls first, then posts, both in the
+order of the file, then floor and ceiling, where there are any: only vertical sections meet those.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from sonarhw_sim.air import Air
+from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
+from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
+from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
+from sonarhw_sim.room.outside import walls_go_round
+from sonarhw_sim.room.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
+from sonarhw_sim.toml_file import parse_toml, read_text
+
+ENDLESS: Span = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A sensor position."""
+
+    name: str
+    position: tuple[float, float]  # m
+    heading: float = 0.0  # rad: where step 0 of the turntable points in the room
+    height: float | None = None  # m, of the transducer; None: the plan is all there is
+
+
+@dataclass(frozen=True)
+class Room:
+    """Everything sound can touch, and where the sensor may stand."""
+
+    name: str
+    walls: FloatArray  # (n, 4): x, y of start and end, m
+    posts: FloatArray  # (m, 3): x, y of the centre, radius, m
+    reflectances: FloatArray  # (s,), amplitude ratio of what each of the s surfaces mirrors
+    scattered: FloatArray  # (s,), amplitude ratio of what it scatters diffusely
+    heights: FloatArray  # (s, 2), m: lower and upper end; infinite where the file gives none
+    names: tuple[str, ...]  # of the s surfaces
+    materials: tuple[str, ...]  # of the s surfaces
+    edges: Edges
+    air: Air
+    places: dict[str, Place]
+    text: str  # the file, so that a log can carry it
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """Walls and posts as the kernels want them."""
+        return lay_grid(self.walls, self.posts)
+
+    @cached_property
+    def enclosures(self) -> Enclosures:
+        """The closed chains of its walls."""
+        return find_enclosures(self.walls, self.edges)
+
+    @cached_property
+    def edges_on_walls(self) -> Listing:
+        """For each wall, the edges that lie on it."""
+        return edges_on_walls(self.edges, self.surfaces)
+
+    @property
+    def levels(self) -> range:
+        """Numbers of the surfaces that are floor and ceiling."""
+        return range(len(self.walls) + len(self.posts), len(self.names))
+
+    def edge_between(self, first: int, second: int) -> int:
+        """Number of an edge that only sections see: where two surfaces meet, or the rim of one (given twice)."""
+        return len(self.edges) + first * len(self.names) + second
+
+    def edge_name(self, edge: int) -> str:
+        """The edge's name as `via` writes it: row of `edges`, or what `edge_between` gave."""
+        if edge < len(self.edges):
+            return self.edges.names[edge]
+        first, second = divmod(edge - len(self.edges), len(self.names))
+        return f"{self.names[first]}/{self.names[second] if second != first else ''}"
+
+    def surfaces_at_edge(self, edge: int) -> tuple[int, ...]:
+        """Numbers of the one or two surfaces that an edge's name tells."""
+        return tuple(self.names.index(name) for name in self.edge_name(edge).split("/") if name)
+
+    def posts_at(self, position: tuple[float, float]) -> list[int]:
+        """Numbers of the posts, as surfaces, inside or on whose circle a point (m) lies."""
+        inside = np.hypot(*(self.posts[:, :2] - position).T) <= self.posts[:, 2]
+        return (len(self.walls) + np.flatnonzero(inside)).tolist()
+
+    def is_outside(self, position: tuple[float, float]) -> bool:
+        """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
+        if self.enclosures.shut_out(np.array(position), self.walls):
+            return True
+        # walls that meet elsewhere than at their ends close it where they go round its places
+        closed = any(walls_go_round(self.walls, place.position) for place in self.places.values())
+        return closed and not walls_go_round(self.walls, position)
+
+    def is_far_from(self, position: tuple[float, float]) -> bool:
+        """Whether a point (m) lies beyond walls and posts by more than 5 m and than they reach: outside any room."""
+        ends = np.vstack((self.walls.reshape(-1, 2), self.posts[:, :2]))
+        lowest, highest = ends.min(axis=0), ends.max(axis=0)
+        beyond = np.maximum(lowest - position, position - highest)
+        # a plate or a post alone is small, and heard from further than it is long
+        return bool(beyond.max() > max(5.0, float((highest - lowest).max())))
+
+    def place(self, wanted: str | None) -> Place:
+        """The place of that name, or at `X,Y`; where None is wanted, the only one.
+
+        Raises InputError where there is no such place, or it lies inside a post.
+        """
+        if wanted is None:
+            if len(self.places) == 1:
+                return next(iter(self.places.values()))
+            raise InputError(f"room {self.name!r}: --place is needed; {self._known_places()}")
+        if wanted in self.places:
+            return self.places[wanted]
+        return self._place_at(wanted)
+
+    def _place_at(self, wanted: str) -> Place:
+        try:
+            x, y = map(float, wanted.split(","))
+        except ValueError as error:
+            raise InputError(
+                f"room {self.name!r}: no place {wanted!r}; {self._known_places()}, or X,Y in metres"
+            ) from error
+        if not (abs(x) <= MOST_DISTANT and abs(y) <= MOST_DISTANT):
+            raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MOST_DISTANT:g}")
+        for post in self.posts_at((x, y)):
+            raise InputError(f"place {wanted!r} lies inside post {self.names[post]!r}; sound cannot leave it")
+        return Place(wanted, (x, y))
+
+    def _known_places(self) -> str:
+        return f"its places: {', '.join(self.places)}" if self.places else "it names no places"
+
+
+def load_room(path: Path | str) -> Room:
+    """The room in a file. Raises InputError with file, key and reason where it is wrong."""
+    return parse_room(read_text(Path(path), "room file"), str(path))
+
+
+def parse_room(text: str, where: str) -> Room:
+    """The room in the text of a room file; `where` names it in errors. Raises InputError."""
+    file = parse_toml(text, where, RoomFile)
+    walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
+    names = tuple(name for wall in file.walls for name in wall.segment_names)
+    surfaces = _surfaces(file)
+    materials = [file.materials[surface.material] for surface in surfaces]
+    return Room(
+        name=file.name,
+        walls=walls,
+        posts=np.array([(*post.center, post.radius) for post in file.posts], dtype=np.float64).reshape(-1, 3),
+        # scatter is a share of the reflected power
+        reflectances=np.array([material.reflectance * math.sqrt(1 - material.scatter) for material in materials]),
+        scattered=np.array([material.reflectance * math.sqrt(material.scatter) for material in materials]),
+        heights=np.array([_span(surface) for surface in surfaces], dtype=np.float64),
+        names=(*names, *(post.name for post in file.posts), *file.levels),
+        materials=tuple(surface.material for surface in surfaces),
+        edges=find_edges(walls, names),
+        air=Air(**file.air.model_dump()),
+        places={
+            name: Place(name, place.position, math.radians(place.heading_deg), place.height)
+            for name, place in file.places.items()
+        },
+        text=text,
+    )
+
+
+def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
+    """What each surface belongs to, in the order in which surfaces are numbered."""
+    return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
+
+
+def _span(surface: WallSection | PostSection | LevelSection) -> Span:
+    if isinstance(surface, LevelSection):
+        return surface.height, surface.height
+    return surface.height or ENDLESS
+
+
+def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float, span: Span = ENDLESS) -> Room:
+    """The room with walls (k, 4) behind its own, all of one name and height; their ends bend no sound."""
+    rows = _more_rows(room, len(room.walls), len(walls), name, reflectance, span)
+    return replace(room, walls=np.vstack((room.walls, walls)), **rows)
+
+
+def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
+    """The room with a post (x, y, radius) behind its own, as high as sound goes."""
+    rows = _more_rows(room, room.levels.start, 1, name, reflectance, ENDLESS)
+    return replace(room, posts=np.vstack((room.posts, [post])), **rows)
+
+
+def with_air(room: Room, air: Air) -> Room:
+    """The room in other air."""
+    return _where_it_stands(room, air=air)
+
+
+def with_material(room: Room, material: str, reflectance: float, scatter: float = 0.0) -> Room:
+    """The room with another reflectance (amplitude ratio) and scatter (share of the reflected power) of a material."""
+    of_it = np.array([name == material for name in room.materials], dtype=np.bool_)
+    return _where_it_stands(
+        room,
+        reflectances=np.where(of_it, reflectance * math.sqrt(1 - scatter), room.reflectances),
+        scattered=np.where(of_it, reflectance * math.sqrt(scatter), room.scattered),
+    )
+
+
+def _where_it_stands(room: Room, **changes: Any) -> Room:
+    """The room with something changed that moves no wall: what is known of where things stand is kept."""
+    changed = replace(room, **changes)
+    for known in ("surfaces", "enclosures", "edges_on_walls"):
+        if known in room.__dict__:
+            changed.__dict__[known] = room.__dict__[known]
+    return changed
+
+
+def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: float, span: Span) -> dict[str, Any]:
+    more = (name,) * count
+    return {
+        "reflectances": np.insert(room.reflectances, behind, [reflectance] * count),
+        "scattered": np.insert(room.scattered, behind, [0.0] * count),
+        "heights": np.insert(room.heights, behind, [span] * count, axis=0),
+        "names": (*room.names[:behind], *more, *room.names[behind:]),
+        "materials": (*room.materials[:behind], *more, *room.materials[behind:]),
+    }
+
+
+def _join_ends(walls: FloatArray) -> FloatArray:
+    """The walls with ends that meet moved to one point, so that no sound slips through a gap of rounding."""
+    ends = walls.reshape(-1, 2).copy()
+    meeting = cKDTree(ends).query_pairs(MEETING, output_type="ndarray")
+    # in order, so that what moves to a point moves to where that has moved itself
+    for first, second in meeting[np.lexsort(meeting.T[::-1])]:
+        ends[second] = ends[first]
+    return ends.reshape(-1, 4)

@@ -1,0 +1,1 @@
+"""Paths over and under things: horizontal and vertical sections of a room."""

@@ -1,0 +1,155 @@
+"""Sections: every path of a place, in the plan and, where the height of its transducer is known, out of it.
+
+Takes a room and a place; hands on one `Paths`. A place without a height has the plan alone. One with a height has a
+horizontal section, the walls and posts that span that height, and vertical ones through the transducer
+(`vertical.vertical_paths`): planes, each followed by the same two-dimensional core (CIM-92-9 §4), and merged here.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.errors import InputError
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, join_paths
+from sonarhw_sim.rays.scatter import scattered_paths
+from sonarhw_sim.room.edges import find_edges
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.vertical.vertical_paths import vertical_paths
+
+Receiver = tuple[float, float] | None  # where sound is heard, m; None: where it is sent
+
+# m: sender and receiver so near share vertical sections midway between them; s apart, a path of length L comes out
+# short by s²/2L, 0.2 mm for 26 mm at 2 m. For what is farther apart there are none: sound leaves every vertical plane.
+SIDE_BY_SIDE = 0.1
+_MOST_SURFACES = 46_000  # above, the number of an edge that only sections see leaves 32 bits
+
+
+def paths_from(
+    room: Room, place: Place, search: PathSearch, receiver: Receiver = None, face: float = 0.0, sections: int = 1
+) -> Paths:
+    """Every path from a place back to it, or to `receiver`, that `search` asks for, shortest first.
+
+    `sections` parallel horizontal sections share the transducer's face of radius `face` (m). Raises InputError where a
+    place with a height has too many surfaces to number.
+    """
+    if place.height is None:
+        return _planar_paths(room, place, search, receiver)
+    if len(room.names) > _MOST_SURFACES:
+        raise InputError(f"room {room.name!r}: sections take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
+    strips = _strips(place.height, face, sections)
+    flat = _horizontal_paths(room, place, search, receiver, strips)
+    middle, answers = place, flat
+    if receiver is not None:
+        if math.dist(place.position, receiver) > SIDE_BY_SIDE:
+            return flat
+        (x, y), (other_x, other_y) = place.position, receiver
+        middle = replace(place, position=((x + other_x) / 2, (y + other_y) / 2))
+        answers = _horizontal_paths(room, middle, search, None, strips)
+    return _by_length(join_paths([flat, *vertical_paths(room, middle, place.height, search, answers)]))
+
+
+def _planar_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver) -> Paths:
+    paths = find_paths(room, place.position, search, receiver)
+    if not room.scattered[: room.levels.start].any():
+        return paths
+    return _by_length(join_paths([paths, scattered_paths(room, place.position, search, receiver)]))
+
+
+def _by_length(paths: Paths) -> Paths:
+    # to a nanometre, as the core sorts: what differs less keeps its order
+    return paths.select(np.argsort(np.round(paths.lengths, 9), kind="stable"))
+
+
+def _strips(height: float, face: float, sections: int) -> list[tuple[float, float]]:
+    """Heights (m) of strips of equal width across a round face, and the share of its area that each has."""
+    middles = (2 * np.arange(sections) + 1) / sections - 1  # in radii
+    widths = np.sqrt(1 - middles**2)
+    return [(height + face * float(y), float(w)) for y, w in zip(middles, widths / widths.sum(), strict=True)]
+
+
+def _horizontal_paths(
+    room: Room, place: Place, search: PathSearch, receiver: Receiver, strips: list[tuple[float, float]]
+) -> Paths:
+    shares: dict[tuple[int, ...], float] = {}  # by what stands at a height
+    for height, share in strips:
+        standing = standing_at(room, height)
+        shares[standing] = shares.get(standing, 0.0) + share
+    parts = []
+    for standing, share in shares.items():
+        section = cut(room, standing)
+        paths = _in_room(_planar_paths(section, place, search, receiver), section, room, standing)
+        parts.append(paths if len(shares) == 1 else replace(paths, gains=paths.gains * share))
+    return parts[0] if len(parts) == 1 else _summed(parts)
+
+
+def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
+    """Numbers of the walls and posts that span a height (m); None: the plan, so all of them."""
+    lower, upper = room.heights[: room.levels.start].T
+    if height is None:
+        return tuple(range(len(lower)))
+    return tuple(np.flatnonzero((lower <= height) & (height <= upper)).tolist())
+
+
+def cut(room: Room, standing: tuple[int, ...]) -> Room:
+    """The room with those walls and posts only, and the edges that they have then; itself where it has no others."""
+    if len(standing) == room.levels.start:
+        return room
+    rows = np.array(standing, dtype=np.intp)
+    walls = room.walls[rows[rows < len(room.walls)]]
+    names = tuple(room.names[k] for k in standing)
+    return replace(
+        room,
+        walls=walls,
+        posts=room.posts[rows[rows >= len(room.walls)] - len(room.walls)],
+        reflectances=room.reflectances[rows],
+        scattered=room.scattered[rows],
+        heights=room.heights[rows],
+        names=names,
+        materials=tuple(room.materials[k] for k in standing),
+        edges=room.edges if len(walls) == len(room.walls) else find_edges(walls, names[: len(walls)]),
+    )
+
+
+def _in_room(paths: Paths, section: Room, room: Room, standing: tuple[int, ...]) -> Paths:
+    """The paths of a section with surfaces and edges numbered as in the room."""
+    if section.edges is room.edges:
+        edges = paths.edges
+    else:
+        edges = np.array([*_edge_numbers(section, room), -1], dtype=np.int32)[paths.edges]
+    surfaces = np.array([*standing, -1], dtype=np.int32)[paths.surfaces]
+    return replace(paths, surfaces=surfaces, edges=edges)
+
+
+def _edge_numbers(section: Room, room: Room) -> list[int]:
+    rows = {(*point, name): row for row, (point, name) in enumerate(_edges(room))}
+    surfaces = {name: number for number, name in enumerate(room.names)}
+    numbers = []
+    for point, name in _edges(section):
+        first, _, second = name.partition("/")
+        between = room.edge_between(surfaces[first], surfaces[second or first])
+        numbers.append(rows.get((*point, name), between))
+    return numbers
+
+
+def _edges(room: Room) -> list[tuple[list[float], str]]:
+    return list(zip(room.edges.points.tolist(), room.edges.names, strict=True))
+
+
+def _summed(parts: list[Paths]) -> Paths:
+    """The paths of sections that share one face, each once, with what all its sections hear of it."""
+    paths = _by_length(join_paths(parts))
+    # one path: the same things touched, in the same direction; two sections agree in that but for rounding
+    keys = np.column_stack(
+        (paths.edges, paths.bends, _rounded(paths.leaving), _rounded(paths.arriving), paths.surfaces)
+    )
+    _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    gains = np.bincount(which.ravel(), paths.gains).astype(np.float64)
+    order = np.argsort(first)
+    return replace(paths.select(first[order]), gains=gains[order])
+
+
+def _rounded(directions: FloatArray) -> NDArray[np.int64]:
+    return np.asarray(np.round(directions * 1e6), dtype=np.int64)

@@ -1,0 +1,89 @@
+"""Vertical sections: echoes by way of floor and ceiling, and over the tops of walls.
+
+Takes a room, a place and the height of its transducer; hands on paths that leave the horizontal. Each section is a
+vertical plane through the transducer (`vertical.vertical_section`), and the two-dimensional core follows sound in it as
+it does in the plan. Sound stays in such a plane only where it meets things squarely, so a plane goes to the foot of the
+perpendicular on a wall, to the axis of a post, or to a vertical edge or inner corner that answers in the plan.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Place, Room
+from sonarhw_sim.room.room_file import MEETING
+from sonarhw_sim.vertical.lifting import lifted
+from sonarhw_sim.vertical.vertical_section import LEVEL, PARALLEL, Mirror, Plane, View, chord, draw_section, span_of
+
+
+def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
+    """The paths that leave the horizontal, plane by plane; `flat` are those of the plan."""
+    if not room.levels and not np.isfinite(room.heights).any():
+        return []
+    if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
+        return []
+    view = View(room, place.position, height, search)
+    planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_answering_planes(view, flat)]
+    return [_follow(view, plane) for plane in planes]
+
+
+def _wall_planes(view: View) -> Iterator[Plane]:
+    """Planes square to the walls on which the place has a foot of the perpendicular; parallel walls share one."""
+    room = view.room
+    starts, along = room.walls[:, :2] - view.position, room.walls[:, 2:] - room.walls[:, :2]
+    lengths = np.hypot(*along.T)
+    foot = -(starts * along).sum(axis=1) / lengths
+    # normals turned to lie within 0..π, for a plane runs both ways
+    turned = np.arctan2(along[:, 0], -along[:, 1])
+    directions = np.mod(turned, math.pi)
+    directions[directions > math.pi - PARALLEL] -= math.pi
+    at = starts[:, 0] * np.cos(directions) + starts[:, 1] * np.sin(directions)
+    met = (foot >= -LEVEL) & (foot <= lengths + LEVEL) & (np.abs(at) <= view.reach / 2)
+    walls = np.flatnonzero(met)[np.argsort(directions[met], kind="stable")]
+    breaks = np.flatnonzero(np.diff(directions[walls]) > PARALLEL) + 1
+    for group in np.split(walls, breaks) if len(walls) else []:
+        mirrors = [Mirror(float(at[k]), span_of(room, k), float(room.reflectances[k]), (int(k),)) for k in group]
+        yield Plane(float(directions[group[0]]), tuple(mirrors), once=False)
+
+
+def _post_planes(view: View) -> Iterator[Plane]:
+    room = view.room
+    for post, (x, y, radius) in enumerate(room.posts.tolist()):
+        direction = math.atan2(y - view.position[1], x - view.position[0])
+        within = chord(view, direction, post)
+        surface = len(room.walls) + post
+        if within is None or not 0.0 < within[0] <= view.reach / 2:
+            continue
+        curvature = math.sqrt(radius / (radius + within[0]))
+        reflectance = float(room.reflectances[surface]) * curvature
+        mirror = Mirror(within[0], span_of(room, surface), reflectance, (surface,), curvature=curvature)
+        yield Plane(direction, (mirror,))
+
+
+def _answering_planes(view: View, flat: Paths) -> Iterator[Plane]:
+    """Planes to the edges and inner corners that send sound straight back in the plan."""
+    back = np.hypot(*(flat.leaving - flat.arriving).T) <= LEVEL
+    for k in np.flatnonzero(back).tolist():
+        inner = flat.outline(k)[1:-1]
+        straight = np.abs(inner - inner[:1]).max(initial=0.0) <= MEETING
+        touched = tuple(int(surface) for surface in flat.surfaces[k] if surface >= 0)
+        edge = int(flat.edges[k])
+        if not straight or (len(touched) < 2 if edge < 0 else len(touched) > 0):
+            continue
+        surfaces = touched if edge < 0 else view.room.surfaces_at_edge(edge)
+        spans = view.room.heights[list(surfaces)]
+        span = float(spans[:, 0].max()), float(spans[:, 1].min())
+        mirror = Mirror(float(flat.lengths[k]) / 2, span, float(flat.gains[k]), touched, edge)
+        yield Plane(float(flat.departures[k]), (mirror,))
+
+
+def _follow(view: View, plane: Plane) -> Paths:
+    """The paths of one plane that are no other plane's."""
+    section = draw_section(view, plane)
+    # one more, because a vertical edge is drawn as a wall that reflects, and is no reflection
+    search = replace(view.search, max_bounces=view.search.max_bounces + 1, front=None)
+    found = find_paths(section.room, (0.0, view.height), search)
+    return lifted(view, plane, section, found)

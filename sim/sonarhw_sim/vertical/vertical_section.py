@@ -1,0 +1,200 @@
+"""One vertical section: a vertical plane through a transducer, drawn as a room of its own.
+
+Takes a room and a plane with what that meets squarely; hands on a `Section`, whose room the two-dimensional core takes
+like any other: x runs along the plane from the place, y is the height. What the plane does not meet squarely blocks,
+because sound that reflects there leaves the plane. Walls are sheets, a box is open at the top; posts have lids.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.paths import PathSearch
+from sonarhw_sim.room.edges import Edges, find_edges
+from sonarhw_sim.room.model import Room
+from sonarhw_sim.room.room_file import MEETING, Span
+
+PARALLEL = 1e-6  # rad: walls that differ less in direction are met squarely in one plane
+LEVEL = 1e-9  # m: a path that stays so near to the transducer's height is the plan's
+
+
+@dataclass(frozen=True)
+class View:
+    """Who asks for what."""
+
+    room: Room
+    position: tuple[float, float]
+    height: float  # m
+    search: PathSearch
+
+    @property
+    def reach(self) -> float:
+        """How far floor, ceiling and endless walls are drawn, m: beyond all that sound gets to."""
+        return self.search.max_length + 1.0
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """What a plane meets squarely: a wall or post, all of a corner, or an edge, as one upright that reflects."""
+
+    at: float  # m along the plane's direction from the place
+    span: Span
+    reflectance: float  # there and back in the plan
+    surfaces: tuple[int, ...]  # what sound touches there
+    edge: int = -1  # the edge that bends it there; then it touches no surface
+    curvature: float = 1.0  # what the roundness of a post leaves of sound bent by its rim
+
+    @property
+    def has_rims(self) -> bool:
+        """Whether its lower and upper end bend sound as edges that run straight across the plane."""
+        return len(self.surfaces) == 1
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One vertical plane through the place, with what it meets squarely."""
+
+    direction: float  # rad
+    mirrors: tuple[Mirror, ...]
+    once: bool = True  # whether a path may touch a mirror but once: what it leaves of sound is known for that alone
+
+
+Owner = Mirror | int | None  # whose a wall of a section is: a mirror's, a level's by number; None: it only blocks
+Segment = tuple[float, float, float, float]  # x, y of start and end, m
+_Upright = tuple[float, Span, Mirror | None]  # where along the plane, how high, whose
+
+
+@dataclass(frozen=True)
+class Section:
+    """A plane as a room: x runs along the plane from the place, y is the height."""
+
+    room: Room
+    owners: tuple[Owner, ...]  # of each of its walls
+
+
+def draw_section(view: View, plane: Plane) -> Section:
+    """What a plane meets, as a room."""
+    levels, open_between = _levels(view)
+    uprights: list[_Upright] = [(mirror.at, mirror.span, mirror) for mirror in plane.mirrors]
+    uprights += [(at, span, None) for at, span in _blocking(view, plane)]
+    drawn: list[tuple[Segment, Owner]] = [*levels]
+    for at, span, owner in _without_overlap(uprights):
+        lower, upper = max(span[0], open_between[0]), min(span[1], open_between[1])
+        if upper - lower > MEETING:
+            drawn.append(((at, lower, at, upper), owner))
+    drawn += [(lid, None) for lid in _lids(view, plane) if open_between[0] < lid[1] < open_between[1]]
+    owners = tuple(owner for _, owner in drawn)
+    return Section(_as_room(view.room, np.array([segment for segment, _ in drawn]).reshape(-1, 4), owners), owners)
+
+
+def _levels(view: View) -> tuple[list[tuple[Segment, Owner]], Span]:
+    """Floor and ceiling, and between which heights (m) there is air."""
+    lowest, highest = view.height - view.reach, view.height + view.reach
+    drawn: list[tuple[Segment, Owner]] = []
+    for level in view.room.levels:
+        height = float(view.room.heights[level, 0])
+        lowest, highest = (height, highest) if height < view.height else (lowest, height)
+        drawn.append(((-view.reach, height, view.reach, height), level))
+    return drawn, (lowest, highest)
+
+
+def _blocking(view: View, plane: Plane) -> Iterator[tuple[float, Span]]:
+    """Where (m along the plane) and how high the walls and posts stand that cross a plane."""
+    room = view.room
+    dx, dy = math.cos(plane.direction), math.sin(plane.direction)
+    rx, ry = (room.walls[:, :2] - view.position).T
+    ex, ey = (room.walls[:, 2:] - room.walls[:, :2]).T
+    across = dx * ey - dy * ex
+    slant = np.abs(across) > PARALLEL * np.hypot(ex, ey)
+    safe = np.where(slant, across, 1.0)
+    at, along = (rx * ey - ry * ex) / safe, (rx * dy - ry * dx) / safe
+    crosses = slant & (along >= -LEVEL) & (along <= 1 + LEVEL) & (np.abs(at) <= view.reach)
+    for wall in np.flatnonzero(crosses).tolist():
+        yield float(at[wall]), span_of(room, wall)
+    for post in range(len(room.posts)):
+        for end in chord(view, plane.direction, post) or ():
+            yield end, span_of(room, len(room.walls) + post)
+
+
+def _lids(view: View, plane: Plane) -> list[Segment]:
+    lids: list[Segment] = []
+    for post in range(len(view.room.posts)):
+        within = chord(view, plane.direction, post)
+        if within is not None:
+            lids += [(within[0], end, within[1], end) for end in span_of(view.room, len(view.room.walls) + post)]
+    return lids
+
+
+def _without_overlap(uprights: list[_Upright]) -> list[_Upright]:
+    """Uprights of which no two lie on one another: what comes first stands, of the others what sticks out is left."""
+    apart: list[_Upright] = []
+    for at, span, owner in uprights:
+        flush = [(other, taken) for other, taken, _ in apart if abs(other - at) <= MEETING]
+        left = [span]
+        for _, taken in flush:
+            left = [piece for whole in left for piece in _outside(whole, taken)]
+        # flush means exactly so, or the ends of the two would not meet
+        apart += [(flush[0][0] if flush else at, piece, owner) for piece in left]
+    return apart
+
+
+def _outside(whole: Span, taken: Span) -> list[Span]:
+    pieces = [(whole[0], min(whole[1], taken[0])), (max(whole[0], taken[1]), whole[1])]
+    return [piece for piece in pieces if piece[0] < piece[1]]
+
+
+def _as_room(room: Room, segments: FloatArray, owners: tuple[Owner, ...]) -> Room:
+    labels = tuple(str(k) for k in range(len(segments)))
+    edges = find_edges(segments, labels)
+    rims = [
+        row
+        for row, name in enumerate(edges.names)
+        if any(isinstance(owner := owners[k], Mirror) and owner.has_rims for k in walls_at_edge(name))
+    ]
+    return replace(
+        room,
+        walls=segments,
+        posts=np.empty((0, 3)),
+        reflectances=np.array([_reflectance(room, owner) for owner in owners], dtype=np.float64),
+        scattered=np.zeros(len(segments)),
+        heights=np.tile((-math.inf, math.inf), (len(segments), 1)),
+        names=labels,
+        materials=labels,
+        edges=_edge_rows(edges, rims),
+    )
+
+
+def _reflectance(room: Room, owner: Owner) -> float:
+    if isinstance(owner, Mirror):
+        return owner.reflectance
+    return 0.0 if owner is None else float(room.reflectances[owner])
+
+
+def walls_at_edge(name: str) -> list[int]:
+    """The walls of a section that meet at an edge of that name."""
+    return [int(label) for label in name.split("/") if label]
+
+
+def _edge_rows(edges: Edges, rows: list[int]) -> Edges:
+    names = tuple(edges.names[row] for row in rows)
+    return Edges(edges.points[rows], edges.starts[rows], edges.openings[rows], names)
+
+
+def span_of(room: Room, surface: int) -> Span:
+    """Lower and upper end of a surface, m; infinite where it has none."""
+    return float(room.heights[surface, 0]), float(room.heights[surface, 1])
+
+
+def chord(view: View, direction: float, post: int) -> Span | None:
+    """Where a plane enters and leaves a post, m along its direction from the place; None where it misses."""
+    x, y, radius = view.room.posts[post].tolist()
+    dx, dy = x - view.position[0], y - view.position[1]
+    along = dx * math.cos(direction) + dy * math.sin(direction)
+    aside = dy * math.cos(direction) - dx * math.sin(direction)
+    if abs(aside) >= radius:
+        return None
+    half = math.sqrt(radius**2 - aside**2)
+    return along - half, along + half

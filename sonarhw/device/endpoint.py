@@ -1,0 +1,192 @@
+"""Serves a device where clients can open it: on a pseudo-terminal or a TCP port, in real time, faster, or at once.
+
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        Scanner.open(endpoint.url)
+
+Takes a `Device`; hands its bytes to one client after another. One thread; it never sleeps past a wake-up.
+Nothing piles up: bytes a client does not read hold back the device's time, and with it everything it does.
+"""
+
+import math
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Literal
+
+from sonarhw.device.device import Device
+from sonarhw.device.doors import Door, open_door
+from sonarhw.errors import InputError
+
+__all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_door", "serve"]
+
+Pace = float | Literal["real", "max"]
+_LONGEST_WAIT = 0.1  # s
+# s of real time passed on at once: a stalled machine slows the device, it does not make it jump; with room above the
+# longest wait, or the device would lose time whenever it has nothing to do
+_LONGEST_STEP = 3 * _LONGEST_WAIT
+
+
+class Clock:
+    """The device's time: real time × `pace`, standing still while the client does not read."""
+
+    def __init__(self, pace: Pace) -> None:
+        self.now = 0.0
+        self.free = pace == "max"
+        self.speed = pace if isinstance(pace, float | int) else 1.0
+        self._last = time.monotonic()
+
+    def tick(self, held: bool) -> None:
+        """Let real time pass; `held`: it does not count."""
+        real = time.monotonic()
+        if not held:
+            self.now += min(real - self._last, _LONGEST_STEP) * self.speed
+        self._last = real
+
+    def skip_to(self, event: float) -> None:
+        """Let time pass up to `event` at once."""
+        self.now = max(self.now, event)
+
+    def real_until(self, event: float) -> float:
+        """Real time until `event`, s."""
+        return max(0.0, event - self.now) / self.speed
+
+
+def check_pace(pace: Pace) -> Pace:
+    """`pace`, where it is one. Raises InputError otherwise."""
+    if pace not in ("real", "max") and not (isinstance(pace, float | int) and 0 < pace < math.inf):
+        raise InputError(f"pace {pace}: expected real, max, or a factor above 0 such as 10")
+    return pace
+
+
+class Endpoint:
+    """A device behind a door: `run` serves it in the caller's thread until `stop`."""
+
+    def __init__(
+        self, device: Device, door: Door, pace: Pace = "real", moved: Callable[[str], None] = lambda url: None
+    ) -> None:
+        """`moved` is told the new URL where the device's cable comes back under another name."""
+        self._device = device
+        self._door = door
+        self._moved = moved
+        self._plug = device.plug
+        self._clock = Clock(check_pace(pace))
+        device.hurry = math.inf if self._clock.free else max(1.0, self._clock.speed)
+        self._pending = b""
+        self._stopping = False
+        self._waker, self._wake = socket.socketpair()
+        self._wake.setblocking(False)
+
+    @property
+    def url(self) -> str:
+        """Where clients find the device, or found it last."""
+        return self._door.url
+
+    def stop(self) -> None:
+        """End serving; callable from any thread and from a signal handler."""
+        self._stopping = True
+        with suppress(OSError):
+            self._wake.send(b"x")
+
+    def run(self) -> None:
+        """Serve until stopped."""
+        try:
+            while not self._stopping:
+                self._clock.tick(held=bool(self._pending))
+                if not self._pending:
+                    self._pending = self._device.advance(self._clock.now)
+                self._follow_the_cable()
+                self._converse(self._wait_for())
+        finally:
+            self._waker.close()
+            self._wake.close()
+
+    def _follow_the_cable(self) -> None:
+        before, self._plug = self._plug, self._device.plug
+        if self._plug == before:
+            return
+        if before is not None:
+            self._door.pull()
+            self._pending = b""
+        if self._plug is not None:
+            url = self._door.url
+            self._door.plug_in(self._plug)
+            if self._door.url != url:
+                self._moved(self._door.url)
+
+    def _wait_for(self) -> float:
+        """How long nothing needs to be done, s of real time."""
+        if self._pending:
+            return _LONGEST_WAIT
+        event = self._device.next_event()
+        if event is None:
+            return _LONGEST_WAIT
+        if self._clock.free and self._device.busy:
+            self._clock.skip_to(event)
+        return min(_LONGEST_WAIT, self._clock.real_until(event))
+
+    def _converse(self, wait: float) -> None:
+        if self._pending:
+            self._speak(wait)
+            wait = 0.0
+        # a client that does not read is not listened to either, lest its answers pile up in the device
+        if not self._pending:
+            self._listen(wait)
+
+    def _speak(self, wait: float) -> None:
+        writer = self._door.writer()
+        if writer is not None and writer not in select.select([self._waker.fileno()], [writer], [], wait)[1]:
+            return
+        self._sent(self._door.write(self._pending))
+
+    def _listen(self, wait: float) -> None:
+        readers = self._door.readers()
+        if set(select.select([self._waker.fileno(), *readers], [], [], wait)[0]) & set(readers):
+            self._received(self._door.read())
+
+    def _sent(self, count: int | None) -> None:
+        if count is None:
+            self._lose_client()
+        else:
+            self._pending = self._pending[count:]
+
+    def _received(self, data: bytes | None) -> None:
+        if data is None:
+            self._lose_client()
+        elif data:
+            self._device.receive(data, self._clock.now)
+
+    def _lose_client(self) -> None:
+        self._device.hang_up()
+        self._pending = b""
+
+
+@contextmanager
+def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace: Pace = "real") -> Iterator[Endpoint]:
+    """Serve `device` in a thread of its own, which has ended when the block has. Raises what `open_door` does.
+
+    What went wrong in the device is raised at the end of the block.
+    """
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            endpoint.run()
+        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the endpoint
+            failures.append(failure)
+            door.close()  # clients see it go
+
+    with open_door(pty, tcp) as door:
+        endpoint = Endpoint(device, door, pace)
+        thread = threading.Thread(target=run, name=f"serve {door.url}", daemon=True)
+        thread.start()
+        try:
+            yield endpoint
+        finally:
+            endpoint.stop()
+            thread.join()
+    if failures:
+        raise failures[0]

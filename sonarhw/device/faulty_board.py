@@ -1,0 +1,265 @@
+"""A fake board and its line under a schedule of faults: a `Device` like any other, seen from the host.
+
+Takes whatever makes a board, and the schedule; hands on what would reach the host. Everything random comes from the
+seed and from the order of the bytes, never from the time of day.
+"""
+
+import heapq
+import itertools
+import math
+import random
+from collections.abc import Callable
+from dataclasses import replace
+
+from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.device.fault_schedule import AfterPings, At, Event, Faults, Kind, NowAndThen
+from sonarhw.device.line_noise import Noise, nonsense
+from sonarhw.wire.frames import Frame, FrameDecoder
+from sonarhw.wire.messages import Info, MessageError, ReadingMessage
+
+_BABBLE = 0.05  # s between two pieces of nonsense
+
+Action = Callable[[float], None]  # takes the time at which it is done, s
+
+
+def afflicted(identity: BoardIdentity, faults: Faults) -> BoardIdentity:
+    """What a board says of itself under these faults."""
+    major, minor = faults.protocol or (identity.major, identity.minor)
+    return replace(identity, major=major, minor=minor)
+
+
+class FaultyDevice:
+    """A board to which things happen."""
+
+    def __init__(self, make_board: Callable[[int], Board], faults: Faults, seed: int = 0) -> None:
+        """`make_board` makes one that has just been switched on; it is told how often it was before."""
+        self._make_board = make_board
+        self._faults = faults
+        self._chance = random.Random(seed)
+        self._up, self._down = Noise(faults, seed + 1), Noise(faults, seed + 2)
+        self._boots = 0
+        self._board: Board | None = make_board(0)  # None while it starts
+        self._started: float | None = None
+        self._agenda: list[tuple[float, int, Action]] = []
+        self._order = itertools.count()
+        self._pings = _Pings()
+        self._waiting = [(event.when.count, event) for event in faults.events if isinstance(event.when, AfterPings)]
+        self._wedged_until = self._babbles_until = self._stalled_until = -math.inf
+        self._deaf_until = self._mute_until = -math.inf
+        self._stalled = False
+        self._held_up, self._held_down = bytearray(), bytearray()
+        self._leaving = bytearray()
+        self.plug: int | None = 0
+        self._hurry = 1.0
+
+    # Device
+
+    @property
+    def hurry(self) -> float:
+        """How many times faster than real its time passes."""
+        return self._hurry
+
+    @hurry.setter
+    def hurry(self, factor: float) -> None:
+        self._hurry = factor
+        if self._board is not None:
+            self._board.hurry = factor
+
+    @property
+    def busy(self) -> bool:
+        """Whether it homes, turns or scans."""
+        return self._board is not None and self._board.busy
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes from the host."""
+        self._pass_time(now)
+        if self.plug is None or now < self._deaf_until:
+            return
+        if self._stalled:
+            self._held_down += data
+        else:
+            self._hear(data, now)
+
+    def next_event(self) -> float | None:
+        """When `advance` next has something to do, s."""
+        due = [self._agenda[0][0]] if self._agenda else []
+        if self._board is not None and (event := self._board.next_event()) is not None:
+            due.append(self._host_time(event))
+        return min(due, default=None)
+
+    def advance(self, now: float) -> bytes:
+        """Do what is due by `now`; the bytes that have reached the host since the last call."""
+        self._pass_time(now)
+        data = bytes(self._leaving)
+        self._leaving.clear()
+        return data
+
+    def hang_up(self) -> None:
+        """The host has gone."""
+        if self._board is not None:
+            self._board.hang_up()
+        self._held_down.clear()
+        self._held_up.clear()
+        self._leaving.clear()
+
+    # time
+
+    def _pass_time(self, now: float) -> None:
+        if self._started is None:
+            self._started = now
+            for event in self._faults.events:
+                self._plan(event, now)
+        plug = self.plug
+        while self._agenda and self._agenda[0][0] <= now:
+            due, _, action = heapq.heappop(self._agenda)
+            self._run_board(due)
+            action(due)
+            if self.plug != plug:
+                return  # whoever looks after the cable must see each change of it; the rest comes with the next call
+        self._run_board(now)
+
+    def _run_board(self, now: float) -> None:
+        # event by event, so that what comes after so many pings comes before the next
+        while self._board is not None:
+            event = self._board.next_event()
+            due = now if event is None else min(now, self._host_time(event))
+            self._say(self._board.advance(self._board_time(due)), due)
+            if event is None or due >= now:
+                break
+
+    def _board_time(self, now: float) -> float:
+        start = self._started or 0.0
+        return start + (now - start) * (1 + self._faults.drift * 1e-6)
+
+    def _host_time(self, board_time: float) -> float:
+        start = self._started or 0.0
+        now = start + (board_time - start) / (1 + self._faults.drift * 1e-6)
+        # rounding must not set it before what is due
+        while self._board_time(now) < board_time:
+            now = math.nextafter(now, math.inf)
+        return now
+
+    # bytes
+
+    def _hear(self, data: bytes, now: float) -> None:
+        if self._board is not None:
+            self._board.receive(self._down.damage(data), self._board_time(now))
+
+    def _say(self, data: bytes, now: float) -> None:
+        if data and now >= max(self._babbles_until, self._mute_until):
+            self._send(data)
+        if self._waiting and data:
+            self._pings.count(data)
+            due = [event for count, event in self._waiting if count <= self._pings.told]
+            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings.told]
+            for event in due:
+                self._strike(event, now)
+
+    def _send(self, data: bytes) -> None:
+        if self.plug is None:
+            return
+        (self._held_up if self._stalled else self._leaving).extend(self._up.damage(data))
+
+    # faults
+
+    def _plan(self, event: Event, now: float) -> None:
+        match event.when:
+            case At(seconds):
+                self._at(now + seconds, lambda due: self._strike(event, due))
+            case NowAndThen(seconds):
+                self._at(now + self._chance.expovariate(1 / seconds), lambda due: self._strike_again(event, due))
+
+    def _at(self, due: float, action: Action) -> None:
+        if due < math.inf:
+            heapq.heappush(self._agenda, (due, next(self._order), action))
+
+    def _strike_again(self, event: Event, now: float) -> None:
+        self._strike(event, now)
+        self._plan(event, now + event.size if event.kind is not Kind.SLIP else now)
+
+    def _strike(self, event: Event, now: float) -> None:
+        until = now + event.size
+        match event.kind:
+            case Kind.STALL:
+                self._stalled, self._stalled_until = True, max(self._stalled_until, until)
+                self._at(until, self._flow)
+            case Kind.DEAF:
+                self._deaf_until = max(self._deaf_until, until)
+            case Kind.MUTE:
+                self._mute_until = max(self._mute_until, until)
+            case Kind.RESET:
+                self._board = None
+                self._at(until, self._boot)
+            case Kind.WEDGE:
+                self._wedged_until = max(self._wedged_until, until)
+                self._wedge(now)
+            case Kind.SLIP:
+                if self._board is not None:
+                    self._board.slip(event.size)
+            case Kind.NONSENSE:
+                self._babbles_until = max(self._babbles_until, until)
+                self._babble(now)
+            case Kind.UNPLUG | Kind.MOVE:
+                self._pull(event, now)
+
+    def _flow(self, now: float) -> None:
+        if now < self._stalled_until:
+            return
+        self._stalled = False
+        self._leaving += self._held_up
+        self._held_up.clear()
+        data = bytes(self._held_down)
+        self._held_down.clear()
+        self._hear(data, now)
+
+    def _boot(self, now: float) -> None:
+        if self._board is None:
+            self._boots += 1
+            self._board = self._make_board(self._boots)
+            self._board.hurry = self._hurry
+            self._wedge(now)
+
+    def _wedge(self, now: float) -> None:
+        if self._board is not None and now < self._wedged_until:
+            self._board.wedge(self._wedged_until - now)
+
+    def _babble(self, now: float) -> None:
+        if now < self._babbles_until:
+            self._send(nonsense(self._chance))
+            self._at(now + _BABBLE, self._babble)
+
+    def _pull(self, event: Event, now: float) -> None:
+        if self.plug is None:
+            return
+        back = self.plug + (event.kind is Kind.MOVE)
+        self.plug = None
+        for bytes_on_the_way in (self._leaving, self._held_up, self._held_down):
+            bytes_on_the_way.clear()
+
+        def put_back(_: float) -> None:
+            self.plug = back
+
+        self._at(now + event.size, put_back)
+
+
+class _Pings:
+    """Counts the pings told on a line; a reading sent again is none."""
+
+    def __init__(self) -> None:
+        self.told = 0
+        self._decoder = FrameDecoder()
+        self._newest = -1
+
+    def count(self, data: bytes) -> None:
+        for frame in self._decoder.feed(data):
+            if not isinstance(frame, Frame) or frame.type not in (ReadingMessage.TYPE, Info.TYPE):
+                continue
+            if frame.type == Info.TYPE:  # after a reset its clock starts anew
+                self._newest = -1
+                continue
+            try:
+                fired = ReadingMessage.unpack(frame.payload).fired_us
+            except MessageError:
+                continue
+            if fired > self._newest:
+                self._newest, self.told = fired, self.told + 1

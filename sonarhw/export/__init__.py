@@ -1,0 +1,1 @@
+"""Readings as CSV and NPZ, and readings encoded as a log."""

@@ -1,0 +1,110 @@
+"""Readings become the frames that a scanner would have sent for them: how imported and simulated scans become logs.
+
+Takes readings; hands on a log file whose decoding gives back the same ranges. One decoder for
+everything: nothing that reads a log can tell an imported scan from a recorded one but by its metadata.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from sonarhw.log.contents import LogMetadata
+from sonarhw.log.writer import LogWriter
+from sonarhw.readings import Reading
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Finished, Info, Message, Outcome, Settings, Started
+from sonarhw.wire.reading_messages import centidegrees_of, reading_message, trace_chunks
+
+_TICK = 1e-6  # s
+_HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the commands that nobody sent
+
+
+def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False) -> None:
+    """Write one scan as a log that began at `metadata.started`.
+
+    Decoding gives back angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm and traces to 8 bits; of more than
+    122 echoes the earliest. Readings are numbered anew in their order, and those of one time
+    (or out of order) come 1 µs apart. Raises LogError where the file exists (unless
+    `overwrite`) or cannot be written, ValueError where a reading has values that no frame can carry.
+    """
+    # everything is encoded before the file is made: what no frame can carry leaves none behind
+    pieces = _encode(metadata, readings)
+    with LogWriter(path, metadata, overwrite=overwrite, live=False) as writer:
+        for frames, reading in pieces:
+            for time, wire in frames:
+                writer.frame(True, metadata.started + time, wire)
+            if reading is not None:
+                writer.reading(reading)
+
+
+_Stamped = tuple[float, bytes]  # s since the scan began, frame
+
+
+def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[list[_Stamped], Reading | None]]:
+    """The frames of a scan, those of each reading with it."""
+    sender = _Sender()
+    settings = _settings(readings)
+    greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
+    pieces: list[tuple[list[_Stamped], Reading | None]] = [([sender.send(message, 0.0) for message in greeting], None)]
+    first = min((reading.time for reading in readings), default=0.0)
+    time, fired = 0.0, -_TICK
+    for number, reading in enumerate(readings):
+        # a ping is known by when it was fired; two at one time would be taken for one sent twice
+        fired = max(reading.time - first, fired + _TICK)
+        reading = replace(reading, number=number, time=fired)
+        time = max(time, reading.time + settings.listen_us * 1e-6)
+        frames = [sender.send(reading_message(reading, settings.speed_of_sound), time)]
+        if reading.trace is not None:
+            frames += [sender.send(chunk, time) for chunk in trace_chunks(number, reading.trace)]
+        pieces.append((frames, reading))
+    end = sender.send(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)
+    return [*pieces, ([end], None)]
+
+
+class _Sender:
+    """Stamps messages as a device that was switched on when the scan began."""
+
+    def __init__(self) -> None:
+        self._sequence = 0
+
+    def send(self, message: Message, time: float) -> _Stamped:
+        """The frame of a message sent `time` seconds after the scan began, with that time."""
+        frame = Frame(message.TYPE, self._sequence, round(time * 1e6), message.pack())
+        self._sequence = (self._sequence + 1) % 0x10000
+        return time, encode_frame(frame)
+
+
+def _speed_of_sound(readings: Sequence[Reading]) -> int:
+    speed = readings[0].speed_of_sound if readings else 0.0
+    if readings and not (math.isfinite(speed) and speed >= 1):
+        raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; ranges cannot be kept without one")
+    return round(speed * 1000)
+
+
+def _info(metadata: LogMetadata, readings: Sequence[Reading]) -> Info:
+    traces = [reading.trace for reading in readings if reading.trace is not None]
+    return Info(
+        command=_HELLO,
+        major=PROTOCOL_MAJOR,
+        minor=PROTOCOL_MINOR,
+        firmware=f"sonarhw {metadata.made_by} {metadata.product_version}",
+        serial="",
+        board=metadata.board,
+        temperature=centidegrees_of(readings[0].temperature_c if readings else None),
+        trace_rate=round(traces[0].rate) if traces else 0,
+        microsteps=0,
+    )
+
+
+def _settings(readings: Sequence[Reading]) -> Settings:
+    traces = [reading.trace for reading in readings if reading.trace is not None]
+    heard = [reading.echo_times[-1] for reading in readings if reading.echo_times]
+    heard += [trace.start + len(trace.samples) / trace.rate for trace in traces]
+    return Settings(
+        command=_CONFIGURE,
+        listen_us=math.ceil(max(heard, default=0.0) * 1e6),
+        blanking_us=0,
+        trace=int(bool(traces)),
+        speed_of_sound=_speed_of_sound(readings),
+    )

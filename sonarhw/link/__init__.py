@@ -1,0 +1,1 @@
+"""Serial links and ports."""

@@ -1,0 +1,123 @@
+"""The index at the end of a closed log: its readings without their traces, and where each lies in the file.
+
+Takes what a `Follower` has found, when the log is closed; hands on the same when it is opened, without going through
+the frames again. It lies in the file as an MCAP attachment: an .npz of plain columns. What a log says stays in its
+frames; a log without index, with one of another version, or with one that some tool has carried over into another
+file is gone through.
+"""
+
+import json
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sonarhw.log.reading_columns import Columns
+from sonarhw.log.recorded_scans import FollowedScan, Follower
+from sonarhw.wire.messages import Finished, Info, Message, MessageError, Settings
+
+NAME = "sonarhw.index.npz"
+MEDIA_TYPE = "application/x-npz"
+_VERSION = 2
+_HEAD = "head"  # the JSON text beside the columns, as bytes
+_UNREADABLE = (zipfile.BadZipFile, KeyError, ValueError, TypeError, OSError, EOFError, MessageError)
+
+_M = TypeVar("_M", bound=Message)
+
+
+@dataclass(frozen=True)
+class IndexedScan:
+    """A scan as the index holds it."""
+
+    began: float
+    expected: int | None
+    settings: Settings | None
+    finished: Finished | None
+    homed: tuple[float, ...]
+    columns: Columns
+
+
+@dataclass(frozen=True)
+class LogIndex:
+    """What is known of a log when its frames have been gone through."""
+
+    info: Info | None
+    settings: Settings | None
+    frames: int
+    scans: tuple[IndexedScan, ...]
+
+
+def index_of(follower: Follower) -> LogIndex:
+    """The index of the frames that `follower` has taken."""
+    return LogIndex(follower.info, follower.settings, follower.frames, tuple(map(_indexed, follower.scans())))
+
+
+def _indexed(scan: FollowedScan) -> IndexedScan:
+    return IndexedScan(
+        scan.began, scan.expected, scan.settings, scan.finished, tuple(scan.homed), scan.readings.columns()
+    )
+
+
+def pack_index(index: LogIndex, at: int) -> bytes:
+    """The index as it lies in the file at offset `at`."""
+    head = {
+        "version": _VERSION,
+        "at": at,
+        "info": _packed(index.info),
+        "settings": _packed(index.settings),
+        "frames": index.frames,
+        "scans": [
+            {
+                "began": scan.began,
+                "expected": scan.expected,
+                "settings": _packed(scan.settings),
+                "finished": _packed(scan.finished),
+                "homed": scan.homed,
+            }
+            for scan in index.scans
+        ],
+    }
+    arrays = {
+        f"{number}/{name}": column for number, scan in enumerate(index.scans) for name, column in scan.columns.items()
+    }
+    packed = BytesIO()
+    np.savez(packed, allow_pickle=False, **{_HEAD: np.frombuffer(json.dumps(head).encode(), np.uint8)}, **arrays)
+    return packed.getvalue()
+
+
+def unpack_index(data: bytes, at: int) -> LogIndex | None:
+    """The index in an attachment at offset `at`; None where it is of another version or was made for another file."""
+    try:
+        with np.load(BytesIO(data)) as arrays:
+            head = json.loads(arrays[_HEAD].tobytes())
+            if (head["version"], head["at"]) != (_VERSION, at):
+                return None
+            columns: Sequence[Columns] = [{} for _ in head["scans"]]
+            for name in arrays.files:
+                if name != _HEAD:
+                    number, _, column = name.partition("/")
+                    columns[int(number)][column] = arrays[name]
+    except _UNREADABLE:
+        return None
+    return LogIndex(
+        _unpacked(Info, head["info"]),
+        _unpacked(Settings, head["settings"]),
+        head["frames"],
+        tuple(_scan(scan, mine) for scan, mine in zip(head["scans"], columns, strict=True)),
+    )
+
+
+def _scan(scan: dict[str, Any], columns: Columns) -> IndexedScan:
+    settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
+    return IndexedScan(scan["began"], scan["expected"], settings, finished, tuple(scan["homed"]), columns)
+
+
+def _packed(message: Message | None) -> str | None:
+    return None if message is None else message.pack().hex()
+
+
+def _unpacked(kind: type[_M], packed: str | None) -> _M | None:
+    return None if packed is None else kind.unpack(bytes.fromhex(packed))

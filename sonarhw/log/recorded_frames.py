@@ -1,0 +1,128 @@
+"""The frames in a log's file, and the traces that are put together from them when somebody looks.
+
+Takes an open file; hands on recorded frames, all or those of one stretch, and lazily read traces.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from functools import lru_cache
+from itertools import groupby
+from typing import Any
+
+from sonarhw.errors import NotALog
+from sonarhw.log.contents import FRAMES_RECEIVED, FRAMES_SENT, TOPICS, RecordedFrame
+from sonarhw.log.mcap_records import Damage, Message, OpenFile, read_records
+from sonarhw.log.reading_columns import Span
+from sonarhw.readings import Reading, Trace
+from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.frames import Frame, decode_block
+from sonarhw.wire.messages import MessageError, Settings, unpack_message
+
+_TRACES_AT_HAND = 64
+_UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
+
+
+class LogFrames:
+    """The frames in a log file; `RecordedFrames`."""
+
+    def __init__(self, file: OpenFile, count: int) -> None:
+        self._file = file
+        self._count = count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[RecordedFrame]:
+        for _, frame in _frames(self._file):
+            yield frame
+
+    def pieces(self) -> Iterator[list[RecordedFrame]]:
+        """The frames of one chunk after the other."""
+        for _, together in groupby(_frames(self._file), key=lambda placed: placed[0]):
+            yield [frame for _, frame in together]
+
+
+def recorded_frame(message: Message, topics: dict[int, str]) -> RecordedFrame | None:
+    """The frame in a message of the file; None where it holds none."""
+    topic = topics.get(message.channel)
+    if topic not in (FRAMES_RECEIVED, FRAMES_SENT):
+        return None
+    return RecordedFrame(message.time * 1e-9, topic == FRAMES_RECEIVED, message.data)
+
+
+def known_topics() -> dict[int, str]:
+    """The topics by channel, as this project's writer registers them."""
+    return dict(enumerate(TOPICS, start=1))
+
+
+def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, RecordedFrame]]:
+    topics = known_topics()
+    try:
+        for item in read_records(file, *(span or ())[:1]):
+            if span is not None and not isinstance(item, Damage) and item.at > span[1]:
+                return
+            if isinstance(item, Message) and (frame := recorded_frame(item, topics)):
+                yield item.at, frame
+    except OSError as error:
+        raise NotALog(f"{file.path}: cannot be read any more: {error.strerror}") from error
+
+
+class StoredTraces:
+    """The traces of one scan; the last few that were looked at are kept."""
+
+    def __init__(self, file: OpenFile, settings: Settings | None) -> None:
+        self._file = file
+        self._settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
+        self.load = lru_cache(maxsize=_TRACES_AT_HAND)(self._load)
+
+    def trace(self, number: int, span: Span) -> Trace:
+        """The trace of that reading, which lies in those chunks; nothing is read yet."""
+        return StoredTrace(self, number, span)
+
+    def _load(self, number: int, span: Span) -> Trace:
+        found = [reading.trace for reading in self._assembled(span) if reading.number == number and reading.trace]
+        if not found:
+            raise NotALog(f"{self._file.path}: the trace of reading {number} cannot be read; `log recover` may help")
+        return found[-1]
+
+    def _assembled(self, span: Span) -> list[Reading]:
+        # the same decoder as everywhere, on the stretch that holds the reading
+        assembler = ReadingAssembler()
+        assembler.feed(self._settings)
+        readings: list[Reading] = []
+        for _, recorded in _frames(self._file, span):
+            frame = decode_block(recorded.wire[:-1])
+            if not recorded.received or not isinstance(frame, Frame):
+                continue
+            try:
+                message = unpack_message(frame.type, frame.payload)
+            except MessageError:
+                continue
+            if message is not None:
+                readings += assembler.feed(message)
+        return readings + assembler.flush()
+
+
+class StoredTrace(Trace):
+    """A trace that stays in its log until it is looked at, and is not kept by those who looked.
+
+    Looking raises NotALog where the log can no longer be read.
+    """
+
+    def __init__(self, traces: StoredTraces, number: int, span: Span) -> None:
+        object.__setattr__(self, "_where", (traces, number, span))
+
+    def __repr__(self) -> str:
+        return f"StoredTrace{self.__dict__['_where'][1:]}"
+
+
+def _loaded(name: str) -> property:
+    def value(trace: StoredTrace) -> Any:
+        traces, number, span = trace.__dict__["_where"]
+        return getattr(traces.load(number, span), name)
+
+    return property(value, doc="As of any trace.")
+
+
+for _field in fields(Trace):
+    setattr(StoredTrace, _field.name, _loaded(_field.name))

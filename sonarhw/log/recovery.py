@@ -1,0 +1,18 @@
+"""Writes a log anew: what could be read of a torn one becomes a whole one, with index and sweeps.
+
+Takes a `Log` as it was read; hands on a file with the same frames at the same times.
+"""
+
+from pathlib import Path
+
+from sonarhw.log.contents import Log
+from sonarhw.log.writer import LogWriter
+
+
+def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
+    """Write all of `log` to `path`. Raises LogError where that exists (unless `overwrite`) or cannot be written."""
+    with LogWriter(path, log.metadata, overwrite=overwrite, live=False) as writer:
+        for frames in log.frames.pieces():
+            readings = [reading for frame in frames for reading in writer.take(frame)]
+            for reading in readings:
+                writer.reading(reading)

@@ -1,0 +1,233 @@
+"""Writes a log: an uncompressed MCAP file with one chunk a reading, on disk before the next ping.
+
+Takes frames and readings as a Recorder; hands on a file that is readable however the process ends. While a scan runs,
+frames wait for their reading and leave with it in one chunk; while none runs, each frame is written at once. So a
+killed process loses at most the frames of the reading in flight. Closing adds the index that opens an hour at once.
+"""
+
+import json
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self, cast
+
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import register_schema
+
+from sonarhw.disk_room import DiskRoom
+from sonarhw.errors import LogError
+from sonarhw.log.appended_file import LogFile
+from sonarhw.log.contents import (
+    FRAMES_RECEIVED,
+    FRAMES_SENT,
+    METADATA_NAME,
+    PROFILE,
+    READINGS,
+    SWEEPS,
+    TOPICS,
+    LogMetadata,
+    RecordedFrame,
+)
+from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
+from sonarhw.log.laser_scan import laser_scan
+from sonarhw.log.recorded_scans import Follower
+from sonarhw.readings import Reading
+from sonarhw.wire.arrivals import KEPT
+from sonarhw.wire.frames import frame_type
+from sonarhw.wire.messages import Finished, Info, Started
+
+_READING_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "time": {"type": "number", "description": "start of transmission on the device's clock, s"},
+        "sweep": {"type": "integer"},
+        "ping": {"type": "integer"},
+        "number": {"type": "integer"},
+        "angle_deg": {"type": "number", "description": "turntable angle, counter-clockwise"},
+        "range_m": {"type": ["number", "null"]},
+        "echo_times_s": {"type": "array", "items": {"type": "number"}},
+        "speed_of_sound": {"type": ["number", "null"], "description": "m/s"},
+        "temperature_c": {"type": ["number", "null"]},
+    },
+}
+_FRAME_ENCODING = "application/x-sonarhw-frame"
+
+
+class LogWriter:
+    """A log being written; a `sonarhw.host.recorder.Recorder` and a context manager.
+
+    Raises LogError where the file exists (unless `overwrite`), cannot be made, or no longer takes what is written;
+    the file then keeps everything up to the last whole reading. A file that is overwritten stays as it was until the
+    first reading comes, or `close`. `live` is for what is being measured: each reading is pushed on to the disk, so
+    that a drive may be pulled out. `warn` is told in a line when the disk is nearly full. Any thread may use it.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        metadata: LogMetadata,
+        *,
+        overwrite: bool = False,
+        live: bool = True,
+        warn: Callable[[str], None] | None = None,
+    ) -> None:
+        self._lock = threading.RLock()  # one thread records what another may close
+        self._file = LogFile(path, overwrite, live)
+        self._room = DiskRoom(path, warn) if warn else None
+        self._scanning = False
+        self._scans = 0  # whose sweeps are written
+        self._follower = Follower()
+        self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
+        self._time = metadata.started
+        self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
+        self._writer.start(PROFILE)
+        self._writer.add_metadata(METADATA_NAME, metadata_record(metadata))
+        self._channels = _register_channels(self._writer)
+        try:
+            self._commit()
+        except LogError:
+            self.drop()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind and not self._file.readings and self._file.overwriting:
+            self.drop()
+        else:
+            self.close()
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        """Keep one frame's bytes with its delimiter; `time` in s since the epoch. Raises LogError."""
+        self.take(RecordedFrame(time, received, wire))
+
+    def take(self, recorded: RecordedFrame) -> list[Reading]:
+        """Keep a frame; the readings, without traces, that it tells. Raises LogError."""
+        with self._lock:
+            return self._take(recorded)
+
+    def _take(self, recorded: RecordedFrame) -> list[Reading]:
+        self._time = recorded.time
+        kind = frame_type(recorded.wire[:-1]) if recorded.received else None
+        if kind == Started.TYPE:
+            self._commit()  # what belongs to the scan before
+            self._scanning = True
+        # the time as it will be read
+        placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
+        readings = self._follower.take(placed, self._file.tell())
+        self._file.readings += len(readings)
+        if kind == Started.TYPE and self._scans != self._follower.begun:
+            self._scans = self._follower.begun
+            self._end_sweeps()
+        self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
+        if kind in (Finished.TYPE, Info.TYPE):
+            self._scanning = False
+        if not self._scanning:
+            self._commit()
+        return readings
+
+    def reading(self, reading: Reading) -> None:
+        """Keep one decoded reading and write it, with the frames before it, to disk. Raises LogError."""
+        with self._lock:
+            self._reading(reading)
+
+    def _reading(self, reading: Reading) -> None:
+        self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
+        for sweep, readings in [*self._sweeps.items()]:
+            # until then the device may send one of them again
+            if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT:
+                self._end_sweep(sweep)
+        self._add(READINGS, json.dumps(reading_record(reading)).encode())
+        self._file.take_place()
+        self._commit()
+
+    def close(self) -> None:
+        """Write the last sweep and the index, and close the file; a second call does nothing. Raises LogError."""
+        with self._lock:
+            if not self._file.closed:
+                self._finish()
+
+    def _finish(self) -> None:
+        try:
+            self._end_sweeps()
+            self._commit()
+            self._file.take_place()
+            index = pack_index(index_of(self._follower), self._file.tell())
+            self._writer.add_attachment(0, round(self._time * 1e9), NAME, MEDIA_TYPE, index)
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.flush()
+        finally:
+            self._file.close()
+
+    def drop(self) -> None:
+        """Close the log and leave nothing of it: no file, and one that was to be overwritten as it was."""
+        with self._lock:
+            self._file.drop()
+
+    def _end_sweeps(self) -> None:
+        for sweep in sorted(self._sweeps):
+            self._end_sweep(sweep)
+
+    def _end_sweep(self, sweep: int) -> None:
+        self._add(SWEEPS, laser_scan(self._sweeps.pop(sweep), self._time).SerializeToString())
+
+    def _add(self, topic: str, data: bytes) -> None:
+        if self._file.closed:
+            raise LogError(f"{self._file.path}: the log is closed; nothing can be added to it")
+        nanoseconds = round(self._time * 1e9)
+        self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds)
+
+    def _commit(self) -> None:
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        if self._room:
+            self._room.written(self._file.tell(), self._time)
+
+
+def metadata_record(metadata: LogMetadata) -> dict[str, str]:
+    """The metadata as the text fields of an MCAP metadata record; the start time as ISO 8601 in UTC."""
+    return {
+        "format_version": str(metadata.format_version),
+        "product_version": metadata.product_version,
+        "made_by": metadata.made_by,
+        "started": datetime.fromtimestamp(metadata.started, UTC).isoformat(),
+        "room_file": metadata.room_file,
+        "room_text": metadata.room_text,
+        "place": metadata.place,
+        "board": metadata.board,
+        "board_text": metadata.board_text,
+    }
+
+
+def reading_record(reading: Reading) -> dict[str, Any]:
+    """The reading as it lies on the channel of decoded readings: degrees, metres, seconds, °C."""
+    return {
+        "time": reading.time,
+        "sweep": reading.sweep,
+        "ping": reading.ping,
+        "number": reading.number,
+        "angle_deg": math.degrees(reading.angle),
+        "range_m": reading.range if reading.range is not None and math.isfinite(reading.range) else None,
+        "echo_times_s": reading.echo_times,
+        "speed_of_sound": reading.speed_of_sound if math.isfinite(reading.speed_of_sound) else None,
+        "temperature_c": reading.temperature_c,
+    }
+
+
+def _register_channels(writer: Writer) -> dict[str, int]:
+    decoded = writer.register_schema("sonarhw.Reading", SchemaEncoding.JSONSchema, json.dumps(_READING_SCHEMA).encode())
+    encodings = {
+        FRAMES_RECEIVED: (_FRAME_ENCODING, 0),
+        FRAMES_SENT: (_FRAME_ENCODING, 0),
+        READINGS: (MessageEncoding.JSON, decoded),
+        SWEEPS: (MessageEncoding.Protobuf, register_schema(writer, LaserScan)),
+    }
+    return {topic: writer.register_channel(topic, *encodings[topic]) for topic in TOPICS}

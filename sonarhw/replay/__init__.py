@@ -1,0 +1,1 @@
+"""Replay of a log, for a viewer and as a live scanner."""

@@ -1,0 +1,5 @@
+"""Where the checkout is, for tests that read its rooms, documents and firmware."""
+
+from pathlib import Path
+
+CHECKOUT = Path(__file__).parents[1]

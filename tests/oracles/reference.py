@@ -1,0 +1,266 @@
+"""The paper's `range(θ, x, y)`, readable next to appendix A of CIM-92-9: the reference the fast path is tested
+against.
+
+Takes a room, a place, a board and one heading; hands on the range or None. Plain Python, one ray at a time, no
+images, no sequences: rays leave in steps of δ, their next intersections wait on a heap ordered by distance
+travelled, the nearest is popped and tested against the receiver, reflected, and near a segment's end diffracted
+straight to the receiver.
+
+Where appendix A leaves something open: it stops at a path of twice the maximum range and answers None; the
+receiver is a segment across the heading whose half length is the ray's tube, half a spacing to each side; a
+diffracted leg needs a free line of sight; sound that meets the transducer undetected passes (`Unit.PASS`), ends
+(`Unit.BLOCK`), or is reflected by its face, which is as wide as the aperture (`Unit.REFLECT`, as printed).
+"""
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sonarhw_sim.board.gain import lost_db
+from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, ON_AXIS, Unit, with_faces
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.room.edges import inside_wedge
+from sonarhw_sim.room.model import Place, Room
+
+from tests.oracles.one_heading import FIRST_RAY, RAY_SPACING
+
+_NOTHING = -1
+_RECEIVER = -2
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A ray on its way: where it is, and what has become of it so far."""
+
+    x: float
+    y: float
+    direction: float  # rad
+    travelled: float = 0.0  # m
+    amplitude: float = 1.0
+    width: float = 0.0  # m per radian of departure: how far from its neighbour
+    opening: float = 1.0  # growth of that width per metre
+    last: int = _NOTHING  # the surface it leaves
+
+    @property
+    def spread(self) -> float:
+        """Amplitude lost to posts on the way, which open the tube faster than the ideal gain makes good."""
+        return math.sqrt(self.travelled / self.width) if self.width else 1.0
+
+    def at(self, distance: float) -> "Ray":
+        """The ray `distance` m further on."""
+        return replace(
+            self,
+            x=self.x + distance * math.cos(self.direction),
+            y=self.y + distance * math.sin(self.direction),
+            travelled=self.travelled + distance,
+            width=self.width + self.opening * distance,
+        )
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A ray at the next thing it meets."""
+
+    ray: Ray
+    surface: int  # _RECEIVER for the transducer's own segment
+
+
+@dataclass(frozen=True)
+class _Setting:
+    room: Room
+    place: Place
+    board: Board
+    heading: float
+    unit: Unit
+    spacing: float
+    face: int = _NOTHING  # the surface that the transducer's own face is, where it reflects
+
+    def beam(self, direction: float) -> float:
+        """Amplitude by angle from the axis, one way."""
+        ka = self.board.wavenumber(self.room.air) * self.board.aperture_radius
+        return float(beam_gain(np.array(direction - self.heading), ka))
+
+    def over_threshold(self, ray: Ray, arriving: float = 1.0) -> bool:
+        """Whether a ray is still loud enough, losing `arriving` at the receiver."""
+        loss = float(lost_db(np.array(ray.travelled), self.board, self.room.air))
+        return ray.amplitude * ray.spread * arriving > 10 ** ((self.board.threshold_db + loss) / 20)
+
+
+def range_at(
+    room: Room, place: Place, board: Board, heading: float, unit: Unit = Unit.PASS, spacing: float = RAY_SPACING
+) -> float | None:
+    """The range (m) that appendix A finds at `heading` (rad in the room); None: no echo.
+
+    Not rounded as the board would round it. Within the ray spacing of the fast path but for the headings that
+    physics.md names (a path near the threshold, a segment's end, blanking or the maximum range).
+    """
+    setting = _Setting(room, place, board, heading, unit, spacing)
+    if unit is Unit.REFLECT:
+        faced = with_faces(room, [ON_AXIS.stand(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
+        setting = replace(setting, room=faced, face=len(room.walls))
+    heap: list[tuple[float, int, Arrival]] = []
+    count = 0
+
+    def push(arrivals: Iterator[Arrival]) -> None:
+        nonlocal count
+        for arrival in arrivals:
+            count += 1  # breaks ties, so that arrivals themselves are never compared
+            heapq.heappush(heap, (arrival.ray.travelled, count, arrival))
+
+    # send out the rays, each with the loss of leaving at its angle
+    for ray in _fan(setting):
+        push(_next_arrivals(setting, ray))
+
+    while heap:
+        # take the intersection that sound reaches first
+        travelled, _, arrival = heapq.heappop(heap)
+        if travelled > 2 * board.max_range:
+            return None
+
+        # at the receiver: heard, or gone on its way
+        if arrival.surface == _RECEIVER:
+            if _is_heard(setting, arrival.ray):
+                return travelled / 2
+            if unit is Unit.PASS:
+                push(_next_arrivals(setting, arrival.ray, past_receiver=True))
+            if unit is Unit.REFLECT:
+                push(_next_arrivals(setting, _reflected(setting, _at_face(setting, arrival.ray))))
+            continue
+
+        # at a wall: reflect, and near its end diffract besides
+        push(_diffractions(setting, arrival))
+        push(_next_arrivals(setting, _reflected(setting, arrival)))
+    return None
+
+
+def _fan(setting: _Setting) -> Iterator[Ray]:
+    for k in range(round(math.pi / setting.spacing)):
+        direction = setting.heading - math.pi / 2 + (k + FIRST_RAY) * setting.spacing
+        ray = Ray(*setting.place.position, direction, amplitude=setting.beam(direction), last=setting.face)
+        if setting.over_threshold(ray):
+            yield ray
+
+
+def _is_heard(setting: _Setting, ray: Ray) -> bool:
+    if ray.travelled / 2 < setting.board.blanked_range(setting.room.air):
+        return False
+    return setting.over_threshold(ray, setting.beam(ray.direction + math.pi))
+
+
+def _at_face(setting: _Setting, ray: Ray) -> Arrival:
+    """A ray in the receiver's tube, moved on or back to where it meets the plane of the face."""
+    x, y = setting.place.position
+    ahead = (x - ray.x) * math.cos(setting.heading) + (y - ray.y) * math.sin(setting.heading)
+    return Arrival(ray.at(ahead / math.cos(ray.direction - setting.heading)), setting.face)
+
+
+def _next_arrivals(setting: _Setting, ray: Ray, *, past_receiver: bool = False) -> Iterator[Arrival]:
+    """The next thing a ray meets: a surface, or the receiver before it."""
+    if not setting.over_threshold(ray):
+        return
+    distance, surface = _first_intersection(setting.room, ray)
+    at_receiver = past_receiver or ray.travelled == 0 or (ray.last == setting.face != _NOTHING)
+    receiver = None if at_receiver else _meets_receiver(setting, ray)
+    # the receiver lies on its face, which a slanting ray may meet a little sooner
+    if receiver is not None and (receiver < distance or surface == setting.face):
+        yield Arrival(ray.at(receiver), _RECEIVER)
+    elif surface != _NOTHING:
+        yield Arrival(ray.at(distance), surface)
+
+
+def _meets_receiver(setting: _Setting, ray: Ray) -> float | None:
+    """Distance (m) along a ray to the receiver; None where it misses."""
+    dx, dy = math.cos(ray.direction), math.sin(ray.direction)
+    tx, ty = setting.place.position[0] - ray.x, setting.place.position[1] - ray.y
+    ahead = tx * dx + ty * dy
+    aside = abs(tx * dy - ty * dx)
+    tube = setting.spacing / 2 * (ray.width + ray.opening * ahead)
+    return ahead if ahead > 0 and aside <= tube else None
+
+
+def _first_intersection(room: Room, ray: Ray) -> tuple[float, int]:
+    dx, dy = math.cos(ray.direction), math.sin(ray.direction)
+    nearest, surface = math.inf, _NOTHING
+    for k, (x0, y0, x1, y1) in enumerate(room.walls.tolist()):
+        ex, ey = x1 - x0, y1 - y0
+        across = dx * ey - dy * ex
+        if k == ray.last or across == 0:
+            continue
+        distance = ((x0 - ray.x) * ey - (y0 - ray.y) * ex) / across
+        along = ((x0 - ray.x) * dy - (y0 - ray.y) * dx) / across
+        if 0 <= along <= 1 and 1e-11 < distance < nearest:
+            nearest, surface = distance, k
+    for k, (cx, cy, radius) in enumerate(room.posts.tolist(), start=len(room.walls)):
+        towards = (cx - ray.x) * dx + (cy - ray.y) * dy
+        aside = (cx - ray.x) * dy - (cy - ray.y) * dx
+        if k == ray.last or towards <= 0 or abs(aside) >= radius:
+            continue
+        distance = towards - math.sqrt(radius**2 - aside**2)
+        if 0 < distance < nearest:
+            nearest, surface = distance, k
+    return nearest, surface
+
+
+def _reflected(setting: _Setting, arrival: Arrival) -> Ray:
+    room, ray = setting.room, arrival.ray
+    if arrival.surface < len(room.walls):
+        x0, y0, x1, y1 = room.walls[arrival.surface]
+        direction = 2 * math.atan2(y1 - y0, x1 - x0) - ray.direction
+        opening = ray.opening
+    else:
+        cx, cy, radius = room.posts[arrival.surface - len(room.walls)]
+        normal = math.atan2(ray.y - cy, ray.x - cx)
+        direction = 2 * normal + math.pi - ray.direction
+        opening = ray.opening + 2 * ray.width / (radius * math.cos(direction - normal))
+    return replace(
+        ray,
+        direction=direction,
+        opening=opening,
+        amplitude=ray.amplitude * float(room.reflectances[arrival.surface]),
+        last=arrival.surface,
+    )
+
+
+def _diffractions(setting: _Setting, arrival: Arrival) -> Iterator[Arrival]:
+    """Sound bent straight to the receiver by the edges within one ray spacing of where a ray meets a wall."""
+    room, ray = setting.room, arrival.ray
+    near = setting.spacing * ray.width
+    dx, dy = math.cos(ray.direction), math.sin(ray.direction)
+    px, py = setting.place.position
+    for k in range(len(room.edges)):
+        x, y = room.edges.points[k].tolist()
+        if abs((x - ray.x) * dy - (y - ray.y) * dx) > near or not _lies_on(room, arrival.surface, (x, y)):
+            continue
+        home, back = math.atan2(py - y, px - x), ray.direction + math.pi
+        if not inside_wedge(np.array([home, back]), room.edges.starts[k], room.edges.openings[k]).all():
+            continue
+        leg = math.hypot(px - x, py - y)
+        if not _in_sight(room, (x, y), (px, py)):
+            continue
+        loss = ray.spread * _edge_loss(setting, ray.travelled, leg)
+        # what leaves the edge spreads as if from a source as far behind it as sound has travelled
+        bent = Ray(x, y, home, ray.travelled, ray.amplitude * loss, width=ray.travelled)
+        yield Arrival(bent.at(leg), _RECEIVER)
+
+
+def _lies_on(room: Room, surface: int, point: tuple[float, float]) -> bool:
+    if surface >= len(room.walls):
+        return False
+    x0, y0, x1, y1 = room.walls[surface].tolist()
+    return math.dist((x0, y0), point) + math.dist(point, (x1, y1)) - math.dist((x0, y0), (x1, y1)) < 1e-9
+
+
+def _edge_loss(setting: _Setting, before: float, after: float) -> float:
+    z = 2 * before * after / (before + after)
+    return min(1.0, 1 / (math.tau * math.sqrt(z / setting.board.wavelength(setting.room.air))))
+
+
+def _in_sight(room: Room, start: tuple[float, float], end: tuple[float, float]) -> bool:
+    distance = math.dist(start, end)
+    direction = math.atan2(end[1] - start[1], end[0] - start[0])
+    # step off the edge first, or the walls that meet there stand in the way
+    ray = Ray(*start, direction).at(1e-6 * distance)
+    return _first_intersection(room, ray)[0] > distance * (1 - 2e-6)

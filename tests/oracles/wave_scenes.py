@@ -1,0 +1,144 @@
+"""Scenes for the wave equation, and the paths of the same scenes held against it, arrival by arrival.
+
+Each scene has one thing to show, and its arrivals lie at least a burst apart, so that each can be told from the others.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Room
+
+from tests.fixtures.rooms_for_tests import room_of
+from tests.oracles.wave_equation import CELL, FLAT_WALL, WAVELENGTH, Arrival, Scene, Wall, arrival_near, matched
+
+LONGEST = 0.75  # m: paths looked for
+OUT = 9.0  # m: walls end there, out of hearing
+EDGE_AT = 12 * WAVELENGTH  # m from the source
+
+
+def inner_corner(opening_deg: float, distance: float, from_floor_deg: float) -> Scene:
+    """Two walls of air between them, seen from `distance` in a direction counted from the floor."""
+    x, y = _vertex(distance, from_floor_deg)
+    return Scene(
+        f"inner corner of {opening_deg:g}°, seen from {from_floor_deg:g}°",
+        (_reverse(_wall_from(x, y, opening_deg)), (x, y, OUT, y)),
+        solids=((0,), (1,)),
+    )
+
+
+def outer_corner(air_deg: float, from_face_deg: float) -> Scene:
+    """The corner of a solid with `air_deg` of air round it, seen from a direction counted from its level face."""
+    x, y = _vertex(EDGE_AT, from_face_deg)
+    walls = (_reverse(_wall_from(x, y, air_deg)), (x, y, OUT, y))
+    return Scene(f"corner in {air_deg:g}° of air, seen from {from_face_deg:g}°", walls, solids=((0, 1),))
+
+
+def plate_end(from_face_deg: float) -> Scene:
+    """The end of a thin level plate, seen from a direction counted from it."""
+    x, y = _vertex(EDGE_AT, from_face_deg)
+    return Scene(f"end of a plate, seen from {from_face_deg:g}°", ((x, y, OUT, y),))
+
+
+def abreast_of_an_end(beyond: float) -> Scene:
+    """A plate at the flat wall's distance that ends `beyond` m past the point abreast of the source."""
+    at = FLAT_WALL.walls[0][0]
+    return Scene("end abreast", ((at, -OUT, at, _on_line(beyond)),))
+
+
+def _vertex(distance: float, towards_source_deg: float) -> tuple[float, float]:
+    """Where a vertex stands that has the source in that direction, moved to lines between cells."""
+    angle = math.radians(towards_source_deg)
+    return _on_line(-distance * math.cos(angle)), _on_line(-distance * math.sin(angle))
+
+
+def _on_line(coordinate: float) -> float:
+    return (math.floor(coordinate / CELL) + 0.5) * CELL
+
+
+def _wall_from(x: float, y: float, direction_deg: float) -> Wall:
+    angle = math.radians(direction_deg)
+    return x, y, x + OUT * math.cos(angle), y + OUT * math.sin(angle)
+
+
+def _reverse(wall: Wall) -> Wall:
+    return (*wall[2:], *wall[:2])
+
+
+def _floor(y: float) -> Wall:
+    return -OUT, y, OUT, y
+
+
+REFLECTED = (
+    FLAT_WALL,
+    Scene("flat wall, heard elsewhere", FLAT_WALL.walls, FLAT_WALL.solids, receiver=(0.0, 0.3)),
+    inner_corner(90, 0.35, 31),
+    inner_corner(60, 0.38, 20),
+    Scene("post", posts=((0.25, 0.0, 0.05),)),
+    Scene("thick post, heard elsewhere", posts=((0.28, 0.0, 0.1),), receiver=(0.0, 0.2)),
+    Scene("two posts", posts=((0.12, 0.16, 0.05), (0.2, -0.18, 0.06))),
+    Scene("post before a wall", (_floor(-0.1005),), solids=((0,),), posts=((0.28, 0.1, 0.06),)),
+)
+PLATES = tuple(plate_end(direction) for direction in (30, 60, 100, 110, 120, 135))
+CORNERS = (
+    outer_corner(270, 110),
+    outer_corner(270, 135),
+    outer_corner(240, 120),
+    inner_corner(120, EDGE_AT, 100),
+)
+DIFFRACTED = (
+    *PLATES,
+    *CORNERS,
+    Scene("behind the end of a plate", ((0.1505, -0.1005, 0.1505, OUT),), receiver=(0.3, 0.0), shadowed=True),
+    Scene("end of a plate beside a post", ((0.2005, 0.1005, 0.2005, OUT),), posts=((0.0, -0.2, 0.1),)),
+    Scene("end of a plate over a wall", (_floor(-0.1005), (0.1505, 0.1205, OUT, 0.1205)), solids=((0,),)),
+)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One arrival as the paths have it, and as the wave equation has it."""
+
+    scene: str
+    via: str  # as `sonarhw paths` writes it; several where they take equally long
+    bent: bool  # whether an edge diffracts it
+    predicted: Arrival
+    found: Arrival
+
+    @property
+    def cycles(self) -> float:
+        """How much later than predicted it comes, in cycles of the carrier."""
+        return (self.found.length - self.predicted.length) / WAVELENGTH
+
+    @property
+    def decibels(self) -> float:
+        """How much stronger than predicted it is."""
+        return 20 * math.log10(self.found.strength / self.predicted.strength)
+
+
+def differences(scene: Scene, edge_strength: EdgeStrength = EdgeStrength.PAPER) -> list[Difference]:
+    """All arrivals of a scene, earliest first. Paths equally long arrive together and add."""
+    room = room_of(scene.walls, scene.posts)
+    search = PathSearch(LONGEST, WAVELENGTH, edge_strength=edge_strength)
+    paths = find_paths(room, (0.0, 0.0), search, receiver=scene.receiver)
+    touching = np.flatnonzero((paths.bounces > 0) | (paths.edges >= 0))
+    together = np.split(touching, np.flatnonzero(np.diff(paths.lengths[touching]) > 1e-6) + 1)
+    return [_difference(scene, room, paths, rows) for rows in together if len(rows)]
+
+
+def unexplained(scene: Scene) -> float:
+    """The strongest echo that no path accounts for, relative to a flat wall's."""
+    strengths, lengths = matched(scene)
+    # nearer than this an arrival's own burst still sounds
+    explained = [np.abs(lengths - arrival.predicted.length) < 3 * WAVELENGTH for arrival in differences(scene)]
+    asked = (lengths > 3 * WAVELENGTH) & (lengths < LONGEST) & ~np.logical_or.reduce(explained)
+    return float(strengths[asked].max())
+
+
+def _difference(scene: Scene, room: Room, paths: Paths, rows: np.ndarray) -> Difference:
+    predicted = Arrival(float(paths.lengths[rows[0]]), float(paths.gains[rows].sum()))
+    via = " | ".join(">".join(paths.via(int(row), room)) for row in rows)
+    bent = bool((paths.edges[rows] >= 0).any())
+    return Difference(scene.name, via, bent, predicted, arrival_near(scene, predicted.length))

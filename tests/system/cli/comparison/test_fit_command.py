@@ -1,0 +1,226 @@
+"""`sonarhw fit`: a table for a person, JSON for a program, one line for what is wrong."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_compare.fit.findings import found_board
+from sonarhw_compare.fit.values.parameters import Kind, Parameter
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+QUICKLY = ["--samples", "200"]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A predicted scan of the arena from (1.38, 0.54), its step 0 along +x."""
+    out = tmp_path_factory.mktemp("fit") / "p3.mcap"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--step", "4", "--out", str(out)]) == 0
+    return str(out)
+
+
+def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", log, "--place", "1.4,0.5", "--json", *QUICKLY]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert set(figures) == {"estimates", "correlations", "noise", "log_likelihood", "answers", "agreement", "warnings"}
+    assert figures["agreement"][0]["within_5cm"] > 0.9
+    for name, true in (("x", 1.38), ("y", 0.54)):
+        estimate = figures["estimates"][name]
+        assert estimate["value"] == pytest.approx(true, abs=0.002)
+        assert estimate["lower"] <= estimate["value"] <= estimate["upper"]
+        assert estimate["unit"] == "m"
+    heading = figures["estimates"]["heading"]
+    assert heading["unit"] == "°"
+    assert abs((heading["value"] + 180) % 360 - 180) < 1
+
+
+def test_the_table_has_a_row_for_everything_free(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
+    out = capsys.readouterr().out
+    assert "95 % region" in out
+    for name, unit in (("x", " m "), ("y", " m "), ("heading", " ° "), ("offset", " m ")):
+        assert any(line.startswith(f"{name} ") and unit in line for line in out.splitlines())
+    assert "readings err by" in out
+
+
+def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    prior = ["--prior", "x=1.30..1.37", "--free", "x,heading"]
+    assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert 1.30 <= figures["estimates"]["x"]["value"] <= 1.37
+    assert any("end of its range" in warning for warning in figures["warnings"])
+
+
+def test_two_logs_share_an_offset_and_have_places_of_their_own(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "p2.mcap"
+    assert run(["simulate", "rooms/arena.toml", "--place", "p2", "--step", "6", "--out", str(other)]) == 0
+    free = ["--free", "position,offset", "--place", "p3", "--place", "p2"]
+    assert run(["fit", log, str(other), "--json", *QUICKLY, *free]) == 0
+    estimates = json.loads(capsys.readouterr().out)["estimates"]
+    assert list(estimates) == ["x@p3", "x@p2", "y@p3", "y@p2", "offset"]
+    assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
+
+
+def test_what_is_not_free_stays_where_the_log_says_it_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "somewhere.mcap"
+    command = ["simulate", "rooms/arena.toml", "--place", "0.5,0.3", "--step", "6", "--out", str(out)]
+    assert run(command) == 0
+    assert run(["fit", str(out), "--free", "x", "--json", *QUICKLY]) == 0
+    estimate = json.loads(capsys.readouterr().out)["estimates"]["x"]
+    assert estimate["value"] == pytest.approx(0.5, abs=0.003)
+
+
+def test_logs_of_different_rooms_or_boards_are_not_fitted_as_one(
+    log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, room, board in (("room", "simple", "polaroid-6500"), ("board", "arena", "lego-nxt")):
+        other = tmp_path / f"{name}.mcap"
+        command = ["simulate", f"rooms/{room}.toml", "--place", "0.5,0.3", "--board", board, "--step", "20"]
+        assert run([*command, "--out", str(other)]) == 0
+        assert run(["fit", log, str(other)]) == 2
+        told = capsys.readouterr().err
+        assert "different" in told
+        assert f"--{name}" in told
+        assert told.count("\n") == 1
+
+
+def test_a_place_beyond_the_room_is_warned_of_and_no_heading_errs_by_more_than_half_a_circle(
+    log: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, "--place", "9,9", "--json", "--samples", "100"]) == 0
+    told = capsys.readouterr()
+    assert "9, 9 m lies outside room 'Arena'" in told.err
+    heading = json.loads(told.out)["estimates"]["heading"]
+    assert heading["deviation"] <= 180
+    assert heading["value"] - 180 <= heading["lower"] <= heading["upper"] <= heading["value"] + 180
+
+
+def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+    for wrong in (["--free", "wind"], ["--prior", "offset=1..2"], ["--prior", "x=1"], ["--place", "q9"]):
+        assert run(["fit", "there-is-none.mcap", "--room", "rooms/arena.toml", *wrong]) == 2
+        assert wrong[1] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--free", "wind"], "--free wind: expected some of x, y"),
+        (["--free", ""], "nothing is free"),
+        (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
+        (["--prior", "wind=1..2"], "what is free: x, y, heading"),
+        (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
+        (["--prior", "x=9+-1"], "a value from"),
+        (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation over 0\n"),
+        (["--place", "p3", "--place", "p2"], "expected one for each of 1 log, got 2"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(
+    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, *arguments]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("sonarhw: ")
+    assert told.count("\n") == 1
+    assert complaint in told
+
+
+def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp_path: Path) -> None:
+    text = Path("rooms/arena.toml").read_text(encoding="utf-8")
+    room, found, board = (tmp_path / f"{name}.toml" for name in ("room", "found", "mine"))
+    room.write_text("# as measured in spring\n" + text.replace("1.38, 0.54", "1.36, 0.55"), encoding="utf-8")
+    free = ["--free", "position,heading,offset,threshold,reflectance,wall:north"]
+    files = ["--out", str(found), "--board-out", str(board)]
+    assert run(["fit", log, "--room", str(room), "--place", "p3", *free, *files, "--samples", "0"]) == 0
+    assert found.read_text(encoding="utf-8").startswith("# as measured in spring\n")
+    written, before = load_room(found), load_room(room)
+    assert written.places["p3"].position == pytest.approx((1.38, 0.54), abs=0.003)
+    assert before.places["p3"].position == (1.36, 0.55)
+    assert written.places["p2"] == before.places["p2"]
+    assert np.abs(written.walls - before.walls).max() < 0.005
+    profile = load_board(str(board))
+    first, *_ = profile.text.splitlines()
+    assert first == "# Fitted by `sonarhw fit` on p3, beginning with profile 'polaroid-6500': offset, threshold."
+    assert re.search(r"^threshold_db = \S+  # fitted ± \d\.\d\d; before: -40 \(", profile.text, re.M)
+    assert profile.name == "mine"
+    assert profile.range_offset == pytest.approx(0, abs=0.002)
+    assert profile.threshold_db == pytest.approx(load_board("polaroid-6500").threshold_db, abs=3)
+    # and both are what the next command takes
+    assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
+
+
+@pytest.fixture(scope="module")
+def others(log: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The recording of `log` once more, as other files, and two that are scans of their own."""
+    folder = tmp_path_factory.mktemp("others")
+    whole = Path(log).read_bytes()
+    files = {name: folder / f"{name}.mcap" for name in ("copy", "torn", "linked", "exported", "again")}
+    files["copy"].write_bytes(whole)
+    files["torn"].write_bytes(whole[: len(whole) * 3 // 4])
+    files["linked"].symlink_to(log)
+    assert run(["log", "export", log, "--out", str(files["exported"])]) == 0
+    again = ["--place", "p3", "--step", "4", "--to", "356", "--board", "lego-nxt"]
+    assert run(["simulate", "rooms/arena.toml", *again, "--out", str(files["again"])]) == 0
+    return {name: str(file) for name, file in files.items()}
+
+
+@pytest.mark.parametrize("how", ["copy", "torn", "linked", "exported"])
+@pytest.mark.parametrize("command", [["fit", "--samples", "0", "--room", "rooms/arena.toml"], ["map"]])
+def test_one_recording_given_twice_is_refused_whatever_the_file_is_called(
+    how: str, command: list[str], log: str, others: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, *options = command
+    capsys.readouterr()
+    assert run([name, log, others[how], "--place", "p3", "--place", "p3", *options]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    *warnings, refused = told.err.splitlines()
+    assert len(warnings) == (how == "torn")
+    assert refused == f"sonarhw: p3 and {how} hold the same readings, one recording given twice; give each log once"
+
+
+def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:
+    boards = ["--board", "polaroid-6500"]
+    assert run(["map", log, others["again"], "--place", "p3", "--place", "p3", *boards, "--json"]) == 0
+
+
+def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
+    threshold, offset = Parameter(Kind.THRESHOLD), Parameter(Kind.OFFSET)
+    deviations = {threshold: 0.31, offset: 0.002}
+    nxt = load_board("lego-nxt")
+    text = found_board(nxt, {threshold: -15.554, offset: -0.01}, "mine", deviations, ["north", "south"]).text
+    quoted = [line for line in text.splitlines() if line.startswith("#   ")]
+    own = [line for line in text.splitlines() if line not in quoted]
+    assert own[0] == "# Fitted by `sonarhw fit` on north, south, beginning with profile 'lego-nxt': threshold, offset."
+    assert own[1] == "# What 'lego-nxt' says of itself, true of its own values alone:"
+    assert [line.removeprefix("#   ") for line in quoted] == [
+        line.removeprefix("# ") for line in nxt.text.splitlines() if line.startswith("# ")
+    ]
+    changed = {line.split(" = ")[0]: line for line in own if "fitted ±" in line}
+    assert changed["threshold_db"].startswith("threshold_db = -15.55  # fitted ± 0.31; before: -17.5 (tuned: ")
+    assert changed["range_offset"] == "range_offset = 0.01  # fitted ± 0.00200; before: 0"
+    # what the fit left alone is still what it was tuned to
+    assert "aperture_radius = 0.00375    # m, tuned" in own
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
+        (["--board-out", "mine.toml"], "nothing of it is free; --free has none of offset"),
+        (["--free", "offset", "--out", "found.toml"], "nothing of it is free; --free has none of x, y"),
+        (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
+    ],
+)
+def test_a_file_that_would_hold_nothing_found_is_refused(
+    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fit", log, *arguments]) == 2
+    assert complaint in capsys.readouterr().err

@@ -1,0 +1,206 @@
+"""`sonarhw fake` and the bench commands as processes: a scanner that is not there, and what can be asked of it."""
+
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import Board
+from sonarhw.device.fault_schedule import KNOWN
+from sonarhw.log import read_log
+from tests.fixtures.plain_echoes import PlainEchoes
+from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, lines, sonarhw, started
+
+
+@pytest.fixture
+def url() -> Iterator[str]:
+    """A fake scanner in this process."""
+    with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+        yield endpoint.url
+
+
+def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -> None:
+    link, log = tmp_path / "scanner", tmp_path / "scan.mcap"
+    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, "--pace", "max") as fake:
+        assert lines(fake, 1) == [f"{link}\n"]
+        done = sonarhw("scan", link, "--out", log, "--step", "30")
+        assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
+        fake.send_signal(signal.SIGTERM)
+        assert end(fake) == (0, "")
+    assert not link.is_symlink()
+    recorded = read_log(log)
+    assert len(recorded.readings) == 12
+    assert recorded.info is not None
+    assert (recorded.info.serial, recorded.info.board) == ("FAKE-0000", "polaroid-6500")
+
+
+def test_the_help_of_the_fake_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fake", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert [name for name in KNOWN if name not in said] == []
+
+
+def test_a_fake_whose_cable_comes_back_under_another_name_says_which(tmp_path: Path) -> None:
+    link = tmp_path / "scanner"
+    faults = ("--faults", "move=1@20,move=1@30", "--pace", "100")
+    with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, *faults) as fake:
+        assert lines(fake, 3) == [f"{link}\n", f"{link}-1\n", f"{link}-2\n"]
+        assert sonarhw("info", f"{link}-2").returncode == 0
+
+
+def test_a_scan_of_a_fake_with_faults_is_whole_and_says_what_it_came_through(tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    faults = "drop=1/3000,reset=0.1@r3,move=0.5@r8"
+    url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=2&faults={faults}"
+    done = sonarhw("scan", url, "--out", log, "--step", "30")
+    assert done.returncode == 0
+    assert "was lost 2 times on the way and came back" in done.stderr
+    assert [reading.number for reading in read_log(log).readings] == list(range(12))
+
+
+def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
+    again = []
+    for name in ("first", "second"):
+        log = tmp_path / f"{name}.mcap"
+        done = sonarhw("scan", f"fake:{SIMPLE_ROOM}?place=figure9&seed=3&pace=max", "--out", log, "--step", "45")
+        assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
+        again.append([reading.echo_times for reading in read_log(log).readings])
+    assert again[0] == again[1]  # its noise is a function of the seed
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?faults=drop=2", "?place=figure9&board=nonesuch"],
+)
+def test_a_fake_url_that_says_nonsense_is_bad_usage(
+    query: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["scan", f"fake:{SIMPLE_ROOM}{query}", "--out", str(tmp_path / "scan.mcap")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--place", "nowhere"],
+        ["--board", "nonesuch"],
+        ["--pace", "0"],
+        ["--tcp", "7000"],
+        ["--seed", "-1"],
+        ["--faults", "rust=1"],
+    ],
+    ids=" ".join,
+)
+def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    place = [] if "--place" in wrong else ["--place", "figure9"]
+    assert run(["fake", str(SIMPLE_ROOM), *place, *wrong]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
+
+
+def test_info_tells_who_answers(url: str) -> None:
+    done = sonarhw("info", url)
+    assert (done.returncode, done.stderr) == (0, "")
+    facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert facts["serial"] == "FAKE-0002"
+    assert facts["protocol"] == "1.1"
+    assert facts["temperature"] == "21.3 °C"
+    assert facts["started"] == "1 time"
+    assert {"home mark", "thermometer", "envelope"} <= set(facts["capabilities"].split(", "))
+    assert facts["turns"].startswith("-720 to 720 degrees")
+    frames = re.fullmatch(
+        r"(\d+) frames, 0 missing, 0 rejected, 0 commands repeated, lost 0 times, \d+\.\d ms there and back"
+        r"; the scanner: (\d+) frames, 0 rejected, 0 bytes overrun",
+        facts["link"],
+    )
+    assert frames
+    assert int(frames[1]) >= 22
+    assert int(frames[2]) >= 22
+
+
+def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: Path) -> None:
+    log = tmp_path / "scan.mcap"
+    assert sonarhw("scan", url, "--out", log, "--step", "90").returncode == 0
+    done = sonarhw("info", log)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "FAKE-0002" in done.stdout
+
+
+def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
+    for arguments in (("home",), ("turn", "90"), ("turn", "-90"), ("stop",)):
+        done = sonarhw(arguments[0], url, *arguments[1:])
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    refused = sonarhw("turn", url, "1000")
+    assert refused.returncode == 1
+    told = r"sonarhw: .*refused Turn: 1000 degrees; the cable winds from -720 to 720 degrees\n"
+    assert re.fullmatch(told, refused.stderr)
+    unspeakable = sonarhw("turn", url, "3000")
+    assert (unspeakable.returncode, len(unspeakable.stderr.splitlines())) == (2, 1)
+    assert "degrees" in unspeakable.stderr
+
+
+def test_info_watches_the_link_until_it_is_interrupted(url: str) -> None:
+    with started("info", url, "--watch") as info:
+        shown = lines(info, 14)
+        info.send_signal(signal.SIGINT)
+        assert end(info) == (130, "")
+    assert re.match(r"ready +\d+ frames, 0 missing, .*; its clock differs by [+-]\d+ millionths", shown[-1])
+
+
+def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
+    with started("monitor", url) as monitor:
+        shown = "".join(lines(monitor, 3))
+        monitor.send_signal(signal.SIGINT)
+        assert end(monitor) == (130, "")
+    assert "Info(command=0" in shown
+    assert "Heartbeat(state=0" in shown
+
+
+def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
+    assert sonarhw("ports").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("", "no URL: expected a serial port"),
+        ("socket://", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1:99999", "expected socket://HOST:PORT"),
+        ("rfc2217://", "expected rfc2217://HOST:PORT"),
+        ("bogus://x", "bogus:// is not known; known: "),
+        ("fake:", "names no room; expected fake:ROOM.toml?place=NAME"),
+        (f"fake:{SIMPLE_ROOM.parent / 'laboratory.toml'}", "add ?place=NAME, one of bench, door"),
+    ],
+)
+def test_a_url_that_leads_nowhere_is_bad_input_in_one_line(
+    url: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["info", url]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    assert told in said.err
+
+
+@pytest.mark.parametrize("address", ["foo", "127.0.0.1:99999"])
+def test_a_fake_looks_at_its_address_before_it_asks_for_a_place(
+    address: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["fake", str(SIMPLE_ROOM.parent / "laboratory.toml"), "--tcp", address]) == 2
+    assert capsys.readouterr().err.startswith(f"sonarhw: {address}: expected HOST:PORT")
+
+
+def test_errors_of_a_scan_name_the_url_as_it_was_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=max&faults=protocol=2.0"
+    assert run(["scan", url, "--out", str(tmp_path / "scan.mcap")]) == 1
+    assert capsys.readouterr().err.startswith(f"sonarhw: {url}: ")
+
+
+def test_a_fake_that_is_to_listen_at_no_address_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["fake", str(SIMPLE_ROOM), "--place", "figure9", "--tcp", "256.1.1.1:0"]) == 2
+    told = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
+    assert capsys.readouterr().err == told

@@ -1,0 +1,158 @@
+"""Ctrl-C ends any command quietly with 130, at whatever moment it comes and however loaded the machine is."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.entry import INTERRUPTED
+
+from tests.checkout import CHECKOUT
+from tests.conftest import Count
+
+SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
+# says so when it has begun, so that no moment falls before our first line
+HEEDED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # also in the background
+BEGUN = HEEDED + "import sonarhw_cli.entry, os; os.write(1, b'begun\\n'); sonarhw_cli.entry.main()"
+LAST_MOMENT = 2.5  # s after its beginning
+COMMANDS = {
+    "simulate": ["simulate", str(SIMPLE_ROOM), "--place", "figure9", "--out", "scan.csv"],
+    "scan": ["scan", f"fake:{SIMPLE_ROOM}?place=figure9", "--out", "scan.mcap"],
+    "demo": ["demo", "--headless", "result"],
+    "figures": ["figures", "pictures"],
+    "paths": ["paths", str(SIMPLE_ROOM), "--place", "figure9"],
+}
+# a command that does what stands on its command line
+ANY = (
+    HEEDED
+    + """
+import sys, time
+from sonarhw_cli import app, entry
+def begin():
+    print("begun", flush=True)
+    time.sleep(60)
+def run():
+    exec(sys.argv[1])
+    return 0
+app.run = run
+entry.main()
+"""
+)
+# what libraries make of a KeyboardInterrupt
+LOST = """
+try:
+    begin()
+except BaseException:
+    time.sleep(60)
+"""
+WRAPPED = """
+try:
+    begin()
+except BaseException:
+    raise SystemError("compiled badly")
+"""
+PRINTED = """
+class Thing:
+    def __del__(self):
+        begin()
+Thing()
+raise TypeError("half made")
+"""
+TIDYING = """
+entry.UNWINDING = 60
+try:
+    begin()
+finally:
+    print("tidying", flush=True)
+    time.sleep(60)
+"""
+# one long step of compiled code, amid which no handler is called
+BUSY = "import hashlib" + TIDYING.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
+
+
+@contextmanager
+def begun(code: str, *arguments: str, folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """A Python program that has said that it has begun."""
+    command = [sys.executable, "-c", code, *arguments]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "begun\n"
+            yield process
+        finally:
+            process.kill()
+
+
+@contextmanager
+def load() -> Iterator[None]:
+    """As many busy processes as there are cores."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_ctrl_c_at_any_moment_under_load_ends_a_command_with_130_and_without_a_traceback(
+    name: str, count: Count, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    with load():
+        for seed in range(count(2, 100)):
+            moment = random.Random(f"{name} {seed}").uniform(0, LAST_MOMENT)
+            folder = tmp_path / str(seed)
+            folder.mkdir()
+            with begun(BEGUN, *COMMANDS[name], folder=folder, environment=environment) as process:
+                try:
+                    out, errors = process.communicate(timeout=moment)
+                except subprocess.TimeoutExpired:
+                    process.send_signal(signal.SIGINT)
+                    out, errors = process.communicate(timeout=30)
+            told = f"after {moment:.3f} s: {out}{errors}"
+            # one that was over before is not interrupted, and has left or printed what it was asked for
+            done = process.returncode == 0 and bool(out or any(folder.iterdir()))
+            assert done or process.returncode == INTERRUPTED, told
+            assert "Traceback" not in errors, told
+            assert "ignored" not in errors, told
+            assert all(any(left.iterdir()) for left in folder.iterdir() if left.is_dir()), told
+
+
+@pytest.mark.parametrize("made_of_it", [LOST, WRAPPED, PRINTED], ids=["lost", "wrapped", "printed"])
+def test_ctrl_c_ends_a_command_soon_and_quietly_whatever_a_library_makes_of_it(
+    made_of_it: str, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    with begun(ANY, made_of_it, folder=tmp_path, environment=environment) as process:
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30) == ("", "")
+    assert process.returncode == INTERRUPTED
+
+
+@pytest.mark.parametrize("tidying", [TIDYING, BUSY], ids=["asleep", "busy"])
+def test_a_second_ctrl_c_ends_it_at_once(tidying: str, tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, tidying, folder=tmp_path, environment=environment) as process:
+        process.send_signal(signal.SIGINT)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tidying\n"
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=30)
+    assert process.returncode == INTERRUPTED
+
+
+def test_a_defect_is_still_told(tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, "print('begun'); raise ZeroDivisionError", folder=tmp_path, environment=environment) as process:
+        _, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "ZeroDivisionError" in errors

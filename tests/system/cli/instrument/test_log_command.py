@@ -1,0 +1,271 @@
+"""`sonarhw log` and `sonarhw replay`: what they write, say and refuse."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import MCAP0_MAGIC, Writer
+from sonarhw_cli.app import run
+
+from sonarhw.log import read_log
+from tests.fixtures.example_logs import assert_readings_close, example_reading, write_example
+from tests.system.cli.instrument.test_scan_command import end, lines, sonarhw, started
+
+GOLDEN = """\
+time_s,heading_deg,range_m,echoes_s
+0,0,0.343987,0.002;0.0111
+0.1,5,0.345706935,0.00201;0.0111
+0.2,10,,
+0.3,15,0.349146805,0.00203;0.0111
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    write_example(tmp_path / "scan.mcap", 4)
+    return tmp_path / "scan.mcap"
+
+
+@pytest.fixture
+def torn(log: Path, tmp_path: Path) -> Path:
+    whole = log.read_bytes()
+    path = tmp_path / "torn.mcap"
+    for size in range(len(whole), 0, -50):
+        path.write_bytes(whole[:size])
+        if len(read_log(path).readings) == 3:
+            return path
+    raise AssertionError
+
+
+def test_export_writes_csv_as_scan_prints_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "export", str(log), "--out", "-"]) == 0
+    assert capsys.readouterr() == (GOLDEN, "")
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.csv")]) == 0
+    assert (tmp_path / "scan.csv").read_bytes() == GOLDEN.encode()
+
+
+def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
+    torn: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["log", "export", str(torn), "--out", "-"]) == 0
+    out, err = capsys.readouterr()
+    assert out == "".join(GOLDEN.splitlines(keepends=True)[:4])
+    assert err.count("\n") == 1
+    size = torn.stat().st_size
+    told = f"sonarhw: warning: {torn}: torn; 3 whole readings are read; the file ends too early at byte {size}"
+    assert err.startswith(told)
+
+
+def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:
+    write_example(tmp_path / "traces.mcap", 4, trace=True)
+    assert run(["log", "export", str(tmp_path / "traces.mcap"), "--out", str(tmp_path / "scan.npz")]) == 0
+    with np.load(tmp_path / "scan.npz") as arrays:
+        assert arrays["heading_deg"] == pytest.approx([0, 5, 10, 15])
+        assert arrays["time_s"] == pytest.approx([0, 0.1, 0.2, 0.3])
+        assert arrays["range_m"] == pytest.approx([0.343987, 0.345706935, np.nan, 0.349146805], nan_ok=True, abs=2e-7)
+        assert arrays["echoes_s"].shape == (4, 2)
+        assert np.isnan(arrays["echoes_s"][2]).all()
+        assert arrays["traces"].shape == (4, 600)
+        assert arrays["trace_rate_hz"] == pytest.approx([50_000] * 4)
+
+
+def test_export_to_mcap_is_a_log_with_the_same_readings(log: Path, tmp_path: Path) -> None:
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "copy.mcap")]) == 0
+    copy, original = read_log(tmp_path / "copy.mcap"), read_log(log)
+    assert copy.readings == original.readings
+    assert copy.metadata == original.metadata
+
+
+@pytest.mark.parametrize("command", ["export", "recover"])
+def test_an_existing_file_is_refused_without_force(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    out = tmp_path / "out.mcap"
+    out.write_text("mine")
+    assert run(["log", command, str(log), "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+    assert run(["log", command, str(log), "--out", str(out), "--force"]) == 0
+    assert len(read_log(out).readings) == 4
+
+
+@pytest.mark.parametrize("command", ["export", "recover"])
+def test_a_log_is_never_written_over_itself(log: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    before = log.read_bytes()
+    assert run(["log", command, str(log), "--out", str(log), "--force"]) == 2
+    assert "which this command reads" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+def test_recover_mends_a_torn_log_and_says_what_was_lost(
+    torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mended = tmp_path / "mended.mcap"
+    assert run(["log", "recover", str(torn), "--out", str(mended)]) == 0
+    out, err = capsys.readouterr()
+    told = f"{mended}: 3 readings in 1 scan; 1 of 4 readings is missing; {torn} was torn: the file ends too early at"
+    assert out.startswith(told)
+    assert err == ""
+    assert read_log(mended).torn is None
+    assert len(read_log(mended).readings) == 3
+    assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
+    assert f"; nothing is lost, {mended} was whole" in capsys.readouterr().out
+
+
+def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    damaged, mended = tmp_path / "damaged.mcap", tmp_path / "mended.mcap"
+    write_example(damaged, 50, trace=True)
+    with damaged.open("r+b") as file:
+        file.seek(damaged.stat().st_size // 2)
+        file.write(bytes(4096))
+    assert run(["log", "recover", str(damaged), "--out", str(mended)]) == 0
+    told = capsys.readouterr().out
+    kept = read_log(mended)
+    assert kept.torn is None
+    missing = 50 - len(kept.readings)
+    assert 1 <= missing <= 6
+    assert {0, 49} < {reading.number for reading in kept.readings}
+    assert f"{missing} of 50 readings are missing; {damaged} was damaged: the record that begins at byte" in told
+    for reading in kept.readings:
+        assert_readings_close(reading, example_reading(reading.number, trace=True))
+    assert run(["log", "info", str(damaged)]) == 0
+    out, err = capsys.readouterr()
+    assert "file      damaged: the record" in out
+    assert f"scan 1    {50 - missing} of 50 readings" in out
+    assert err.startswith(f"sonarhw: warning: {damaged}: damaged; {50 - missing} whole readings are read; ")
+
+
+def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "info", str(log)]) == 0
+    told = capsys.readouterr().out
+    for text in (
+        "simulate, sonarhw",
+        "simple.toml",
+        "figure9",
+        "paper",
+        "4 of 4 readings, 3 with an echo",
+        "0° to 15°",
+    ):
+        assert text in told
+
+
+def test_info_of_a_log_cut_before_its_metadata_makes_up_no_date(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = log.read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(data[: 8 + 9 + int.from_bytes(data[9:17], "little")])
+    assert run(["log", "recover", str(tmp_path / "torn.mcap"), "--out", str(tmp_path / "mended.mcap")]) == 0
+    assert "0 readings in 0 scans; no reading is known to be missing" in capsys.readouterr().out
+    for name, state in (("torn.mcap", "torn: the file ends too early at byte"), ("mended.mcap", "whole")):
+        assert run(["log", "info", str(tmp_path / name)]) == 0
+        told = dict(
+            line.split(maxsplit=1) for line in capsys.readouterr().out.replace("made by", "made_by").splitlines()
+        )
+        assert (told["made_by"], told["started"]) == ("unknown", "unknown")
+        assert told["file"].startswith(state)
+
+
+def test_info_of_a_scan_that_was_not_finished_says_that_the_file_is_whole(
+    torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["log", "recover", str(torn), "--out", str(tmp_path / "mended.mcap")]) == 0
+    capsys.readouterr()
+    assert run(["log", "info", str(tmp_path / "mended.mcap")]) == 0
+    told = capsys.readouterr().out
+    assert "3 of 4 readings, 2 with an echo" in told
+    assert "; the scan was not finished\n" in told
+    assert "file      whole\n" in told
+
+
+def test_one_reading_is_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_example(tmp_path / "scan.mcap", 1)
+    assert run(["log", "info", str(tmp_path / "scan.mcap")]) == 0
+    assert "1 of 1 reading, 1 with an echo" in capsys.readouterr().out
+    assert run(["compare", str(tmp_path / "scan.mcap"), "--room", "rooms/simple.toml"]) == 0
+    assert "\n1 reading, 1 with an echo: " in capsys.readouterr().out
+
+
+def another_programs_mcap(path: Path) -> None:
+    writer = Writer(str(path))
+    writer.start("ros2")
+    writer.finish()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["log", "info"],
+        ["log", "export", "--out", "-"],
+        ["log", "recover", "--out", "mended.mcap"],
+        ["replay"],
+        ["compare"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda path: None, "there is no such file"),
+        (Path.mkdir, "is a folder"),
+        (os.mkfifo, "is no file"),
+        (lambda path: path.write_bytes(b""), "is empty"),
+        (lambda path: path.write_bytes(b"time_s\n"), "is not an MCAP file"),
+        (another_programs_mcap, "is an MCAP file, but not a log of this project"),
+        (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "nothing in it can be read"),
+    ],
+)
+def test_what_is_no_log_is_bad_input_in_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: list[str],
+    make: Callable[[Path], object],
+    told: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make(Path("scan.mcap"))
+    assert run([*command, "scan.mcap"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("sonarhw: scan.mcap: ")
+    assert told in err
+    assert err.count("\n") == 1
+    assert not Path("mended.mcap").exists()
+
+
+def test_an_export_of_no_known_kind_is_refused(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
+    assert ".csv, .npz or .mcap, or - for" in capsys.readouterr().err
+    assert not (tmp_path / "scan.txt").exists()
+
+
+def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.mcap"
+    with started("replay", log, "--speed", "inf", "--tcp", "127.0.0.1:0") as replay:
+        (url,) = lines(replay, 1)
+        done = sonarhw("scan", url.strip(), "--out", again, "--to", "20")
+        assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
+        replay.send_signal(signal.SIGTERM)
+        assert end(replay) == (0, "")
+    first, second = read_log(log), read_log(again)
+    assert [reading.angle for reading in second.readings] == [reading.angle for reading in first.readings]
+    assert [reading.echo_times for reading in second.readings] == [reading.echo_times for reading in first.readings]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--speed", "0"], "--speed 0"),
+        (["--speed", "nan"], "--speed nan"),
+        (["--tcp", "127.0.0.1:0", "--pty", "x"], "one line"),
+        (["--tcp", "nowhere"], "HOST:PORT"),
+    ],
+)
+def test_a_replay_that_cannot_be_is_refused(
+    log: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    assert run(["replay", str(log), *arguments]) == 2
+    assert told in capsys.readouterr().err

@@ -1,0 +1,40 @@
+"""`sonarhw ports` asks only what may be a scanner, and all of them where it is told to."""
+
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import Board
+from sonarhw.link.ports import Port, Usb
+from tests.fixtures.plain_echoes import PlainEchoes
+
+
+def test_ports_with_known_usb_ids_are_asked_and_others_only_where_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known, unknown = tmp_path / "ttyACM0", tmp_path / "ttyS0"
+    with (
+        serve(Board(PlainEchoes(), seed=3), pty=known) as first,
+        serve(Board(PlainEchoes(), seed=4), pty=unknown) as second,
+    ):
+        ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
+        monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: ports)
+        assert run(["ports"]) == 0
+        asked, left = capsys.readouterr().out.splitlines()
+        assert asked == f"{known}  Arduino Mega 2560  scanner FAKE-0003, sonarhw-fake 0.1.0"
+        assert left == f"{unknown}  16550  not asked; --ask asks all"
+        assert run(["ports", "--ask"]) == 0
+        assert "scanner FAKE-0004" in capsys.readouterr().out
+
+
+def test_a_port_without_a_scanner_is_said_to_have_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = str(tmp_path / "ttyUSB0")
+    monkeypatch.setattr(
+        "sonarhw.link.ports.serial_ports", lambda: [Port(gone, "USB serial", Usb(0x1A86, 0x7523, None, ""))]
+    )
+    assert run(["ports"]) == 0
+    assert "WCH CH340  no scanner: there is no such port" in capsys.readouterr().out

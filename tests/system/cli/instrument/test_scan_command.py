@@ -1,0 +1,361 @@
+"""`sonarhw scan` from outside, as a process: what it prints, keeps, and leaves behind, however it ends."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.resources import files
+from pathlib import Path
+from threading import Timer
+
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_cli.console.interruption import sigterm_raises
+
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.export.csv_rows import HEADER
+from sonarhw.log import read_log
+from tests.checkout import CHECKOUT
+from tests.fixtures.example_logs import write_example
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+
+COMMAND = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
+SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
+
+
+def sonarhw(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=60)
+
+
+@contextmanager
+def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """A command that is still running."""
+    with subprocess.Popen(
+        [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def lines(process: subprocess.Popen[str], count: int) -> list[str]:
+    """The next lines of its standard output."""
+    assert process.stdout is not None
+    return [process.stdout.readline() for _ in range(count)]
+
+
+def end(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Its exit status and what it said on standard error."""
+    _, errors = process.communicate(timeout=30)
+    return process.returncode, errors
+
+
+@pytest.fixture
+def board() -> Board:
+    return Board(PlainEchoes(), seed=2)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "scan.mcap"
+
+
+def test_a_scan_is_printed_and_recorded_alike(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--print", "--room", SIMPLE_ROOM, "--place", "figure9")
+    assert (done.returncode, done.stderr) == (0, f"72 readings, 72 with an echo, in {log}\n")
+    header, *rows = done.stdout.splitlines()
+    assert header == HEADER
+    recorded = read_log(log)
+    assert recorded.torn is None
+    assert len(rows) == len(recorded.readings) == 72
+    for row, reading in zip(rows, recorded.readings, strict=True):
+        time, heading, distance, echoes = row.split(",")
+        assert float(time) >= 0
+        assert float(heading) == pytest.approx(5 * reading.number)
+        assert float(distance) == pytest.approx(reading.range, rel=1e-8)
+        assert float(echoes.split(";")[0]) == pytest.approx(echo_time(reading.angle), abs=1e-9)
+    assert (recorded.metadata.place, recorded.metadata.board) == ("figure9", "polaroid-6500")
+    assert recorded.metadata.room_text == SIMPLE_ROOM.read_text(encoding="utf-8")
+    assert recorded.info is not None
+    assert recorded.settings is not None
+    # 21.3 °C by the scanner's own thermometer
+    assert recorded.settings.speed_of_sound == pytest.approx(344_500, abs=500)
+
+
+def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: Path) -> None:
+    options = [
+        *("--from", "10", "--to", "40", "--step", "10", "--sweeps", "2", "--pings", "2"),
+        *("--max-range", "3.43", "--temperature", "0", "--traces"),
+    ]
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, *options)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == f"12 readings, 12 with an echo, in {log}\n"
+    recorded = read_log(log)
+    assert len(recorded.readings) == 12
+    assert recorded.settings is not None
+    assert recorded.settings.speed_of_sound == pytest.approx(331_500, abs=500)
+    assert recorded.settings.listen_us == pytest.approx(2 * 3.43 / 331.5 * 1e6, rel=2e-3)
+    assert all(reading.trace is not None for reading in recorded.readings)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
+    board: Board, log: Path, number: signal.Signals
+) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        with started("scan", endpoint.url, "--out", log, "--print") as process:
+            lines(process, 6)
+            process.send_signal(number)
+            status, errors = end(process)
+        assert not board.busy
+    recorded = read_log(log)
+    assert recorded.torn is None
+    assert 5 <= len(recorded.readings) < 72
+    assert (status, errors) == (130, f"sonarhw: interrupted; {len(recorded.readings)} readings are kept in {log}\n")
+
+
+def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Board, log: Path) -> None:
+    with ExitStack() as outside:
+        with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+            process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1"))
+            lines(process, 6)
+        status, errors = end(process)
+    recorded = read_log(log)
+    assert status == 1
+    assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
+    assert recorded.torn is None
+    assert 5 <= len(recorded.readings) < 72
+
+
+@pytest.mark.parametrize(
+    ("stop", "told"),
+    [
+        ("360", "4 of 72 readings came: the log holds no more"),
+        ("15", "4 of 3 readings came: the log holds so many, and a replay plays them all"),
+    ],
+)
+def test_a_replay_of_another_length_than_ordered_is_a_warning(
+    stop: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_example(tmp_path / "old.mcap", 4)
+    assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "new.mcap"), "--to", stop]) == 0
+    assert f"sonarhw: warning: {told}\n" in capsys.readouterr().err
+    assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "same.mcap"), "--to", "20"]) == 0
+    assert "warning" not in capsys.readouterr().err
+
+
+def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serve(faulty("wedge@r5"), tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert run(["scan", endpoint.url, "--out", str(log)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "72 readings are kept; all 72 angles may be off, from 0° on" in err
+    assert run(["log", "info", str(log)]) == 0
+    out, err = capsys.readouterr()
+    assert "72 of 72 readings" in out
+    assert "; the turntable lost steps; all 72 angles may be off" in out
+    assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
+
+
+def test_what_could_not_be_checked_for_lost_steps_is_told_and_by_every_command_that_reads_the_log(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = "30 of 72 angles, from 0° on, could not be checked for lost steps"
+    with serve(faulty("reset=0.1@r30"), tcp="127.0.0.1:0", pace=20) as endpoint:
+        assert run(["scan", endpoint.url, "--out", str(log)]) == 0
+    assert f"sonarhw: warning: {told}" in capsys.readouterr().err
+    assert run(["log", "info", str(log)]) == 0
+    out, err = capsys.readouterr()
+    assert told in out
+    assert told in err
+
+
+def test_without_a_scanner_there_is_no_log(log: Path) -> None:
+    done = sonarhw("scan", "no/such/port", "--out", log)
+    assert done.returncode == 1
+    assert re.fullmatch(r"sonarhw: no/such/port: there is no such port; .*\n", done.stderr)
+    assert not log.exists()
+
+
+def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        refused = sonarhw("scan", endpoint.url, "--out", log)
+        assert (refused.returncode, log.read_bytes()) == (2, b"precious")
+        forced = sonarhw("scan", endpoint.url, "--out", log, "--force", "--step", "90")
+    assert forced.returncode == 0
+    assert len(read_log(log).readings) == 4
+
+
+BEYOND_THE_CABLE = ["--step", "170", "--to", "900"]
+
+
+def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        refused = sonarhw("scan", endpoint.url, "--out", log, *BEYOND_THE_CABLE)
+        assert refused.returncode == 1
+        assert "850 degrees; the cable winds from -720 to 720 degrees" in refused.stderr
+        assert not log.exists()
+        assert sonarhw("scan", endpoint.url, "--out", log, "--step", "90").returncode == 0
+
+
+def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert sonarhw("scan", endpoint.url, "--out", log, "--force", *BEYOND_THE_CABLE).returncode == 1
+    assert log.read_bytes() == b"precious"
+    assert [*log.parent.iterdir()] == [log]
+
+
+def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(board: Board, log: Path) -> None:
+    log.write_bytes(b"precious")
+    with (
+        serve(board, tcp="127.0.0.1:0", pace=0.1) as endpoint,
+        started("scan", endpoint.url, "--out", log, "--force", "--print") as process,
+    ):
+        while len([*log.parent.iterdir()]) == 1:  # until the new log lies beside the old one
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert end(process)[0] == 130
+    assert log.read_bytes() == b"precious"
+    assert [*log.parent.iterdir()] == [log]
+
+
+SMALL_DISK = """
+import resource, sys
+from sonarhw_cli.entry import main
+
+# a file that may grow no further fails as a full disk does: with an OSError from write
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+sys.argv[0] = "sonarhw"
+main()
+"""
+
+
+def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitted(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        arguments = ["scan", endpoint.url, "--out", str(log), "--step", "1", "--print"]
+        done = subprocess.run(
+            [sys.executable, "-c", SMALL_DISK, *arguments], capture_output=True, text=True, timeout=60
+        )
+        assert not board.busy
+    recorded = read_log(log)
+    kept = len(recorded.readings)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
+        "make room or record to another disk\n"
+    )
+    # nothing was printed that had not been written before
+    assert 5 < len(done.stdout.splitlines()) - 1 <= kept
+    assert recorded.torn == f"the file ends too early at byte {log.stat().st_size}"
+
+
+def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
+    board: Board, log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 40_000_000)
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        Timer(3.0, signal.raise_signal, (signal.SIGINT,)).start()
+        assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
+    line, _ = capsys.readouterr().err.splitlines()
+    told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
+    assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
+
+
+def test_a_log_carries_its_board_to_where_nobody_has_the_profile(
+    board: Board, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = (files("sonarhw_sim.board.shipped") / "polaroid-6500.toml").read_text(encoding="utf-8")
+    profile = tmp_path / "mine.toml"
+    profile.write_text(shipped.replace('name = "polaroid-6500"', 'name = "mine"'), encoding="utf-8")
+    room = ["--room", SIMPLE_ROOM, "--place", "figure9"]
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--step", "60", "--board", profile, *room)
+    assert done.returncode == 0
+    recorded = read_log(log)
+    assert (recorded.metadata.board, recorded.metadata.board_text) == ("mine", profile.read_text(encoding="utf-8"))
+    assert run(["compare", str(log), "--json", "--board", str(profile)]) == 0
+    with_file = capsys.readouterr().out
+    profile.unlink()
+    assert run(["compare", str(log), "--json"]) == 0
+    assert capsys.readouterr().out == with_file
+
+
+def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with sigterm_raises():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
+    with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
+        done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
+    assert done.returncode == 0
+    warning, summary = done.stderr.splitlines()
+    assert re.fullmatch(r"sonarhw: warning: socket://.*: sends no traces; only echo times are recorded", warning)
+    assert summary == f"4 readings, 4 with an echo, in {log}"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--step", "0"],
+        ["--step", "0.0000001"],
+        ["--to", "0.0000001", "--step", "0.0000001"],
+        ["--step", "0.01", "--sweeps", "60000", "--pings", "2"],
+        ["--to", "-10"],
+        ["--sweeps", "0"],
+        ["--place", "somewhere"],
+        ["--board", "nonesuch"],
+        ["--max-range", "-1"],
+        ["--temperature", "1000"],
+        ["--room", "no_such_room.toml"],
+    ],
+    ids=" ".join,
+)
+def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["scan", "socket://127.0.0.1:1", "--out", str(log), *wrong]) == 2
+    said = capsys.readouterr()
+    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    assert not log.exists()
+
+
+@pytest.mark.parametrize("out", ["-", "scan.csv", "scan.mcap.txt"])
+def test_a_log_goes_to_a_file_named_as_one(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["scan", "socket://127.0.0.1:1", "--out", out]) == 2
+    assert ".mcap" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_closed_pipe_ends_quietly(board: Board, log: Path) -> None:
+    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
+        with started("scan", endpoint.url, "--out", log, "--print") as process:
+            lines(process, 3)
+            assert process.stdout is not None
+            process.stdout.close()
+            assert process.stderr is not None
+            assert process.stderr.read() == ""
+            process.wait(timeout=30)
+        assert not board.busy
+    assert read_log(log).torn is None

@@ -1,0 +1,69 @@
+"""`figures` as a user runs it: pictures and page, the committed ones among them, and refusals."""
+
+import csv
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_compare.paper.page import EXHIBITS
+from sonarhw_compare.paper.setting import Scene
+
+COMMITTED = Path("docs/figures")
+
+
+@pytest.mark.timeout(400)  # a transducer whose face moves needs a search a heading
+def test_committed_page_is_what_the_command_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "paper" / "figures"
+    assert run(["figures", str(folder)]) == 0
+    out, err = capsys.readouterr()
+    assert (folder / "figures.md").read_text() == (COMMITTED / "figures.md").read_text()
+    assert {file.name for file in folder.iterdir()} == {file.name for file in COMMITTED.iterdir()}
+    assert re.fullmatch(r"(\d+) figures; (\d+) of \2 claims hold: .*figures\.md\n", out)
+    assert err == ""
+
+
+def test_committed_page_shows_every_picture_beside_it() -> None:
+    text = (COMMITTED / "figures.md").read_text()
+    shown = set(re.findall(r"!\[.*?\]\((.*?)\)", text))
+    assert shown == {file.name for file in COMMITTED.glob("*.png")}
+    assert all((COMMITTED / name).stat().st_size < 300_000 for name in shown)
+    assert "**no**" not in text
+
+
+SCENES = [scene for exhibit in EXHIBITS for scene in exhibit.scenes if scene.reach is None]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: f"{scene.room} {scene.place} {scene.unit}")
+def test_command_under_a_figure_predicts_the_figure(scene: Scene, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(shlex.split(scene.command)[1:]) == 0
+    printed = [row["range_m"] for row in csv.DictReader(io.StringIO(capsys.readouterr().out))]
+    drawn = ["" if answer.range is None else f"{answer.range:.9g}" for answer in scene.answers]
+    assert printed == drawn
+
+
+def test_what_is_there_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "figure9.png").write_bytes(b"mine")
+    assert run(["figures", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert "figure9.png: exists already; choose another DIR or add --force" in message
+    assert (tmp_path / "figure9.png").read_bytes() == b"mine"
+    assert [file.name for file in tmp_path.iterdir()] == ["figure9.png"]
+
+
+def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "figures"
+    file.write_text("")
+    assert run(["figures", str(file)]) == 2
+    assert capsys.readouterr().err == f"sonarhw: {file}: is a file; give the name of a folder\n"
+
+
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert run(["figures", str(tmp_path / "file" / "below")]) == 2
+    message = capsys.readouterr().err
+    assert "cannot be made" in message
+    assert message.count("\n") == 1

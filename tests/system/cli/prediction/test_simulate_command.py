@@ -1,0 +1,289 @@
+"""`simulate` and `paths` as a user runs them: the promised columns, the paper's figures, formats, and refusals."""
+
+import csv
+import io
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.app import run
+
+from sonarhw.log import read_log
+from sonarhw.readings import FloatArray
+
+ROOM = "rooms/simple.toml"
+FIGURE_9 = [ROOM, "--place", "figure9"]
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_figure_9_from_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", *FIGURE_9, "--board", "paper", "--from", "90", "--to", "300", "--step", "10"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("heading_deg,range_m,path_m,level_db,bounces,via\n")
+    by_heading = {row["heading_deg"]: row for row in rows(out)}
+    assert (by_heading["90"]["range_m"], by_heading["90"]["via"]) == ("0.657", "top")
+    assert (by_heading["270"]["range_m"], by_heading["270"]["via"]) == ("0.827", "bottom>top>bottom")
+    assert float(by_heading["140"]["range_m"]) == pytest.approx(1.015, abs=1e-3)
+    assert len(by_heading) == 21
+
+
+def test_whole_circle_by_fives_is_72_headings(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", *FIGURE_9]) == 0
+    assert len(rows(capsys.readouterr().out)) == 72
+
+
+def test_no_echo_leaves_all_but_the_heading_empty(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", "rooms/right_corner.toml", "--place", "figure12", "--from", "180", "--to", "185"]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == "180,,,,,"
+
+
+def test_paths_list_the_corner_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["paths", *FIGURE_9, "--max-range", "1.1"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("length_m,departure_deg,arrival_deg,gain,bounces,via\n")
+    corner = [row for row in rows(out) if row["via"] in ("top>left", "left>top")]
+    assert [(row["bounces"], row["gain"], row["via"]) for row in corner] == [("2", "0.9025", "top>left")]
+    lengths = [float(row["length_m"]) for row in rows(out)]
+    assert lengths == sorted(lengths)
+    assert lengths[-1] <= 2.2
+
+
+def test_paths_end_at_the_wanted_number_of_bounces(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["paths", *FIGURE_9, "--max-bounces", "1"]) == 0
+    assert sorted(row["via"] for row in rows(capsys.readouterr().out)) == ["bottom", "left", "right", "top"]
+
+
+def test_every_format_says_the_same(tmp_path: Path) -> None:
+    for name in ("scan.csv", "scan.npz", "scan.mcap", "scan.png"):
+        assert run(["simulate", *FIGURE_9, "--out", str(tmp_path / name)]) == 0
+    ranges = [float(row["range_m"]) for row in rows((tmp_path / "scan.csv").read_text())]
+    assert np.load(tmp_path / "scan.npz")["range_m"] == pytest.approx(ranges)
+    log = read_log(tmp_path / "scan.mcap")
+    assert [reading.range for reading in log.readings] == pytest.approx(ranges, abs=1e-6)
+    assert log.metadata.made_by == "simulate"
+    assert (tmp_path / "scan.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_board_receiver_reads_a_little_long_by_the_same_paths(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
+    assert run([*few, "--receiver", "first-echo"]) == 0
+    first = rows(capsys.readouterr().out)
+    assert run([*few, "--receiver", "board"]) == 0
+    own = rows(capsys.readouterr().out)
+    assert [row["via"] for row in own] == [row["via"] for row in first]
+    late = [float(a["range_m"]) - float(b["range_m"]) for a, b in zip(own, first, strict=True)]
+    assert all(0 < by < 0.01 for by in late)
+
+
+def changed_board(path: Path, line: str) -> str:
+    """A profile file: the 6500 with one line more."""
+    path.write_text(line + "\n" + Path("sim/boards/polaroid-6500.toml").read_text())
+    return str(path)
+
+
+def test_profile_names_the_receiver_it_is_used_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = changed_board(tmp_path / "own.toml", 'receiver = "board"')
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
+    answers = []
+    for more in (["--board", own], ["--receiver", "board"], ["--board", own, "--receiver", "first-echo"], []):
+        assert run([*few, *more]) == 0
+        answers.append(capsys.readouterr().out)
+    assert answers[0] == answers[1] != answers[2] == answers[3]
+
+
+def test_traces_hold_the_echo_that_the_board_reports(tmp_path: Path) -> None:
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board"]
+    for kind in ("rf", "sampled", "envelope"):
+        assert run([*few, "--traces", kind, "--out", str(tmp_path / f"{kind}.npz")]) == 0
+    for kind, rate, full in (("rf", 1e6, 1.0), ("sampled", 16e6 / 208, 128), ("envelope", 50e3, 1.0)):
+        kept = np.load(tmp_path / f"{kind}.npz")
+        assert kept["trace_rate_hz"] == rate
+        trace = np.abs(kept["trace"][0].astype(float)) / full
+        assert len(trace) == math.ceil(2 * 10.7 / 343.9867 * rate)
+        times = np.arange(len(trace)) / rate
+        heard = 2 * kept["range_m"][0] / 343.9867
+        # quiet from the end of blanking until the echo that is reported
+        assert trace[(times > 2.38e-3) & (times < 2 * 0.657 / 343.9867)].max() < 0.01
+        assert trace[(times > heard) & (times < heard + 1e-4)].max() > 0.1
+
+
+def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
+    def trace(*options: str) -> FloatArray:
+        few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--traces", "rf", *options]
+        assert run([*few, "--out", str(tmp_path / "trace.npz"), "--force"]) == 0
+        return np.asarray(np.load(tmp_path / "trace.npz")["trace"], dtype=np.float64)
+
+    noisy = trace("--noise", "0.01", "--seed", "3")
+    assert (noisy == trace("--noise", "0.01", "--seed", "3")).all()
+    assert (noisy != trace("--noise", "0.01", "--seed", "4")).any()
+    assert np.std(noisy - trace()) == pytest.approx(0.01, rel=0.2)
+
+
+def test_log_carries_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> None:
+    out = tmp_path / "scan.mcap"
+    few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board", "--traces", "envelope"]
+    assert run([*few, "--out", str(out)]) == 0
+    reading = read_log(out).readings[0]
+    assert reading.trace is not None
+    assert reading.trace.rate == pytest.approx(50e3)
+    assert reading.range == pytest.approx(0.66, abs=0.01)
+    assert len(reading.echo_times) > 5
+    assert np.diff(reading.echo_times).min() >= 0.44e-3
+
+
+def test_compare_takes_the_receiver_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "scan.mcap")
+    assert run(["simulate", *FIGURE_9, "--receiver", "board", "--out", out]) == 0
+    errors = {}
+    for receiver in ("board", "first-echo"):
+        assert run(["compare", out, "--receiver", receiver, "--json"]) == 0
+        summary = json.loads(capsys.readouterr().out)
+        errors[receiver] = summary["median_abs_error_m"]
+        assert receiver == "first-echo" or (summary["matched"], summary["explained"]) == (72, 1.0)
+    assert errors["board"] < 1e-6
+    assert errors["first-echo"] > 0.002
+
+
+def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = tmp_path / "far.toml"
+    far.write_text(Path("sim/boards/polaroid-6500.toml").read_text().replace("10.7 ", "20.0 "))
+    out = tmp_path / "scan.mcap"
+    few = ["simulate", *FIGURE_9, "--board", str(far), "--from", "90", "--to", "91"]
+    assert run([*few, "--traces", "envelope", "--rate", "1e6", "--out", str(out)]) == 2
+    assert "a log carries 65535 samples of a trace" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_readings_in_the_near_field_come_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    near = changed_board(tmp_path / "near.toml", "blanking_inhibit = 0.0004")
+    assert run(["simulate", *FIGURE_9, "--board", near, "--from", "270", "--to", "271"]) == 0
+    captured = capsys.readouterr()
+    assert float(rows(captured.out)[0]["range_m"]) == pytest.approx(0.085)
+    assert captured.err.startswith("sonarhw: warning: 1 reading nearer than 0.106 m")
+
+
+def test_simulated_log_keeps_turntable_angles(tmp_path: Path) -> None:
+    out = tmp_path / "door.mcap"
+    door = ["rooms/laboratory.toml", "--place", "door", "--from", "45", "--to", "135", "--step", "45"]
+    assert run(["simulate", *door, "--out", str(out)]) == 0
+    assert [math.degrees(r.angle) for r in read_log(out).readings] == pytest.approx([0.0, 45.0])
+
+
+def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "scan.csv"
+    out.write_text("precious")
+    assert run(["simulate", *FIGURE_9, "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert out.read_text() == "precious"
+    assert run(["simulate", *FIGURE_9, "--out", str(out), "--force"]) == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["bogus"],
+        ["simulate"],
+        ["simulate", "nowhere.toml"],
+        ["simulate", ROOM],
+        ["simulate", *FIGURE_9, "--step", "0"],
+        ["simulate", *FIGURE_9, "--from", "nan"],
+        ["simulate", *FIGURE_9, "--step", "1e-300"],
+        ["simulate", *FIGURE_9, "--to", "1e300"],
+        ["simulate", ROOM, "--place", "1e300,1"],
+        ["simulate", *FIGURE_9, "--board", "unheard-of"],
+        ["simulate", *FIGURE_9, "--out", "scan.docx"],
+        ["simulate", *FIGURE_9, "--receiver", "best"],
+        ["simulate", *FIGURE_9, "--traces", "rf"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.mcap"],
+        ["simulate", *FIGURE_9, "--traces", "envelope", "--out", "scan.csv"],
+        ["simulate", *FIGURE_9, "--rate", "50000"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "2e6"],
+        ["simulate", *FIGURE_9, "--traces", "rf", "--out", "scan.npz", "--rate", "nan"],
+        ["simulate", *FIGURE_9, "--noise", "0.01"],
+        ["simulate", *FIGURE_9, "--receiver", "board", "--noise", "nan"],
+        ["simulate", *FIGURE_9, "--sections", "3"],
+        ["simulate", *FIGURE_9, "--model", "cone", "--unit", "reflect"],
+        ["paths", ROOM, "--place", "atlantis"],
+        ["paths", *FIGURE_9[:3], "--max-range", "inf"],
+        ["compare", "nowhere.mcap", "--room", ROOM],
+    ],
+)
+def test_wrong_use_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("sonarhw: ")
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--receiver", "x"], "Invalid value for '--receiver': 'x' is not one of 'first-echo', 'board'."),
+        (["--sections", "x"], "Invalid value for '--sections': expected a whole number"),
+        (["--sections", "0"], "Invalid value for '--sections': expected a number greater than or equal to 1"),
+        (["--step", "x"], "Invalid value for '--step': expected a number"),
+    ],
+)
+def test_a_wrong_value_is_told_in_our_own_words(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["simulate", *FIGURE_9, *arguments]) == 2
+    assert capsys.readouterr().err == f"sonarhw: {told}\n"
+
+
+def test_a_place_outside_the_room_is_answered_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
+    warning = "sonarhw: warning: place '5,5' at 5, 5 m lies outside room 'Simple room'\n"
+    assert run(["simulate", room, "--place", "0.5,0.5", "--step", "90", "--out", log]) == 0
+    assert capsys.readouterr().err == ""
+    for command in (["simulate", room, "--step", "90"], ["paths", room], ["compare", log, "--room", room]):
+        assert run([*command, "--place", "5,5"]) == 0
+        assert capsys.readouterr().err == warning
+
+
+def test_closed_pipe_ends_quietly() -> None:
+    command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "paths", *FIGURE_9]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 0
+
+
+def test_help_tells_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    out = capsys.readouterr().out
+    promised = "demo ports info scan home turn stop monitor fake simulate paths import replay log compare gui"
+    assert [name for name in promised.split() if f"\n  {name} " not in out] == []
+
+
+def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.CaptureFixture[str]) -> None:
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert run(["simulate", "rooms/laboratory.toml", "--place", "bench", "--step", "0.2"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1801
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400e3  # kB; whole matrices took 1.5 GB
+
+
+def test_place_with_a_height_hears_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+    place = ["rooms/doorstep.toml", "--place", "robot"]
+    assert run(["paths", *place, "--max-range", "1.5", "--no-diffraction"]) == 0
+    listed = {row["via"]: row for row in rows(capsys.readouterr().out)}
+    assert float(listed["floor>step"]["length_m"]) == pytest.approx(2 * math.hypot(1.4, 0.25))
+    for sections in ("1", "5"):
+        assert run(["simulate", *place, "--from", "90", "--to", "95", "--sections", sections]) == 0
+        assert rows(capsys.readouterr().out)[0]["via"] == "floor>step"
+    assert run(["simulate", *place, "--sections", "0"]) == 2

@@ -1,0 +1,26 @@
+"""What is tested here is built first; that is quick where nothing has changed."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.checkout import CHECKOUT
+from tests.system.firmware.portable import PortableBoard
+
+FIRMWARE = CHECKOUT / "firmware"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def built() -> Path:
+    """The folder with firmware, emulator and the library of the portable part, all of them new."""
+    make = ["make", "-C", FIRMWARE, "WERROR=-Werror", "all", "emulator", "host"]
+    made = subprocess.run(make, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return FIRMWARE / "build"
+
+
+@pytest.fixture
+def board(built: Path) -> PortableBoard:
+    """The portable part on a board of plain variables, just switched on."""
+    return PortableBoard(built / "libsonar.so")

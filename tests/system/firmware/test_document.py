@@ -1,0 +1,40 @@
+"""docs/firmware.md is what people wire and build by: its tables are held against the sources."""
+
+import re
+from pathlib import Path
+
+from tests.system.firmware.conftest import FIRMWARE
+from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
+
+DOCUMENT = (FIRMWARE.parent / "docs" / "firmware.md").read_text()
+DRAWING = (FIRMWARE.parent / "docs" / "firmware_wiring.svg").read_text()
+
+
+def test_pins_are_documented_and_drawn_as_the_firmware_sets_them() -> None:
+    pins = (FIRMWARE / "atmega2560" / "pins.h").read_text()
+    in_firmware = dict(re.findall(r"^#define (\w+) [A-L], \d //\s+(\d+)", pins, re.M)) | {"ECHO": "49"}
+    assert "L0: 49" in pins
+    documented = dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", DOCUMENT, re.M))
+    assert documented == in_firmware
+    for pin in in_firmware.values():
+        assert f">{pin}</text>" in DRAWING
+
+
+def test_budgets_of_handlers_are_documented_as_they_stand_beside_them() -> None:
+    sources = "".join(file.read_text() for file in sorted((FIRMWARE / "atmega2560").glob("*.c")))
+    beside = {
+        name: re.findall(r"Budget (\d+) cycles", comment)[0]
+        for comment, name in re.findall(r"((?://.*\n)+)ISR\((\w+)\)", sources)
+    }
+    assert dict(re.findall(r"^\| `(\w+_vect)`.*? \| (\d+) \|", DOCUMENT, re.M)) == beside
+
+
+def test_memory_is_documented_as_it_is_held() -> None:
+    (memory,) = re.findall(r"\| memory \|.*\n\| --- \| --- \|\n((?:\|.*\n)+)", DOCUMENT)
+    assert re.findall(r"\| (\d+) \|\n", memory) == [str(TRACE_STORE), str(OTHER_VARIABLES), str(FREE_STACK)]
+
+
+def test_every_file_named_is_there() -> None:
+    for name in re.findall(r"^    (\w+\.[ch])  .*?(?:  (\w+\.c)  .*)?$", DOCUMENT, re.M):
+        assert all((FIRMWARE / "core" / file).exists() for file in name if file)
+    assert Path(FIRMWARE / "host").is_dir()

@@ -1,0 +1,41 @@
+"""What is written in C because it is written elsewhere must be the same in both places."""
+
+import ctypes
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from tests.system.firmware.conftest import FIRMWARE
+
+
+def test_messages_and_tables_in_c_are_those_the_protocol_has_now() -> None:
+    check = subprocess.run([sys.executable, FIRMWARE / "generate.py", "--check"], capture_output=True, text=True)
+    assert check.returncode == 0, check.stderr
+
+
+@given(some.binary(max_size=300))
+def test_the_checksum_is_that_of_zlib(built: Path, data: bytes) -> None:
+    crc_of = ctypes.CDLL(str(built / "libsonar.so")).crc_of
+    crc_of.restype = ctypes.c_uint32
+    assert ~crc_of(0xFFFFFFFF, data, len(data)) & 0xFFFFFFFF == zlib.crc32(data)
+
+
+@pytest.mark.parametrize("celsius", [-20.0, 0.0, 20.0, 25.0, 45.0])
+def test_the_thermistor_table_inverts_its_beta_equation_to_a_tenth_of_a_kelvin(built: Path, celsius: float) -> None:
+    table = np.array((ctypes.c_int16 * 33).in_dll(ctypes.CDLL(str(built / "libsonar.so")), "thermistor_table"))
+    resistance = np.exp(3950 * (1 / (celsius + 273.15) - 1 / 298.15))  # of that at 25 degrees
+    ratio = resistance / (1 + resistance)
+    assert np.interp(ratio * 32, np.arange(33), table) == pytest.approx(celsius * 100, abs=30)
+
+
+def test_the_portable_part_names_no_chip() -> None:
+    for file in (FIRMWARE / "core").iterdir():
+        text = file.read_text()
+        assert "avr" not in text.lower(), file
+        assert "#ifdef" not in text, file

@@ -1,0 +1,27 @@
+"""The firmware at work for long: over the 36 minutes after which its timer's ticks come round, in a soak."""
+
+import numpy as np
+import pytest
+
+from sonarhw import sector
+from tests.conftest import Count
+from tests.system.firmware.test_emulated_board import FREE_STACK, TWO_TICKS, Echoes, scanner_on
+
+
+def test_scan_after_scan_with_traces_every_reading_is_right_and_memory_holds(count: Count) -> None:
+    times = (0.0151, 0.0337, 0.0604)
+    with scanner_on(Echoes(*times)) as (_, scanner):
+        scanner.configure(trace=True)
+        fired = []
+        for _ in range(count(1, 1_500)):
+            readings = list(scanner.scan(sector(0, 60, 5)))
+            assert sorted(reading.number for reading in readings) == [*range(12)]
+            for reading in readings:
+                assert reading.echo_times == pytest.approx(times, rel=0, abs=TWO_TICKS)
+                assert reading.trace is not None
+                assert not np.isnan(reading.trace.samples).any()
+                fired.append(reading.time)
+        statistics = scanner.device_statistics()
+        assert statistics.rejected == statistics.overruns == statistics.lost_steps == 0
+        assert statistics.stack_free >= FREE_STACK
+    assert np.diff(fired).min() > 0.0999

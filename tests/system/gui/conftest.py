@@ -1,0 +1,128 @@
+"""Real windows on a small room: a fake scanner on a loopback socket, a recorded log, and no thread left behind."""
+
+import gc
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QCoreApplication, QEvent
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.live_scan import ScanErrand, ScannerOpener, ScanWish
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.application import WindowStart, open_application, open_window
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.device.endpoint import Pace, serve
+from sonarhw.device.fake_board import Board
+from sonarhw.host.scanner import Scanner
+from sonarhw.readings import ScanOrder
+from tests.checkout import CHECKOUT
+from tests.system.gui.driving import PATIENCE
+
+ROOM = CHECKOUT / "rooms" / "simple.toml"
+OpenFake = Callable[[Pace], ScannerOpener]
+OpenWith = Callable[..., MainWindow]
+ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    room = load_room(ROOM)
+    # two metres keep the paths few and the tests quick
+    board = replace(load_board("polaroid-6500"), max_range=2.0, blanking=0.0006)
+    return Scene(room, room.place("figure9"), board, ROOM.name)
+
+
+@pytest.fixture(scope="session")
+def echoes(scene: Scene) -> RoomEchoes:
+    echoes = RoomEchoes(scene.room, scene.place, scene.board, 1, EXACT)
+    echoes.prepare()
+    return echoes
+
+
+@pytest.fixture
+def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
+    """Makes the way to a fake scanner of the given pace, which homes for a second; it is served until the test ends."""
+    with ExitStack() as during:
+
+        def open_fake(pace: Pace) -> ScannerOpener:
+            board = Board(echoes, 2, scene.board.blanking)
+            endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
+            return lambda: Scanner.open(endpoint.url)
+
+        yield open_fake
+
+
+@pytest.fixture(autouse=True, scope="module")
+def what_is_loaded_stays() -> None:
+    """So that the collector need not look through every library after every test: a fifth of a second each time."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def collected_in_between() -> Iterator[None]:
+    """Cycles are collected between tests only, as the application does it between events: see `shell.garbage`."""
+    gc.disable()
+    yield
+    gc.collect()
+    gc.enable()
+
+
+@pytest.fixture
+def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
+    """Opens a window; at the end it is closed, and every thread that it began must be gone."""
+    before = set(threading.enumerate())
+    windows: list[MainWindow] = []
+
+    def open_it(**start: object) -> MainWindow:
+        open_application()
+        wish = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
+        window = open_window(WindowStart(**wish))
+        windows.append(window)
+        with qtbot.waitActive(window, timeout=PATIENCE):  # keys go to the active window only
+            window.show()
+            window.activateWindow()
+        return window
+
+    yield open_it
+    for window in windows:
+        window.close()
+        window.deleteLater()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    ours = {
+        "live scanner",
+        "watch the line",
+        "draft paths",
+        "find paths",
+        "compare readings",
+        "traces",
+        "B-scans",
+        "open files",
+        "ask ports",
+        "fit",
+        "keep files",
+        "list recordings",
+    }
+    assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]
+
+
+@pytest.fixture(scope="session")
+def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of a whole scan with traces."""
+    wish = ScanWish(tmp_path_factory.mktemp("recorded"), ORDER)
+    with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, wish))
+        live.start()
+        live.hang_up()
+        live.join()
+    assert live.status.error is None
+    return live.status.recording

@@ -1,0 +1,68 @@
+"""Mouse and waiting for the tests of the window."""
+
+from collections.abc import Callable
+
+import pyqtgraph as pg
+from PySide6.QtCore import QPoint, QPointF, Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.plots.marks import ReadingMarks
+from sonarhw_gui.shell.main_window import MainWindow
+
+PATIENCE = 60_000  # ms
+
+
+def until(qtbot: QtBot, condition: Callable[[], bool]) -> None:
+    qtbot.waitUntil(condition, timeout=PATIENCE)
+
+
+def predicted(window: MainWindow) -> bool:
+    """Whether nothing better is still to come, with every reading compared."""
+    shown, status = window.session.shown, window.session.status
+    compared = all(shown.row(k) is not None for k in range(len(shown.readings)))
+    draft = shown.compared is not None and shown.compared.draft
+    return compared and not draft and not status.predicting and shown.outline is not None
+
+
+def ended(window: MainWindow) -> bool:
+    """Whether a live scan has run and is over."""
+    phase = window.session.status.phase
+    return phase is not None and not window.session.status.scanning
+
+
+def place_of(marks: ReadingMarks, reading: int) -> tuple[float, float]:
+    """Where a reading is drawn."""
+    for points, places in marks.placed.values():
+        if reading in points.readings:
+            return tuple(places[points.readings.index(reading)])
+    raise AssertionError(f"reading {reading} is not drawn")
+
+
+def click(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> None:
+    """Click a point of a plot, given in its own coordinates, with the mouse."""
+    pixel = view.mapFromScene(box.mapViewToScene(QPointF(*at)))
+    qtbot.mouseMove(view.viewport(), pixel)
+    qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+
+
+def pixel_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> QPoint:
+    """Where a point of a plot lies on the screen."""
+    return view.mapFromScene(box.mapViewToScene(QPointF(*at)))
+
+
+def drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> None:
+    """Drag with the mouse from the first point of a plot over the others to the last."""
+    end = begin_drag(qtbot, view, box, *way)
+    qtbot.mouseRelease(view.viewport(), Qt.MouseButton.LeftButton, pos=end)
+
+
+def begin_drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> QPoint:
+    """Drag without letting go; where the mouse is then."""
+    pixels = [pixel_at(view, box, at) for at in way]
+    qtbot.mouseMove(view.viewport(), pixels[0])
+    qtbot.mousePress(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[0])
+    for pixel in pixels[1:]:
+        for part in (0.5, 1.0):  # two moves, as a hand makes many: the first begins the drag
+            between = pixels[0] + (pixel - pixels[0]) * part
+            qtbot.mouseMove(view.viewport(), between)
+            qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+    return pixels[-1]

@@ -1,0 +1,170 @@
+"""The program as a person has it: a process of its own, worked by the hands of xdotool and seen by what it paints.
+
+Nothing inside it is asked. What can be known is its title, its colours on the screen, what was marked with the mouse to
+be pasted elsewhere, and the files it leaves.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtGui import QClipboard, QColor, QGuiApplication, QImage
+from scipy.ndimage import binary_erosion, center_of_mass, label
+from sonarhw_gui.look.palette import DARK, LIGHT, Palette
+
+Pixel = tuple[int, int]
+Seen = TypeVar("Seen")
+_PATIENCE = 90.0  # s
+_PAUSE = 0.05
+_ABOVE_THE_PLAN = 90  # pixels: menus, tools and legend
+_SENTENCE = (4, 6), (4, 50)  # pixels from left and right, below the views
+_PLAN_SHARE = 0.5  # of the window's width
+_INSIDE_A_MARK = np.ones((5, 5))
+_DIAMOND = np.add.outer(abs(np.arange(-4, 5)), abs(np.arange(-4, 5))) <= 4
+_AROUND = (-9, 0), (-6, 6), (0, 9), (6, 6), (9, 0), (6, -6), (0, -9), (-6, -6)
+_IN_A_VIEW = 3  # pixels from the left
+
+
+def awaited(look: Callable[[], Seen], what: str) -> Seen:
+    """What a look sees, as soon as it sees anything."""
+    deadline = time.monotonic() + _PATIENCE
+    while not (seen := look()):
+        assert time.monotonic() < deadline, f"not seen: {what}"
+        time.sleep(_PAUSE)
+    return seen
+
+
+class Outside:
+    """`sonarhw gui` with some arguments, and its folder of data; killed where a test leaves it running."""
+
+    def __init__(self, data: Path, *arguments: str) -> None:
+        command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "gui", *arguments]
+        environment = {**os.environ, "XDG_DATA_HOME": str(data), "XDG_CONFIG_HOME": str(data), "HOME": str(data)}
+        self._process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+        self._recordings = data / "sonarhw" / "recordings"
+        self._window = ""
+
+    def __enter__(self) -> "Outside":
+        self._window = awaited(self._find, "a window")
+        _hand("windowfocus", "--sync", self._window)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.communicate()
+
+    def _find(self) -> str:
+        assert self._process.poll() is None, self._process.communicate()[1]
+        search = ["xdotool", "search", "--onlyvisible", "--pid", str(self._process.pid), "--name", "^sonarhw — "]
+        return subprocess.run(search, capture_output=True, text=True, timeout=_PATIENCE).stdout.strip()
+
+    def ended(self) -> tuple[int, str]:
+        """How it ended, and what it complained of."""
+        _, complaints = self._process.communicate(timeout=_PATIENCE)
+        return self._process.returncode, complaints
+
+    @property
+    def title(self) -> str:
+        """What its window is called."""
+        return _hand("getwindowname", self._window).removeprefix("sonarhw — ")
+
+    @property
+    def recordings(self) -> list[Path]:
+        """The logs it has begun, by name."""
+        return sorted(self._recordings.glob("*.mcap"))
+
+    def key(self, *keys: str) -> None:
+        """Press keys, one after the other."""
+        _hand("key", "--delay", "40", *keys)
+
+    def click(self, at: Pixel) -> None:
+        """Click into the window."""
+        _hand(*self._to(at), "click", "1")
+
+    def drag(self, start: Pixel, end: Pixel, let_go: bool = True) -> None:
+        """Drag from one point of the window to another."""
+        way = np.round(np.linspace(start, end, 6)).astype(int)
+        # a hand is no faster, and of moves that come at once the window takes one
+        moves = [part for at in way[1:] for part in (*self._to(at), "sleep", "0.03")]
+        _hand(*self._to(start), "mousedown", "1", *moves, *(["mouseup", "1"] if let_go else []))
+
+    def let_go(self) -> None:
+        """End a drag."""
+        _hand("mouseup", "1")
+
+    def _to(self, at: Pixel) -> list[str]:
+        return ["mousemove", "--window", self._window, *map(str, at)]
+
+    def sentence(self) -> str:
+        """The sentence under the views, marked with the mouse as one does to paste it elsewhere."""
+        return awaited(self._marked, "a sentence that stays long enough to be marked")
+
+    def _marked(self) -> str:
+        clipboard, top = QGuiApplication.clipboard(), self._end_of_views()
+        clipboard.clear(QClipboard.Mode.Selection)
+        (left, above), (right, below) = _SENTENCE
+        self.drag((left, top + above), (self._picture().shape[1] - right, top + below))
+        given_up = time.monotonic() + 1
+        while not (marked := clipboard.text(QClipboard.Mode.Selection)) and time.monotonic() < given_up:
+            QGuiApplication.processEvents()  # else what is marked elsewhere is not heard of
+            time.sleep(_PAUSE)
+        return marked
+
+    def looks(self, palette: Palette) -> bool:
+        """Whether it is painted on that paper."""
+        return bool((self._picture()[self._end_of_views() - 5, _IN_A_VIEW] == _rgb(palette.paper)).all())
+
+    def badge(self, colour: str) -> bool:
+        """Whether the badge in the corner has that colour."""
+        return bool((self._picture()[-40:, -60:] == _rgb(colour)).all(axis=2).any())
+
+    def readings(self, colour: str) -> list[Pixel]:
+        """The middles of the round marks of that colour in the plan, the most to the left first."""
+        return _middles(binary_erosion(self._plan(colour), _INSIDE_A_MARK))
+
+    def sensor(self) -> Pixel:
+        """The middle of the sensor in the plan: a diamond with nothing around it but two rays at most."""
+        ink = self._plan(LIGHT.ink)
+        around = [np.roll(ink, by, (0, 1)) for by in _AROUND]
+        return _middles(binary_erosion(ink, _DIAMOND) & (np.sum(around, axis=0) <= 2))[0]
+
+    def _plan(self, colour: str) -> NDArray[np.bool_]:
+        """Where the plan has that colour; the rest of the window has it nowhere."""
+        picture = self._picture()
+        coloured = (picture == _rgb(colour)).all(axis=2)
+        coloured[:_ABOVE_THE_PLAN] = False
+        coloured[:, round(_PLAN_SHARE * picture.shape[1]) :] = False
+        return coloured
+
+    def _end_of_views(self) -> int:
+        edge = self._picture()[:, _IN_A_VIEW]
+        on_paper = [(edge == _rgb(palette.paper)).all(axis=1) for palette in (LIGHT, DARK)]
+        return int(np.flatnonzero(np.logical_or(*on_paper))[-1]) + 1
+
+    def _picture(self) -> NDArray[np.uint8]:
+        image = QGuiApplication.primaryScreen().grabWindow(int(self._window)).toImage()
+        image = image.convertToFormat(QImage.Format.Format_RGB32)
+        words = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.width(), 4)
+        return words[:, :, 2::-1].copy()
+
+
+def _hand(*does: str) -> str:
+    return subprocess.run(
+        ["xdotool", *does], check=True, capture_output=True, text=True, timeout=_PATIENCE
+    ).stdout.strip()
+
+
+def _rgb(colour: str) -> NDArray[np.uint8]:
+    return np.array(QColor(colour).getRgb()[:3], np.uint8)
+
+
+def _middles(filled: NDArray[np.bool_]) -> list[Pixel]:
+    places, count = label(filled)
+    return sorted((round(x), round(y)) for y, x in center_of_mass(filled, places, range(1, count + 1)))

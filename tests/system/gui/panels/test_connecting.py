@@ -1,0 +1,127 @@
+"""Choosing a scanner: ports with what answers there, any URL, and a scan with it; nothing waits for a slow port."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.live_status import Phase
+from sonarhw_gui.live.scanner_choice import ScannerWay
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.work.port_book import PortBook
+
+from sonarhw.errors import InputError
+from sonarhw.host.who_answers import who_answers
+from sonarhw.link.ports import Port, Usb
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import ended, until
+
+ARDUINO = Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None))
+OTHER = Port("/dev/ttyS0", "n/a")
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+def nowhere(url: str) -> ScannerWay:
+    raise InputError(f"{url}: leads nowhere")
+
+
+def with_ports(window: MainWindow, ask: Callable[[str], tuple[bool, str]]) -> None:
+    window.session.scanners._make_book = lambda: PortBook(lambda: [ARDUINO, OTHER], ask)
+
+
+def rows(window: MainWindow) -> list[list[str]]:
+    table = window.connecting.dialog.ports
+    return [[table.item(row, column).text() for column in range(3)] for row in range(table.rowCount())]
+
+
+def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_K, CONTROL)
+    assert window.connecting.dialog.isVisible()
+
+
+def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with(find_way=nowhere)
+    with_ports(window, lambda device: (True, "scanner POL-7"))
+    open_dialog(qtbot, window)
+    until(qtbot, lambda: not window.session.scanners._book.busy and window.connecting.dialog.ports.rowCount() == 2)
+    assert rows(window) == [
+        ["/dev/ttyACM0", "Arduino Mega 2560", "scanner POL-7"],
+        ["/dev/ttyS0", "n/a", "not asked"],
+    ]
+    assert window.connecting.dialog.url.currentText() == "/dev/ttyACM0"  # the only one that answers
+    qtbot.mouseClick(window.connecting.dialog.ask_all, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: rows(window)[1][2] == "scanner POL-7")
+
+
+def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: OpenWith) -> None:
+    gate = threading.Event()
+    window = open_with(find_way=nowhere)
+    with_ports(window, lambda device: (gate.wait(30), "answered late"))
+    open_dialog(qtbot, window)
+    until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "asking …"]])
+    qtbot.keyClick(window, Qt.Key.Key_2)
+    assert window.side_by_side.isVisible()
+    gate.set()
+    until(qtbot, lambda: rows(window)[0][2] == "answered late")
+
+
+def test_a_url_that_is_typed_is_connected_and_scanned_with(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
+) -> None:
+    opener = fake("max")
+    window = open_with(find_way=lambda url: ScannerWay(url, opener))
+    assert not window.commands.scan.isEnabled()
+    with_ports(window, lambda device: (False, "nobody"))
+    open_dialog(qtbot, window)
+    dialog = window.connecting.dialog
+    assert not dialog.connect_button.isEnabled()
+    QTest.keyClicks(dialog.field, "socket://somewhere:4000")
+    qtbot.mouseClick(dialog.connect_button, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: window.session.status.phase is Phase.READY)
+    assert window.session.scanners.urls == ("socket://somewhere:4000",)
+    window.commands.scan.trigger()
+    until(qtbot, lambda: ended(window) and len(window.session.shown.readings) == ORDER.readings)
+
+
+def test_a_fake_scanner_brings_the_room_that_it_hears(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene, recorded: Path
+) -> None:
+    opener = fake("max")
+    window = open_with(scene=Scene(None, None, scene.board), find_way=lambda url: ScannerWay(url, opener, scene))
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.replay.loaded)
+    window.session.scanners.choose("fake:simple.toml")
+    assert window.session.shown.scene is scene
+    assert not window.session.replay.loaded
+    until(qtbot, lambda: window.session.status.phase is Phase.READY)
+
+
+def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    window = open_with(find_way=nowhere, source=fake("max"))
+    window.session.scanners.choose("soket://host")
+    assert "soket://host: leads nowhere" in window.banner.message
+    assert window.session.scanners.urls == ()
+    assert window.commands.scan.isEnabled()
+
+
+def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    opener = fake("real")
+    window = open_with(find_way=lambda url: ScannerWay(url, opener), source=fake(4.0), autostart=True)
+    until(qtbot, lambda: len(window.session.shown.readings) >= 2)
+    window.session.scanners.choose("socket://another")
+    assert "a scan runs" in window.banner.message
+    assert window.session.status.scanning
+
+
+@pytest.mark.parametrize(("url", "said"), [("socket://127.0.0.1:9", "no scanner: "), ("nonsense://x", "no scanner: ")])
+def test_a_port_where_nobody_is_says_why(url: str, said: str) -> None:
+    answers, why = who_answers(url, patience=0.3)
+    assert not answers
+    assert why.startswith(said)
+    assert not why.startswith(f"{said}{url}")

@@ -1,0 +1,157 @@
+"""Find where I stood: from the panel, with mouse and keys; accepted, undone, cancelled, refused."""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_compare.fit import free_parameters
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.panels.fit_words import in_words
+from sonarhw_gui.scene.fit_scene import fitted
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import sensor_at
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.profile import parse_board
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import until
+
+LEFT = Qt.MouseButton.LeftButton
+
+
+def opened(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> MainWindow:
+    """On a scan of figure 9, with the sensor believed to stand 12 cm and 9° beside it."""
+    beside, _ = sensor_at(scene, (0.69, 0.17))
+    beside = replace(beside, place=replace(beside.place, heading=math.radians(9)))
+    window = open_with(scene=beside, source=read_log(recorded))
+    qtbot.keyClick(window, Qt.Key.Key_F9)
+    until(qtbot, window.fit_panel.isVisible)
+    return window
+
+
+def find(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.mouseClick(window.fit_panel.begin, LEFT)
+    until(qtbot, lambda: window.session.fitting.state.found is not None)
+
+
+def test_the_place_is_found_told_with_its_error_accepted_and_undone(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = opened(qtbot, open_with, recorded, scene)
+    panel, before = window.fit_panel, window.session.shown.scene
+    find(qtbot, window)
+    assert panel.accept.isVisible()
+    # a position in the unit of its error: m beside mm were read as one
+    assert len(re.findall(r"\d mm</td><td>&nbsp;&nbsp;± [\d.]+ mm", panel.table.text())) >= 2
+    assert "within 5 cm: " in panel.told.text()
+    assert window.session.shown.scene is before
+    found = window.session.fitting.state.found
+    assert found.within_5cm < 0.7 < found.answers[0].within_5cm
+    qtbot.mouseClick(panel.accept, LEFT)
+    place = window.session.shown.scene.standing
+    assert place.position == pytest.approx(scene.standing.position, abs=0.005)
+    assert abs(math.remainder(place.heading - scene.standing.heading, math.tau)) < math.radians(1)
+    assert not panel.accept.isVisible()
+    assert window.commands.undo.text() == "Undo finding where I stood"
+    until(qtbot, window.commands.undo.isEnabled)
+    qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    until(qtbot, lambda: window.session.shown.scene is before)
+
+
+def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = opened(qtbot, open_with, recorded, scene)
+    panel = window.fit_panel
+    qtbot.keyClick(panel.where, Qt.Key.Key_Down)
+    find(qtbot, window)
+    assert panel.answers.isVisible()
+    assert panel.answers.count() == 2
+    assert "the room may be symmetric" in panel.told.text()
+    wide, deep = scene.room.walls.reshape(-1, 2).max(axis=0)
+    (x, y), turned = scene.standing.position, scene.standing.heading + math.pi
+    poses = [((x, y), scene.standing.heading), ((wide - x, deep - y), turned)]
+    qtbot.keyClick(panel.answers, Qt.Key.Key_Down)
+    assert "± " not in panel.table.text()
+    qtbot.mouseClick(panel.accept, LEFT)
+    place = window.session.shown.scene.standing
+    at, heading = min(poses, key=lambda pose: math.dist(pose[0], place.position))
+    assert place.position == pytest.approx(at, abs=0.01)
+    assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)
+
+
+def test_a_fit_that_is_cancelled_or_put_away_changes_nothing(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = opened(qtbot, open_with, recorded, scene)
+    panel, before = window.fit_panel, window.session.shown.scene
+    qtbot.mouseClick(panel.begin, LEFT)
+    until(qtbot, panel.cancel.isVisible)
+    assert not panel.begin.isEnabled()
+    qtbot.mouseClick(panel.cancel, LEFT)
+    assert not panel.cancel.isVisible()
+    assert panel.begin.isEnabled()
+    find(qtbot, window)
+    qtbot.mouseClick(panel.discard, LEFT)
+    assert not panel.accept.isVisible()
+    assert window.session.shown.scene is before
+
+
+def test_another_room_or_scan_takes_no_answer_of_the_one_before(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = opened(qtbot, open_with, recorded, scene)
+    qtbot.mouseClick(window.fit_panel.begin, LEFT)
+    window.session.leave_replay()
+    assert not window.session.fitting.state.running
+    assert not window.fit_panel.begin.isEnabled()
+    assert not window.fit_panel.cancel.isVisible()
+
+
+def test_what_cannot_be_fitted_is_a_banner(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
+    log = read_log(recorded)
+    silent = tuple(replace(reading, echo_times=()) for reading in log.readings)
+    window = open_with(scene=scene, source=replace(log, scans=(replace(log.scans[0], readings=silent),)))
+    qtbot.keyClick(window, Qt.Key.Key_J, Qt.KeyboardModifier.ControlModifier)
+    until(qtbot, lambda: "no reading of this scan has an echo" in window.banner.message)
+    assert window.fit_panel.isVisible()
+
+
+def test_nothing_free_is_nothing_to_find(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
+    panel = opened(qtbot, open_with, recorded, scene).fit_panel
+    for box in panel.free.values():
+        box.setFocus()
+        if box.isChecked():
+            qtbot.keyClick(box, Qt.Key.Key_Space)
+    assert not panel.begin.isEnabled()
+
+
+def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene) -> None:
+    found = {"heading": math.radians(-0.01), "offset": -0.00001, "temperature": -5.04, "x": -0.00001}
+    free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
+    values = {one: found.get(one.name, 0.5) for one in free}
+    told = {one.name: in_words(one, value, LengthUnit.M) for one, value in values.items()}
+    assert told == {
+        "x": "0.000 m",
+        "y": "0.500 m",
+        "heading": "−0.01°",
+        "offset": "+0.0 mm",
+        "temperature": "−5.0 °C",
+    }
+    heading = next(one for one in free if one.name == "heading")
+    assert in_words(heading, math.radians(-90), LengthUnit.M) == "270.00°"
+
+
+def test_what_was_found_stands_in_room_and_profile(scene: Scene) -> None:
+    found_at = {"x": 0.5, "y": 0.25, "heading": math.radians(90), "offset": 0.012, "temperature": 23.4}
+    free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
+    after, _ = fitted(scene, {one: found_at[one.name] for one in free}, scene.board)
+    assert (after.place.position, after.place.heading) == ((0.5, 0.25), math.radians(90))
+    assert "temperature_c = 23.4" in after.room.text
+    assert after.room.air.temperature_c == 23.4
+    assert parse_board(after.board.text, "the profile").range_offset == after.board.range_offset == -0.012

@@ -1,0 +1,229 @@
+"""Live scans in a real window: they fill it, stop, break and are closed, and the log is whole each time."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.live_scan import Phase
+from sonarhw_gui.live.status import Source
+from sonarhw_gui.look.palette import MARKS, Unclassed
+from sonarhw_gui.scene.scene import Scene, scene_of_log
+from sonarhw_gui.scene.scene_edit import standing_at
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+
+from sonarhw.device.endpoint import Endpoint, open_door, serve
+from sonarhw.device.fake_board import Board
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import read_log
+from tests.fixtures.faulty_boards import faulty
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import ended, predicted, until
+
+
+def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window) and predicted(window))
+    shown = window.session.shown
+    assert len(shown.readings) == ORDER.readings
+    drawn = sum(len(points.readings) for points, _ in window.plan._marks.placed.values())
+    assert drawn == sum(reading.range is not None for reading in shown.readings)
+    assert Unclassed.MEASURED not in shown.classes
+    assert set(shown.classes) <= set(MARKS)
+    until(qtbot, lambda: (trace := window.session.shown.trace) is not None and trace.predicted is not None)
+    trace = window.session.shown.trace
+    assert trace.measured is not None
+    assert len(trace.predicted.envelope.times) > 500
+    assert len(window.ranges._outline.getData()[0]) >= 360
+    assert window.sentence.text() == shown.sentence
+    assert window.windowTitle() == "sonarhw — Simple room · place figure9"
+
+
+def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    path = window.session.status.recording
+    log = read_log(path)
+    assert log.torn is None
+    assert len(log.readings) == ORDER.readings
+    assert (log.metadata.place, log.metadata.room_file) == ("figure9", "simple.toml")
+    assert path.name.endswith("_simple-room.mcap")
+    assert f"recorded in {path}" in window.status_bar.doing.text()
+
+
+def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 20_000_000)
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    assert "its disk is nearly full: 20.0 MB are free" in window.banner.message
+    assert len(read_log(window.session.status.recording).readings) == ORDER.readings
+
+
+def test_the_log_of_a_scan_carries_the_board(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    metadata = read_log(window.session.status.recording).metadata
+    assert (metadata.board, metadata.board_text) == (scene.board.name, scene.board.text)
+    assert scene_of_log(metadata).board.text == scene.board.text != ""
+
+
+def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    long = replace(ORDER, sweeps=50)  # or a busy machine comes to its end before it is stopped
+    window = open_with(source=fake(4.0), autostart=True, order=long)
+    until(qtbot, lambda: len(window.session.shown.readings) >= 3)
+    assert window.status_bar.badge.text() == "● live"
+    assert not window.commands.scan.isEnabled()
+    window.commands.stop.trigger()
+    until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.STOPPED
+    assert window.status_bar.badge.text() == "recorded"
+    assert window.banner.message == ""
+    assert window.commands.scan.isEnabled()
+    log = read_log(window.session.status.recording)
+    assert log.torn is None
+    assert 3 <= len(log.readings) < long.readings
+
+
+def test_stop_while_it_homes_ends_it_too(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("real"), autostart=True)
+    until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
+    window.commands.stop.trigger()
+    until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.STOPPED
+    assert window.session.shown.readings == ()
+
+
+def test_stop_before_the_scanner_has_answered_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    asked, go_on = threading.Event(), threading.Event()
+    opener = fake("max")
+
+    @contextmanager
+    def slow() -> Iterator[Scanner]:
+        asked.set()
+        assert go_on.wait(30)
+        with opener() as scanner:
+            yield scanner
+
+    window = open_with(source=slow, autostart=True)
+    assert asked.wait(30)
+    window.session.stop()
+    go_on.set()
+    until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.STOPPED
+    assert window.session.status.recording is None
+
+
+def test_a_second_scan_begins_afresh(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window) and predicted(window))
+    first = window.session.status.recording
+    window.commands.scan.trigger()
+    until(qtbot, lambda: window.session.status.recording not in (None, first))
+    until(qtbot, lambda: ended(window) and predicted(window))
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert len(read_log(first).readings) == ORDER.readings
+
+
+def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    before = {thread.name for thread in threading.enumerate()}
+    window = open_with(source=fake(4.0), autostart=True)
+    until(qtbot, lambda: len(window.session.shown.readings) >= 3)
+    recording = window.session.status.recording
+    window.close()
+    left = {thread.name for thread in threading.enumerate()} - before
+    assert [name for name in left if not name.startswith("serve")] == []
+    log = read_log(recording)
+    assert log.torn is None
+    assert 3 <= len(log.readings) < ORDER.readings
+
+
+def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
+) -> None:
+    with vanishing(Board(echoes, 1, scene.board.blanking)) as (url, vanish):
+        endless = replace(ORDER, sweeps=100)
+        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True, order=endless)
+        until(qtbot, lambda: len(window.session.shown.readings) >= 3)
+        vanish()
+        until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.FAILED
+    message = window.banner.message
+    assert url in message
+    assert "readings are kept in" in message
+    assert len(window.session.shown.readings) >= 3
+    log = read_log(window.session.status.recording)
+    assert log.torn is None
+    assert len(log.readings) >= 3
+
+
+def test_what_a_reset_kept_from_being_checked_is_told_when_the_scan_is_done(qtbot: QtBot, open_with: OpenWith) -> None:
+    with serve(faulty("reset=0.1@r20"), tcp="127.0.0.1:0", pace=20) as endpoint:
+        window = open_with(source=lambda: Scanner.open(endpoint.url), autostart=True)
+        until(qtbot, lambda: ended(window))
+    assert window.session.status.phase is Phase.DONE
+    assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in window.banner.message
+
+
+def test_a_scanner_that_is_not_there_is_a_banner(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with(source=lambda: Scanner.open("socket://127.0.0.1:9"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    assert "127.0.0.1:9" in window.banner.message
+    assert window.commands.scan.isEnabled()
+
+
+def test_a_folder_that_cannot_be_written_is_a_banner(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    window = open_with(source=fake("max"), autostart=True, recordings=tmp_path / "file" / "recordings")
+    until(qtbot, lambda: ended(window))
+    assert "recordings would lie there" in window.banner.message
+
+
+def test_without_a_room_the_measured_points_are_shown(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
+) -> None:
+    window = open_with(scene=Scene(None, None, scene.board), source=fake("max"), autostart=True)
+    until(qtbot, lambda: ended(window))
+    assert set(window.session.shown.classes) == {Unclassed.MEASURED}
+    assert "open a room file" in window.sentence.text()
+    assert window.session.status.source is Source.LIVE
+
+
+@contextmanager
+def vanishing(board: Board) -> Iterator[tuple[str, Callable[[], None]]]:
+    """A served board, its URL, and what makes it vanish."""
+    with open_door(tcp="127.0.0.1:0") as door:
+        endpoint = Endpoint(board, door, 4.0)
+        thread = threading.Thread(target=endpoint.run)
+        thread.start()
+
+        def vanish() -> None:
+            endpoint.stop()
+            thread.join()
+            door.close()
+
+        yield door.url, vanish
+
+
+def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
+) -> None:
+    window = open_with(source=fake("max"))
+    session = window.session
+    session.scan()
+    until(qtbot, lambda: ended(window))
+    assert window.banner.message == ""
+    session.showing.edit(standing_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    session.scan()
+    assert "the scanner itself has not moved" in window.banner.message
+    until(qtbot, lambda: ended(window))

@@ -1,0 +1,231 @@
+"""A log in a real window: all of it at once, played, paused, scrubbed, and torn."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QGraphicsView
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.playback_speeds import SPEEDS, Playback
+from sonarhw_gui.live.status import Source, lost_in
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.main_window import MainWindow
+
+from sonarhw.log import Log, read_log
+from sonarhw.wire.messages import Outcome
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import predicted, until
+
+
+@pytest.fixture
+def log(recorded: Path) -> Log:
+    return read_log(recorded)
+
+
+@pytest.fixture
+def window(open_with: OpenWith, log: Log) -> MainWindow:
+    return open_with(source=log)
+
+
+def test_a_log_is_shown_whole_with_the_slider_at_its_end(qtbot: QtBot, window: MainWindow) -> None:
+    until(qtbot, lambda: predicted(window))
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert window.replay_bar.isVisible()
+    assert window.replay_bar.slider.value() == window.replay_bar.slider.maximum() > 0
+    until(qtbot, lambda: window.status_bar.badge.text() == "replay")
+    assert not window.commands.scan.isEnabled()
+
+
+def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: MainWindow) -> None:
+    window.replay_bar.speed.setCurrentIndex(SPEEDS.index(2.0))
+    window.replay_bar.speed.activated.emit(SPEEDS.index(2.0))
+    counts = []
+    window.session.showing.changed.connect(lambda shown: counts.append(len(shown.readings)))
+    qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
+    assert window.replay_bar.play.text() == "Pause"
+    until(qtbot, lambda: not window.session.replay.state.playing)
+    assert counts == sorted(counts)
+    assert counts[0] <= 1
+    assert counts[-1] == ORDER.readings
+    assert len(set(counts)) > 5
+    assert window.replay_bar.play.text() == "Play"
+
+
+def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
+    qtbot: QtBot, window: MainWindow, recorded: Path
+) -> None:
+    until(qtbot, lambda: predicted(window))
+    replay, rows = window.session.replay, window.table.view.selectionModel()
+
+    def marked() -> bool:
+        chosen = window.table.model.place_of(window.session.shown.chosen)
+        return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
+
+    assert marked()
+    for command in (window.commands.back, window.commands.back, window.commands.forth, window.commands.previous):
+        command.trigger()
+        assert marked(), command.text()
+    window.commands.newest.trigger()
+    for part in (0.0, 0.5, 0.2, 1.0):
+        replay.seek(part * replay.state.duration)
+        assert marked(), part
+    window.session.showing.choose(0)
+    with qtbot.waitSignal(window.session.recent_changed):
+        window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.shown.chosen == ORDER.readings - 1)
+    assert marked()
+
+
+def test_pause_stands_still_and_play_goes_on_from_there(qtbot: QtBot, window: MainWindow) -> None:
+    window.session.replay.toggle()
+    until(qtbot, lambda: len(window.session.shown.readings) >= 2)
+    qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
+    stood = window.session.replay.state.position
+    window.session.tick()
+    assert window.session.replay.state.position == stood
+    qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: window.session.replay.state.position > stood)
+
+
+def test_space_plays_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    assert window.session.replay.state.playing
+    qtbot.keyClick(window, Qt.Key.Key_Space)
+    assert not window.session.replay.state.playing
+
+
+def test_scrubbing_shows_what_had_been_measured_by_then(qtbot: QtBot, window: MainWindow) -> None:
+    until(qtbot, lambda: predicted(window))
+    slider = window.replay_bar.slider
+    slider.setValue(slider.maximum() // 2)
+    half = len(window.session.shown.readings)
+    assert 0 < half < ORDER.readings
+    slider.setValue(0)
+    assert len(window.session.shown.readings) <= 1
+    slider.setValue(slider.maximum())
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert predicted(window)
+
+
+def test_all_at_once_is_a_speed(window: MainWindow) -> None:
+    window.session.replay.set_speed(math.inf)
+    window.session.replay.toggle()
+    window.session.tick()
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert window.replay_bar.speed.currentText() == "all at once"
+
+
+def test_a_torn_log_says_so_in_the_banner_and_shows_what_it_holds(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    torn = tmp_path / "torn.mcap"
+    data = recorded.read_bytes()
+    torn.write_bytes(data[: len(data) // 2])
+    window = open_with()
+    window.session.open_file(str(torn))
+    until(qtbot, lambda: window.session.replay.loaded)
+    kept = len(window.session.shown.readings)
+    assert 0 < kept < ORDER.readings
+    assert window.banner.message.startswith("⚠ torn.mcap: ")
+    assert f"{kept} whole readings are shown" in window.banner.message
+
+
+def test_a_log_of_a_scan_that_lost_steps_says_so_in_the_banner(qtbot: QtBot, window: MainWindow, log: Log) -> None:
+    (scan,) = log.scans
+    assert scan.finished is not None
+    lost = replace(scan.finished, outcome=Outcome.LOST_STEPS)
+    window.session.show_log(replace(log, scans=(replace(scan, finished=lost),)), "bench.mcap")
+    told = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be off"
+    until(qtbot, lambda: window.banner.message.startswith(told))
+
+
+def test_a_log_opened_in_the_window_brings_its_own_room(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
+    window = open_with(scene=Scene(None, None, scene.board))
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.status.source is Source.REPLAY and predicted(window))
+    assert window.session.shown.scene.room.name == "Simple room"
+    assert window.toolbar.place.currentText() == "figure9"
+
+
+def test_a_file_that_is_no_log_is_a_banner(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    path = tmp_path / "no.mcap"
+    path.write_text("no log")
+    window = open_with()
+    window.session.open_file(str(path))
+    until(qtbot, lambda: bool(window.banner.message))
+    assert "no.mcap" in window.banner.message
+
+
+def test_a_scan_after_a_replay_puts_the_log_away(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, recorded: Path
+) -> None:
+    window = open_with(source=fake("max"))
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.replay_bar.isVisible())
+    window.commands.scan.trigger()
+    until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings and not window.session.status.scanning)
+    assert not window.replay_bar.isVisible()
+
+
+def test_playback_keeps_the_recorded_schedule(log: Log) -> None:
+    playback = Playback(log)
+    first, last = log.readings[0], log.readings[-1]
+    assert playback.count == ORDER.readings
+    playback.play()
+    playback.speed = 2.0
+    before_last = (last.time - log.scans[0].began) / 2 - 1e-3
+    playback.advance(before_last)
+    assert playback.count == ORDER.readings - 1
+    playback.seek(first.time - log.scans[0].began)
+    assert playback.count == 1
+
+
+def test_a_log_longer_than_is_compared_at_once_is_compared_where_it_is_looked_at(
+    qtbot: QtBot, open_with: OpenWith, log: Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sonarhw_gui.work.forecast.MOST_COMPARED", 10)
+    window = open_with(source=log)
+    until(qtbot, lambda: window.session.shown.chosen_row is not None)
+    assert window.session.shown.row(0) is None
+    slider = window.replay_bar.slider
+    slider.setValue(slider.maximum() // 4)
+    until(qtbot, lambda: window.session.shown.chosen_row is not None)
+    assert window.session.shown.row(0) is not None
+    assert window.session.shown.chosen == len(window.session.shown.readings) - 1
+
+
+def test_lost_are_the_readings_that_were_made_and_are_not_there(log: Log) -> None:
+    (scan,) = log.scans
+    assert lost_in(scan) == 0
+    assert lost_in(replace(scan, readings=scan.readings[:5] + scan.readings[7:])) == 2
+    # a scan that was stopped has not lost what it never made
+    stopped = replace(scan, readings=scan.readings[:10], finished=replace(scan.finished, readings=10))
+    assert lost_in(stopped) == 0
+    assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
+
+
+def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
+    until(qtbot, lambda: predicted(window))
+    window.session.showing.choose(20)
+    QApplication.processEvents()
+    window.session.replay.toggle()
+    until(qtbot, lambda: len(window.session.shown.readings) >= ORDER.readings // 3)
+    window.session.replay.pause()
+    until(qtbot, lambda: predicted(window))
+    QApplication.processEvents()
+    for view in (window.ranges, window.plan):
+        until(qtbot, lambda view=view: _on_screen(window, view) == _drawn_anew(view))
+
+
+def _on_screen(window: MainWindow, view: QGraphicsView) -> QImage:
+    image = window.screen().grabWindow(view.viewport().winId()).toImage()
+    return image.convertToFormat(QImage.Format.Format_RGB32)
+
+
+def _drawn_anew(view: QGraphicsView) -> QImage:
+    return view.viewport().grab().toImage().convertToFormat(QImage.Format.Format_RGB32)

@@ -1,0 +1,280 @@
+"""The room panel, with a real mouse and real keys: materials, air, hearing and the sensor in figures."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtWidgets import QFileDialog, QSlider, QStyle, QStyleOptionSlider
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.appearance import LengthUnit, Look
+from sonarhw_gui.panels.room_panel import RoomPanel
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.application import open_application
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import Receiver, load_board
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.room.model import load_room
+from sonarhw_sim.room.room_writing import materials, with_air
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ROOM, OpenWith
+from tests.system.gui.driving import predicted, until
+
+
+class Keeper:
+    """Does with edits what the session does: shows them; and keeps what they were called, and the gestures."""
+
+    def __init__(self, panel: RoomPanel, scene: Scene) -> None:
+        self._panel, self.scene = panel, scene
+        self.labels: list[str] = []
+        self.gestures: list[object] = []
+        panel.edited.connect(self.take)
+        self.show()
+
+    def take(self, scene: Scene, label: str, gesture: object) -> None:
+        self.scene = scene
+        self.labels.append(label)
+        self.gestures.append(gesture)
+        self.show()
+
+    def show(self, look: Look | None = None) -> None:
+        self._panel.show_state(Shown(self.scene, look=look or Look()))
+
+
+@pytest.fixture
+def panel(qtbot: QtBot) -> Iterator[RoomPanel]:
+    open_application()
+    panel = RoomPanel()
+    qtbot.addWidget(panel)
+    panel.show()
+    return panel
+
+
+@pytest.fixture
+def keeper(panel: RoomPanel, scene: Scene) -> Keeper:
+    return Keeper(panel, scene)
+
+
+def drag_slider(qtbot: QtBot, slider: QSlider, *values: int) -> None:
+    """Take the knob with the mouse and put it down at the last value."""
+    option = QStyleOptionSlider()
+    slider.initStyleOption(option)
+    part = QStyle.SubControl.SC_SliderHandle
+    knob = slider.style().subControlRect(QStyle.ComplexControl.CC_Slider, option, part, slider)
+    pixels = (slider.width() - knob.width()) / (slider.maximum() - slider.minimum())
+    start, first = knob.center(), slider.value()
+    ways = [start + QPoint(round((value - first) * pixels), 0) for value in values]
+    qtbot.mousePress(slider, Qt.MouseButton.LeftButton, pos=start)
+    for at in ways:
+        qtbot.mouseMove(slider, at)
+    qtbot.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=ways[-1])
+
+
+def test_one_drag_of_a_slider_is_one_step_and_the_walls_take_it(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    reflectance, scatter = panel.materials.amounts["shelving"]
+    drag_slider(qtbot, reflectance.slider, 80, 60, 40)
+    assert len(keeper.labels) >= 3
+    assert len(set(map(id, keeper.gestures))) == 1
+    assert keeper.scene.room.reflectances[0] == pytest.approx(0.4, abs=0.03)
+    assert reflectance.field.value() == keeper.scene.room.reflectances[0]
+    drag_slider(qtbot, scatter.slider, 30)
+    assert len(set(map(id, keeper.gestures))) == 2
+    shelving = materials(keeper.scene.room)["shelving"]
+    assert shelving.scatter == pytest.approx(0.3, abs=0.03)
+    assert shelving.reflectance == reflectance.field.value()
+    assert set(keeper.labels) == {"changing shelving"}
+
+
+def test_air_is_typed_and_what_was_not_typed_stays_as_it_was(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    keeper.scene = replace(keeper.scene, room=with_air(keeper.scene.room, Air(10.0, 0.333, 99.987)))
+    keeper.show()
+    panel.air.temperature.field.setFocus()
+    panel.air.temperature.field.selectAll()
+    qtbot.keyClicks(panel.air.temperature.field, "-5.5")
+    qtbot.keyClick(panel.air.temperature.field, Qt.Key.Key_Return)
+    air = keeper.scene.room.air
+    assert (air.temperature_c, air.relative_humidity, air.pressure_kpa) == (-5.5, 0.333, 99.987)
+    assert panel.air.speed.text() == f"{air.speed_of_sound:.1f} m/s"
+    assert "temperature_c = -5.5" in keeper.scene.room.text
+
+
+def test_receiver_unit_and_edges_are_chosen_by_key(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    hearing = panel.hearing
+    for field in (hearing.receiver, hearing.unit, hearing.edges):
+        qtbot.keyClick(field, Qt.Key.Key_Down)
+    options = keeper.scene.options
+    assert options.receiver is Receiver.BOARD
+    assert options.unit is Unit.BLOCK
+    assert options.edge_strength is EdgeStrength.KELLER
+    assert keeper.scene.room.text == load_room(ROOM).text
+
+
+def test_a_board_is_chosen_by_key_brings_its_receiver_and_the_scans_own_can_be_had_back(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+) -> None:
+    own = replace(keeper.scene.board, range_offset=0.01)
+    keeper.scene = replace(keeper.scene, board=own)
+    keeper.show()
+    board = panel.hearing.board
+    assert board.currentText() == f"{own.name}, changed"
+    board.setFocus()
+    qtbot.keyClicks(board, "lego")
+    assert keeper.scene.board == load_board("lego-nxt")
+    assert keeper.scene.options.receiver is keeper.scene.board.receiver
+    assert keeper.labels == ["board lego-nxt"]
+    qtbot.keyClick(board, Qt.Key.Key_Home)
+    assert keeper.scene.board == own
+
+
+def test_a_board_of_ones_own_is_taken_from_its_file_and_a_wrong_file_is_told(
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, tmp_path: Path
+) -> None:
+    window = open_with()
+    window.docks.show("Room")
+    board = window.room.hearing.board
+
+    def take(text: str) -> None:
+        (tmp_path / "own.toml").write_text(text)
+        board.setFocus()
+        qtbot.keyClick(board, Qt.Key.Key_End)
+        dialog = next(dialog for dialog in window.findChildren(QFileDialog) if dialog.isVisible())
+        dialog.fileSelected.emit(str(tmp_path / "own.toml"))
+        dialog.reject()
+
+    take(f"nonsense = 1\n{scene.board.text}")
+    assert window.banner.message.startswith(f"⚠ {tmp_path / 'own.toml'}: nonsense")
+    assert window.session.shown.scene is scene
+    assert board.currentText() == f"{scene.board.name}, changed"
+    own = scene.board.text.replace(f'name = "{scene.board.name}"', 'name = "mine"')
+    take(own)
+    assert (board.currentText(), window.session.shown.scene.board.text) == ("mine", own)
+    window.session.showing.undo()
+    assert window.session.shown.scene is scene
+
+
+def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
+    window = open_with()
+    window.docks.show("Room")
+    until(qtbot, lambda: predicted(window))
+    board = window.room.hearing.board
+    board.setFocus()
+    qtbot.keyClick(board, Qt.Key.Key_Down)
+    assert board.currentText() == "hc-sr04"
+    until(qtbot, lambda: window.session.shown.outline.board == load_board("hc-sr04"))
+    qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    assert window.session.shown.scene is scene
+    assert board.currentText() == f"{scene.board.name}, changed"
+    until(qtbot, lambda: window.session.shown.outline.board == scene.board)
+
+
+def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+) -> None:
+    keeper.show(Look(unit=LengthUnit.CM))
+    x = panel.sensor.along_x
+    assert x.text() == "77.4 cm"
+    x.setFocus()
+    x.selectAll()
+    qtbot.keyClicks(x, "50")
+    qtbot.keyClick(x, Qt.Key.Key_Return)
+    assert keeper.scene.standing.position == (0.5, 0.085)
+    keeper.show()
+    assert x.text() == "0.500 m"
+    panel.sensor.heading.selectAll()
+    qtbot.keyClicks(panel.sensor.heading, "90")
+    qtbot.keyClick(panel.sensor.heading, Qt.Key.Key_Return)
+    assert keeper.scene.standing.heading == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize(("typed", "metres"), [("1,5", 1.5), ("1.5", 1.5), ("1,234.5", 1.234), ("1.234,5", 1.234)])
+def test_a_comma_is_a_decimal_point_and_nothing_groups_digits(
+    qtbot: QtBot, panel: RoomPanel, keeper: Keeper, typed: str, metres: float
+) -> None:
+    x = panel.sensor.along_x
+    x.setFocus()
+    x.selectAll()
+    qtbot.keyClicks(x, typed)
+    qtbot.keyClick(x, Qt.Key.Key_Return)
+    assert keeper.scene.standing.position[0] == metres
+
+
+def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    panel.sensor.along_y.setValue(0.6)
+    qtbot.keyClicks(panel.sensor.name, "shelf")
+    qtbot.keyClick(panel.sensor.name, Qt.Key.Key_Return)
+    assert keeper.scene.standing.name == "shelf"
+    assert keeper.scene.room.place("shelf").position == (0.774, 0.6)
+    assert keeper.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
+    assert keeper.labels[-1] == "keeping place shelf"
+
+
+def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    qtbot.keyClicks(panel.materials.name, "felt")
+    qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
+    assert [*panel.materials.amounts] == ["shelving", "felt"]
+    panel.choose_surface("top")
+    qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
+    room = keeper.scene.room
+    assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]
+    assert panel.surface.words.text().startswith("top · felt, reflectance 0.90")
+
+
+def test_what_cannot_be_is_told_and_the_figures_go_back(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+    while len(keeper.scene.room.walls) > 1:
+        qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
+    before = keeper.scene
+    qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
+    assert keeper.scene is before
+    assert "last wall" in panel._refused.text()
+    assert panel._refused.isVisible()
+
+
+def test_without_a_room_nothing_can_be_set(panel: RoomPanel, keeper: Keeper) -> None:
+    keeper.scene = replace(keeper.scene, room=None, place=None)
+    keeper.show()
+    assert not any(group.isEnabled() for group in panel._groups)
+
+
+def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    before = window.session.shown
+    window.session.showing.choose(27)
+    reflectance = window.room.materials.amounts["shelving"][0]
+    drag_slider(qtbot, reflectance.slider, 50)
+    until(qtbot, lambda: predicted(window) and window.session.shown.outline is not before.outline)
+    shown = window.session.shown
+    assert shown.outline.room.reflectances[0] == reflectance.value
+    qtbot.keyClick(window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
+    window.plan.zoom(0.5)
+    seen = window.plan.plotItem.vb.viewRange()
+    file = tmp_path / "mine.toml"
+    window.session.save_room(str(file))
+    saved = load_room(file)
+    assert saved.reflectances[0] == reflectance.value
+    assert saved.place("0.764,0.085").position == (0.764, 0.085)
+    assert window.session.shown.scene.room_file == "mine.toml"
+    assert window.plan.plotItem.vb.viewRange() == seen
+    for _ in range(2):
+        until(qtbot, window.commands.undo.isEnabled)
+        doing = window.commands.undo.text()
+        qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+        until(qtbot, lambda doing=doing: window.commands.undo.text() != doing)
+    assert window.session.shown.scene.room is before.scene.room
+
+
+def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    window.plan.hands.choose_surface("top")
+    assert window.room.surface.surface.currentText() == "top"
+    qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
+    assert window.plan.hands.chosen_surface == 3

@@ -1,0 +1,216 @@
+"""Pictures, data and reports are kept by key and dialog, whole, and never over another file unasked."""
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLineEdit, QMessageBox
+from pytestqt.qtbot import QtBot
+from sonarhw_cli.app import run
+from sonarhw_gui.parts.svg_strokes import with_own_coordinates
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.store.documents import Documents
+from sonarhw_gui.store.keeping import Data, KeepRequest
+
+from sonarhw.errors import InputError
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ORDER, OpenWith
+from tests.system.gui.driving import predicted, until
+
+CTRL, SHIFT, ALT = (
+    Qt.KeyboardModifier.ControlModifier,
+    Qt.KeyboardModifier.ShiftModifier,
+    Qt.KeyboardModifier.AltModifier,
+)
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
+    window = open_with(source=read_log(recorded), source_name=recorded.name, source_file=recorded)
+    until(qtbot, lambda: predicted(window))
+    return window
+
+
+def keep(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier = CTRL) -> None:
+    """Press the key, type where to keep it, and click Save; whether it has been written is left to the caller."""
+    qtbot.keyClick(window, key, modifier)
+    until(qtbot, lambda: window.keep.dialog is not None and window.keep.dialog.isVisible())
+    field = window.keep.dialog.findChild(QLineEdit, "fileNameEdit")
+    field.setText(str(path))  # typed letter by letter, Qt's completer meddles with it
+    save = window.keep.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
+    qtbot.mouseClick(save, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: not window.session.keeping.busy)
+
+
+@pytest.mark.parametrize(
+    ("key", "modifier", "view"),
+    [
+        (Qt.Key.Key_P, CTRL, "plan"),
+        (Qt.Key.Key_T, CTRL | ALT, "trace"),
+        (Qt.Key.Key_R, CTRL | ALT, "ranges"),
+    ],
+)
+def test_a_view_is_kept_as_pixels_and_as_a_drawing(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier, view: str
+) -> None:
+    keep(qtbot, window, tmp_path / "view.png", key, modifier)
+    image = QImage(str(tmp_path / "view.png"))
+    shown = getattr(window, view)
+    assert image.width() == 2 * shown.width()
+    assert image.height() > 2 * shown.height()
+    colours = {image.pixelColor(x, y).name() for x in range(0, image.width(), 3) for y in range(0, image.height(), 3)}
+    assert window.session.shown.look.palette.measured.lower() in colours
+    keep(qtbot, window, tmp_path / "view.svg", key, modifier)
+    drawing = ElementTree.parse(tmp_path / "view.svg").getroot()
+    assert drawing.tag.endswith("svg")
+    texts = [text for element in drawing.iter() if (text := (element.text or "").strip())]
+    assert any("Simple room · place figure9" in text for text in texts)
+    assert window.status_bar.currentMessage() == f"kept in {tmp_path / 'view.svg'}"
+
+
+def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
+    qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
+) -> None:
+    window.commands.save_room.trigger()
+    asked = window.findChild(QFileDialog)
+    assert asked.directory().absolutePath() == str(recorded.parent)
+    asked.reject()
+    window.commands.keep_data.trigger()
+    assert window.keep.dialog.directory().absolutePath() == str(recorded.parent)
+    keep(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
+    window.commands.report.trigger()
+    assert window.keep.dialog.directory().absolutePath() == str(tmp_path)
+
+
+def test_a_live_scan_is_kept_where_one_opened_something_last_not_among_the_recordings(tmp_path: Path) -> None:
+    recordings, rooms = tmp_path / "recordings", tmp_path / "rooms"
+    for folder in (recordings, rooms):
+        folder.mkdir()
+    documents = Documents(recordings)
+    scan = str(recordings / "scan.mcap")
+    try:
+        assert documents.folder(scan) == Path.home()
+        documents.recent = (scan, str(tmp_path / "gone" / "a.toml"), str(rooms / "b.toml"))
+        assert documents.folder(scan) == rooms
+    finally:
+        documents.close()
+
+
+def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    keep(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
+    drawing = ElementTree.parse(tmp_path / "plan.svg").getroot()
+    inside = [element for element in drawing.iter() if element.tag.endswith("}svg") and element is not drawing]
+    assert len(inside) == 1
+    assert inside[0].get("overflow") == "hidden"
+    paths = [element for element in drawing.iter() if element.tag.endswith(("path", "polyline"))]
+    assert 0 < len([element for element in inside[0].iter() if element in paths]) < len(paths)
+    assert window.plan.plotItem.vb.childGroup.opacity() == 1.0
+
+
+def test_lines_of_a_drawing_need_no_effect_that_only_browsers_know(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path
+) -> None:
+    keep(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
+    assert "vector-effect" not in (tmp_path / "plan.svg").read_text()
+    scaled = """<svg xmlns="http://www.w3.org/2000/svg"><g transform="matrix(2,0,0,-10,5,1)">
+        <path vector-effect="non-scaling-stroke" d="M0,0 L1.5,-2e-1"/><polyline vector-effect="x" points="1,1 3,4 "/>
+        <rect vector-effect="non-scaling-stroke" x="1" y="2" width="3" height="1"/></g></svg>"""
+    path, line, box = ElementTree.fromstring(with_own_coordinates(scaled))[0]
+    assert path.get("d") == "M5,1 L8,3"
+    assert line.get("points") == "7,-9 11,-39 "
+    assert box.get("d") == "M7,-19 L13,-19 L13,-29 L7,-29 Z"
+
+
+def test_the_whole_window_and_any_large_view_can_be_kept(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    keep(qtbot, window, tmp_path / "window.png", Qt.Key.Key_P, CTRL | SHIFT)
+    image = QImage(str(tmp_path / "window.png"))
+    assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
+    qtbot.keyClick(window, Qt.Key.Key_2)
+    keep(qtbot, window, tmp_path / "both.png", Qt.Key.Key_P)
+    assert QImage(str(tmp_path / "both.png")).width() == 2 * window.side_by_side.width()
+
+
+def test_data_are_those_of_the_command_line(
+    qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for ending in (".csv", ".npz", ".json"):
+        keep(qtbot, window, tmp_path / f"kept{ending}", Qt.Key.Key_E)
+    for ending in (".csv", ".npz"):
+        assert run(["log", "export", str(recorded), "--out", str(tmp_path / f"told{ending}")]) == 0
+    assert (tmp_path / "kept.csv").read_bytes() == (tmp_path / "told.csv").read_bytes()
+    assert len((tmp_path / "kept.csv").read_text().splitlines()) == ORDER.readings + 1
+    with np.load(tmp_path / "kept.npz") as kept, np.load(tmp_path / "told.npz") as told:
+        assert kept.files == told.files
+        assert all(np.array_equal(kept[name], told[name], equal_nan=True) for name in kept.files)
+    figures = json.loads((tmp_path / "kept.json").read_text())
+    assert figures["n"] == ORDER.readings
+    assert capsys.readouterr().err == ""
+
+
+def test_the_report_tells_of_this_scan_in_this_room(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    keep(qtbot, window, tmp_path / "scan.html", Qt.Key.Key_E, CTRL | SHIFT)
+    text = (tmp_path / "scan.html").read_text()
+    assert "<h1>Simple room, place figure9</h1>" in text
+    assert len(re.findall(r"data:image/", text)) == 3
+    assert text.count("<tr><td>") >= ORDER.readings
+
+
+def test_a_file_that_is_there_is_kept_where_the_person_says_no(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path
+) -> None:
+    there = tmp_path / "mine.csv"
+    there.write_text("mine")
+    asked = []
+
+    def say_no() -> None:
+        question = QApplication.activeModalWidget()
+        if isinstance(question, QMessageBox):
+            asked.append(question.text())
+            qtbot.mouseClick(question.button(QMessageBox.StandardButton.No), Qt.MouseButton.LeftButton)
+        else:
+            QTimer.singleShot(20, say_no)
+
+    QTimer.singleShot(20, say_no)
+    keep(qtbot, window, there, Qt.Key.Key_E)
+    assert asked
+    assert there.read_text() == "mine"
+    window.keep.dialog.close()
+
+
+def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
+    recorded: Path, scene: Scene, tmp_path: Path
+) -> None:
+    there = tmp_path / "mine.csv"
+    there.write_text("mine")
+    with pytest.raises(InputError, match="exists already"):
+        KeepRequest(Data(recorded, scene), there, overwrite=False).answer()
+    with pytest.raises(InputError, match=r"expected a name that ends in \.csv or \.npz or \.json"):
+        KeepRequest(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False).answer()
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+    assert there.read_text() == "mine"
+
+
+def test_what_cannot_be_written_is_a_banner_and_the_next_is_kept(
+    qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
+) -> None:
+    keeping, scene = window.session.keeping, window.session.shown.scene
+    keeping.write(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
+    keeping.write(Data(recorded, scene), tmp_path / "b.csv")
+    keeping.write(Data(recorded, scene), tmp_path / "c.csv")
+    until(qtbot, lambda: not keeping.busy)
+    assert "nowhere" in window.banner.message
+    assert sorted(path.name for path in tmp_path.glob("*.csv")) == ["b.csv", "c.csv"]
+
+
+def test_without_readings_there_is_nothing_to_keep(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    for modifier in (CTRL, CTRL | SHIFT):
+        qtbot.keyClick(window, Qt.Key.Key_E, modifier)
+        assert "no readings to keep" in window.banner.message
+    assert window.keep.dialog is None

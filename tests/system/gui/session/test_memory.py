@@ -1,0 +1,182 @@
+"""The window opens as it was left; a memory that is gone or spoilt costs nothing but the memory."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.scanner_choice import ScannerWay
+from sonarhw_gui.live.status import Source
+from sonarhw_gui.look.appearance import LengthUnit, Look
+from sonarhw_gui.look.palette import DARK
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import heard_by, in_air, sensor_at
+from sonarhw_gui.session.memory import LookMemory, Memory, SceneMemory, read_memory, write_memory
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import load_board, parse_board
+
+from sonarhw.errors import InputError, OutputError
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import predicted, until
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+@pytest.fixture
+def shipped(scene: Scene) -> Scene:
+    """A scene whose board is as its file says."""
+    return replace(scene, board=load_board("polaroid-6500"))
+
+
+def never(url: str) -> ScannerWay:
+    def opener() -> Scanner:
+        raise AssertionError("opened without being asked")
+
+    return ScannerWay(url, opener)
+
+
+def reopened(open_with: OpenWith, memory: Path, scene: Scene) -> MainWindow:
+    elsewhere = replace(scene, place=scene.room.place("figure7"))
+    return open_with(scene=elsewhere, memory=memory, resume=True, find_way=never)
+
+
+def test_a_window_closed_over_a_log_opens_over_it_again(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "memory" / "window.json"
+    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.replay.loaded)
+    qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
+    qtbot.keyClick(window, Qt.Key.Key_2, CONTROL)
+    qtbot.keyClick(window, Qt.Key.Key_2)
+    qtbot.keyClick(window, Qt.Key.Key_F8)
+    window.close()
+
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert window.session.shown.scene.place.name == "figure9"
+    assert window.session.shown.look == Look(DARK, LengthUnit.CM)
+    assert window.commands.dark.isChecked()
+    assert window.side_by_side.isVisible()
+    assert window.room.isVisible()
+    assert window.files.actions()[0].data() == str(recorded)
+
+
+def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wished(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    window = open_with(scene=shipped, memory=memory, find_way=never)
+    there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
+    options = replace(shipped.options, unit=Unit.BLOCK)
+    window.session.showing.edit(replace(shipped, place=there, options=options), "moving the sensor")
+    wish = replace(window.session.live.wish, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
+    window.session.live.set_wish(wish)
+    window.close()
+    window = reopened(open_with, memory, shipped)
+    assert window.session.shown.scene.place == there
+    assert window.session.shown.scene.options == options
+    assert window.session.live.wish == wish
+    assert window.session.shown.scene.room.text == shipped.room.text
+
+
+def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_log(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window.session.open_file(str(recorded))
+    until(qtbot, lambda: window.session.replay.loaded)
+    moved, _ = sensor_at(window.session.shown.scene, (0.4, 0.3))
+    edited, _ = in_air(moved, temperature_c=3.0)
+    board = parse_board(f"range_offset = 0.02\n{edited.board.text}", "board")
+    edited = replace(heard_by(edited, unit=Unit.BLOCK)[0], board=board)
+    window.session.showing.edit(edited, "finding where I stood")
+    window.close()
+
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: window.session.replay.loaded)
+    there = window.session.shown.scene
+    assert (there.place, there.room.text, there.options) == (edited.place, edited.room.text, edited.options)
+    assert (there.board.range_offset, there.room.air.temperature_c) == (0.02, 3.0)
+    assert len(window.session.shown.readings) == ORDER.readings
+
+
+def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothing(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    window = open_with(
+        scene=shipped, memory=memory, find_way=never, url="socket://scanner", source=fake(4.0), autostart=True
+    )
+    until(qtbot, lambda: len(window.session.shown.readings) >= 3)
+    recording = window.session.status.recording
+    window.close()
+    kept = len(read_log(recording).readings)
+    assert 3 <= kept < ORDER.readings
+
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: window.session.replay.loaded and predicted(window))
+    assert len(window.session.shown.readings) == kept
+    assert window.session.status.source is Source.REPLAY
+    assert window.commands.scan.isEnabled()  # with the scanner that was there
+
+
+def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
+    open_with: OpenWith, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    window = reopened(open_with, memory, shipped)
+    assert window.session.shown.scene.place.name == "figure7"
+    assert window.banner.message == ""
+    window.close()
+    window = open_with(scene=shipped, memory=memory, find_way=never)
+    assert window.session.shown.scene.place.name == "figure9"
+
+
+def test_a_log_that_is_gone_is_told_and_the_room_is_there(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    write_memory(memory, Memory(scene=SceneMemory.of(shipped), log=str(tmp_path / "gone.mcap")))
+    window = reopened(open_with, memory, shipped)
+    until(qtbot, lambda: "gone.mcap" in window.banner.message)
+    assert window.session.shown.scene.place.name == "figure9"
+
+
+@pytest.mark.parametrize("text", ["", "{", '{"scene": 3}', '{"unknown": 1}', "\udcff"])
+def test_a_spoilt_memory_is_told_and_the_window_opens_all_the_same(
+    open_with: OpenWith, tmp_path: Path, shipped: Scene, text: str
+) -> None:
+    memory = tmp_path / "window.json"
+    memory.write_bytes(text.encode("utf-8", "surrogateescape"))
+    window = reopened(open_with, memory, shipped)
+    assert "window.json" in window.banner.message
+    assert window.session.shown.scene.place.name == "figure7"
+
+
+def test_a_layout_of_another_screen_or_version_is_left_as_usual(
+    open_with: OpenWith, tmp_path: Path, shipped: Scene
+) -> None:
+    memory = tmp_path / "window.json"
+    layout = Memory().layout.model_copy(
+        update={"geometry": "nonsense", "docks": "AAAA", "splitters": {"gone": "AAAA", "views": "?"}, "view": 99}
+    )
+    write_memory(memory, Memory(layout=layout, look=LookMemory(palette="pink", unit="PARSEC", scale=99.0)))
+    window = open_with(scene=shipped, memory=memory)
+    assert window.plan.isVisible()
+    assert window.session.shown.look.unit is LengthUnit.M
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_memory(tmp_path / "file" / "window.json", Memory())
+    with pytest.raises(InputError, match="begins anew"):
+        read_memory(tmp_path)

@@ -1,0 +1,174 @@
+"""Files get into the window by being dropped, chosen from the recent ones, or as CSV; what is none is told."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.status import Source
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.main_window import MainWindow
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ORDER, ROOM, OpenWith
+from tests.system.gui.driving import until
+
+LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+
+
+def drop(window: MainWindow, *paths: Path) -> bool:
+    """Drop files on the window; whether it takes them."""
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    enter = QDragEnterEvent(QPoint(200, 200), Qt.DropAction.CopyAction, data, LEFT, NO_KEY)
+    enter.ignore()
+    QApplication.sendEvent(window, enter)
+    if enter.isAccepted():
+        QApplication.sendEvent(window, QDropEvent(QPointF(200, 200), Qt.DropAction.CopyAction, data, LEFT, NO_KEY))
+    return enter.isAccepted()
+
+
+def test_a_log_that_is_dropped_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+    window = open_with()
+    assert drop(window, recorded)
+    until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
+    assert window.session.status.source is Source.REPLAY
+
+
+def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    room = tmp_path / "other.toml"
+    room.write_text(ROOM.read_text().replace('name = "Simple room"', 'name = "Other room"'))
+    window = open_with()
+    assert drop(window, room, recorded)
+    until(qtbot, lambda: window.session.replay.loaded and not window.session.documents.busy)
+    until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
+    assert len(window.session.shown.readings) == ORDER.readings
+    assert f"taken in {ROOM.name}; they are now held against other.toml" in window.banner.message
+
+
+def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("turret_deg,range_cm\n0,15.4\n90,\n180,77.4\n")
+    window = open_with()
+    assert drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 3)
+    ranges = [reading.range for reading in window.session.shown.readings]
+    assert ranges[0] == pytest.approx(0.154, abs=1e-6)
+    assert ranges[1] is None
+    assert "'range_cm' as ranges in centimetres" in window.banner.message
+    assert "kept as turret.mcap" in window.banner.message
+    assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
+    assert window.session.shown.scene.room is scene.room
+
+
+@pytest.mark.parametrize("silence", ["400", "0"])
+def test_a_range_that_many_readings_have_is_asked_about_and_is_silence_only_once_somebody_says_so(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, silence: str
+) -> None:
+    scan = tmp_path / "turret.csv"
+    lines = [f"{10 * k},{silence if k % 3 else 15.4 + k}" for k in range(12)]
+    scan.write_text("\n".join(["turret_deg,range_cm", *lines]))
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 12)
+    said = f"8 readings of turret.csv have {silence} in 'range_cm'"
+    assert said in window.banner.message
+    assert window.session.shown.readings[1].range == pytest.approx(float(silence) / 100, abs=1e-6)
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    until(qtbot, lambda: window.session.shown.readings[1].range is None)
+    silent = [k for k, reading in enumerate(window.session.shown.readings) if reading.range is None]
+    assert silent == [1, 2, 4, 5, 7, 8, 10, 11]
+    assert said not in window.banner.message
+    assert f"'range_cm' as ranges in centimetres and {silence} as no echo" in window.banner.message
+    assert not window.banner.offer_button.isVisible()
+    assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["turret.mcap"]
+
+
+def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("\n".join(["turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36))]))
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 36)
+    assert "kept as turret.mcap" in window.banner.message
+    assert not window.banner.offer_button.isVisible()
+
+
+def test_a_scan_that_names_no_board_is_compared_with_the_board_there_is(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
+) -> None:
+    scan = tmp_path / "turret.csv"
+    scan.write_text("deg,cm\n0,15.4\n")
+    window = open_with()
+    drop(window, scan)
+    until(qtbot, lambda: len(window.session.shown.readings) == 1)
+    assert window.session.shown.scene.board is scene.board
+
+
+def test_a_room_is_saved_under_a_new_name_and_over_an_old_one_only_when_the_person_says_so(
+    qtbot: QtBot, open_with: OpenWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    (tmp_path / "simple-edited.toml").write_text("an older room")
+    window = open_with()
+    window.commands.save_room.trigger()
+    dialog = window.findChild(QFileDialog)
+    assert dialog.selectedFiles() == [str(tmp_path / "simple-edited-2.toml")]
+    asked: list[str] = []
+
+    def refuse() -> None:
+        question = QApplication.activeModalWidget()
+        assert isinstance(question, QMessageBox)
+        asked.append(question.text())
+        question.button(QMessageBox.StandardButton.No).click()
+
+    dialog.selectFile("simple-edited.toml")
+    QTimer.singleShot(0, refuse)
+    dialog.accept()
+    assert "already exists" in asked[0]
+    assert (tmp_path / "simple-edited.toml").read_text() == "an older room"
+    dialog.reject()
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "picture.png"])
+def test_what_cannot_be_opened_is_not_taken(open_with: OpenWith, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("text")
+    assert not drop(open_with(), tmp_path / name)
+
+
+def test_a_csv_in_which_nothing_can_be_meant_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
+    window = open_with()
+    drop(window, tmp_path / "odd.csv")
+    until(qtbot, lambda: "odd.csv" in window.banner.message)
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_files_named_at_the_start_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:
+    window = open_with(source=read_log(recorded), source_file=recorded, used=(ROOM, recorded))
+    assert [action.data() for action in window.files.actions()] == [str(recorded), str(ROOM)]
+
+
+def test_recent_files_are_offered_newest_first_and_open_with_a_click(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    room = tmp_path / "small.toml"
+    room.write_text(ROOM.read_text())
+    window = open_with()
+    assert not window.files.isEnabled()
+    for path in (recorded, room):
+        window.session.open_file(str(path))
+        until(qtbot, lambda path=path: str(path) in window.session.documents.recent)
+    assert [action.text() for action in window.files.actions()] == ["small.toml", recorded.name]
+    window.session.leave_replay()
+    window.files.actions()[1].trigger()
+    until(qtbot, lambda: window.session.replay.loaded)
+    assert window.session.documents.recent[0] == str(recorded)

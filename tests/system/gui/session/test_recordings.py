@@ -1,0 +1,106 @@
+"""Recordings are found again: listed newest first with room and readings, sifted by words, opened by key or mouse."""
+
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.store.recordings import Listed, ListRequest
+
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ORDER, OpenWith
+from tests.system.gui.driving import until
+
+CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+
+
+@pytest.fixture
+def folder(recorded: Path, tmp_path: Path) -> Path:
+    """A scan of today, an older and shorter one in the cellar, and a file that is no log."""
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    shutil.copy(recorded, folder / "today.mcap")
+    log = read_log(recorded)
+    cellar = log.metadata.room_text.replace('name = "Simple room"', 'name = "Cellar"')
+    made = replace(log.metadata, started=log.metadata.started - 86_400, room_text=cellar)
+    write_scan(folder / "cellar.mcap", made, log.readings[:7])
+    (folder / "broken.mcap").write_text("no log")
+    os.utime(folder / "broken.mcap", (0, 0))
+    return folder
+
+
+def opened(qtbot: QtBot, open_with: OpenWith, folder: Path) -> tuple[MainWindow, RecordingsDialog]:
+    window = open_with(recordings=folder)
+    qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
+    dialog = window.files.recordings
+    with qtbot.waitActive(dialog):
+        dialog.activateWindow()
+    until(qtbot, lambda: dialog.table.rowCount() == len(list(folder.glob("*.mcap"))))
+    return window, dialog
+
+
+def row(dialog: RecordingsDialog, number: int) -> list[str]:
+    return [dialog.table.item(number, column).text() for column in range(dialog.table.columnCount())]
+
+
+def test_the_list_tells_date_room_place_and_readings_newest_first(
+    qtbot: QtBot, open_with: OpenWith, folder: Path
+) -> None:
+    _, dialog = opened(qtbot, open_with, folder)
+    assert row(dialog, 0)[1:] == ["Simple room", "figure9", str(ORDER.readings), "yes", "today.mcap", "whole"]
+    assert row(dialog, 1)[1:6] == ["Cellar", "figure9", "7", "yes", "cellar.mcap"]
+    assert "is not an MCAP file" in row(dialog, 2)[6]
+    assert row(dialog, 0)[0] > row(dialog, 1)[0]
+    assert "3 recordings" in dialog.told.text()
+
+
+def test_words_sift_and_the_one_that_is_left_opens(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
+    window, dialog = opened(qtbot, open_with, folder)
+    qtbot.keyClicks(dialog.words, "cellar fig")
+    assert [dialog.table.isRowHidden(number) for number in range(3)] == [True, False, True]
+    assert not dialog.open_button.isEnabled()
+    dialog.table.selectRow(1)
+    qtbot.mouseClick(dialog.open_button, Qt.MouseButton.LeftButton)
+    until(qtbot, lambda: len(window.session.shown.readings) == 7)
+    assert window.session.shown.scene.room.name == "Cellar"
+    until(qtbot, lambda: window.files.recordings is None)
+
+
+def test_return_opens_the_newest(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
+    window, dialog = opened(qtbot, open_with, folder)
+    qtbot.keyClick(dialog, Qt.Key.Key_Return)
+    until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
+
+
+def test_escape_opens_nothing_and_closing_the_window_closes_the_list(
+    qtbot: QtBot, open_with: OpenWith, folder: Path
+) -> None:
+    window, dialog = opened(qtbot, open_with, folder)
+    qtbot.keyClick(dialog, Qt.Key.Key_Escape)
+    until(qtbot, lambda: window.files.recordings is None)
+    assert not window.session.replay.loaded
+    window.commands.recordings.trigger()
+    assert window.files.recordings is not None
+    window.close()  # no thread is left: see open_with
+
+
+def test_a_folder_that_is_not_there_yet_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+    window = open_with(recordings=tmp_path / "none")
+    qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
+    assert "nothing has been recorded yet" in window.files.recordings.told.text()
+    assert not window.files.recordings.open_button.isEnabled()
+
+
+def test_what_has_not_changed_is_not_read_again(folder: Path) -> None:
+    known = ListRequest(Listed(folder)).answer()
+    assert known.complete
+    again = ListRequest(known).answer()
+    assert [id(one) for one in again.rows] == [id(one) for one in known.rows]
+    (folder / "today.mcap").unlink()
+    assert [one.path.name for one in ListRequest(known).answer().rows] == ["cellar.mcap", "broken.mcap"]

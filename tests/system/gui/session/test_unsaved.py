@@ -1,0 +1,291 @@
+"""Nothing that was drawn is lost: whichever file the next window names, what was not saved can be brought back."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.scene.scene import Scene, scene_of_log
+from sonarhw_gui.scene.scene_edit import in_air, sensor_at, with_corner
+from sonarhw_gui.session.unsaved import BringBack, UnsavedRooms
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.store.files import OpenRoomRequest
+from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.room.model import parse_room
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ROOM, OpenWith
+from tests.system.gui.driving import until
+
+LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
+OTHER = "Other room"
+
+
+@pytest.fixture
+def other(tmp_path: Path) -> Path:
+    path = tmp_path / "other.toml"
+    path.write_text(ROOM.read_text().replace('name = "Simple room"', f'name = "{OTHER}"'))
+    return path
+
+
+@pytest.fixture
+def start(open_with: OpenWith, tmp_path: Path) -> Callable[[Path], MainWindow]:
+    """Starts the window on a room file, as `sonarhw gui FILE` does."""
+
+    def start_it(path: Path) -> MainWindow:
+        scene = OpenRoomRequest(path, load_board("polaroid-6500")).answer().scene
+        return open_with(scene=scene, memory=tmp_path / "data" / "window.json")
+
+    return start_it
+
+
+def draw(window: MainWindow) -> str:
+    """Put a corner into a wall; the room's text as it is then."""
+    scene, label = with_corner(window.session.shown.scene, 0, (0.4, -0.05))
+    window.session.showing.edit(scene, label)
+    return scene.room.text
+
+
+def asked(window: MainWindow) -> str:
+    return window.banner.message if window.banner.offer_button.text() == "Bring back" else ""
+
+
+def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
+    until(qtbot, lambda: f"{about} was changed in the window on" in asked(window))
+
+
+def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
+    """Whether the window has had its say, and asked nothing."""
+    with qtbot.waitSignal(window.session.showing.changed):
+        window.session.showing.tell_soon()
+    return asked(window) == ""
+
+
+def test_what_was_drawn_comes_back_after_another_file_was_opened_in_between(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], other: Path
+) -> None:
+    window = start(ROOM)
+    drawn = draw(window)
+    window.close()
+    window = start(other)
+    assert never_asked(qtbot, window)
+    window.close()
+
+    window = start(ROOM)
+    until_asked(qtbot, window, "simple.toml")
+    assert window.session.shown.scene.room.text == ROOM.read_text()
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    assert window.session.shown.scene.room.text == drawn
+    assert asked(window) == ""
+
+
+def test_what_was_drawn_before_a_crash_is_there_a_moment_later(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
+) -> None:
+    crashed = start(ROOM)
+    drawn = draw(crashed)
+    until(qtbot, lambda: any((tmp_path / "data" / "unsaved").glob("*.json")))
+    window = start(ROOM)
+    until_asked(qtbot, window, "simple.toml")
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    assert window.session.shown.scene.room.text == drawn
+
+
+def test_a_room_that_was_left_for_another_in_one_window_is_asked_about_when_it_is_opened_again(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], other: Path
+) -> None:
+    window = start(ROOM)
+    drawn = draw(window)
+    window.session.open_file(str(other))
+    until(qtbot, lambda: window.session.shown.scene.room.name == OTHER)
+    window.session.open_file(str(ROOM))
+    until_asked(qtbot, window, "simple.toml")
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    assert window.session.shown.scene.room.text == drawn
+
+
+def test_what_was_saved_or_taken_back_is_not_asked_about(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
+) -> None:
+    window = start(ROOM)
+    draw(window)
+    window.session.unsaved.write()
+    window.session.save_room(str(tmp_path / "saved.toml"))
+    window.close()
+    for path in (ROOM, tmp_path / "saved.toml"):
+        window = start(path)
+        assert never_asked(qtbot, window)
+        window.close()
+    window = start(ROOM)
+    draw(window)
+    window.session.unsaved.write()
+    qtbot.keyClick(window, Qt.Key.Key_Z, CONTROL)
+    window.close()
+    assert never_asked(qtbot, start(ROOM))
+
+
+def test_what_is_put_away_is_asked_about_again_and_what_is_thrown_away_is_not(
+    qtbot: QtBot, start: Callable[[Path], MainWindow]
+) -> None:
+    window = start(ROOM)
+    draw(window)
+    window.close()
+    for button in ("close_button", "refusal_button"):
+        window = start(ROOM)
+        until_asked(qtbot, window, "simple.toml")
+        qtbot.mouseClick(getattr(window.banner, button), LEFT)
+        assert asked(window) == ""
+        window.close()
+    assert never_asked(qtbot, start(ROOM))
+
+
+def test_a_file_that_is_another_one_now_is_told(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(ROOM.read_text())
+    window = start(path)
+    draw(window)
+    window.close()
+    path.write_text(ROOM.read_text().replace("0.928", "0.930"))
+    window = start(path)
+    until_asked(qtbot, window, "mine.toml")
+    assert "the file was another one then" in asked(window)
+
+
+def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_with(
+    qtbot: QtBot, start: Callable[[Path], MainWindow], open_with: OpenWith, recorded: Path, tmp_path: Path
+) -> None:
+    window = start(ROOM)
+    window.session.take_board("paper")
+    drawn = draw(window)
+    window.close()
+    log = read_log(recorded)
+    scene, _ = sensor_at(scene_of_log(log.metadata), (0.5, 0.4))
+    window = open_with(scene=scene, source=log, memory=tmp_path / "data" / "window.json")
+    until_asked(qtbot, window, "simple.toml")
+    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    there = window.session.shown.scene
+    assert (there.room.text, there.place, there.board) == (drawn, scene.place, scene.board)
+    assert len(window.session.shown.readings) == len(log.readings)
+    assert never_asked(qtbot, window)
+
+
+def test_a_sensor_that_was_moved_and_an_offset_that_was_found_come_back_too(tmp_path: Path, scene: Scene) -> None:
+    moved, _ = sensor_at(scene, (0.4, 0.3))
+    board = parse_board(f"range_offset = 0.02\n{scene.board.text}", "board")
+    fitted = replace(moved, board=replace(board, name=scene.board.name))
+    leave(tmp_path, scene, fitted)
+    (there,) = offered(tmp_path, scene)
+    assert (there.place, there.board.range_offset) == (moved.place, 0.02)
+
+
+def test_a_file_that_cannot_be_read_is_told_and_left_where_it_is(tmp_path: Path, scene: Scene) -> None:
+    (tmp_path / "spoilt.json").write_text("{")
+    rooms = UnsavedRooms(tmp_path)
+    rooms.open(scene)
+    assert "spoilt.json" in rooms.messages[0]
+    assert (tmp_path / "spoilt.json").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, scene: Scene) -> None:
+    (tmp_path / "file").write_text("in the way")
+    rooms = UnsavedRooms(tmp_path / "file")
+    rooms.open(scene)
+    rooms.change(in_air(scene, temperature_c=3.0)[0], 0.0)
+    rooms.tick(10.0)
+    assert "save the room or it is lost" in rooms.messages[0]
+
+
+def leave(folder: Path, opened: Scene, changed: Scene) -> None:
+    rooms = UnsavedRooms(folder)
+    rooms.open(opened)
+    rooms.change(changed, 0.0)
+    rooms.write()
+
+
+def offered(folder: Path, scene: Scene) -> list[Scene]:
+    """What can be brought back where that scene is opened."""
+    rooms = UnsavedRooms(folder)
+    rooms.open(scene)
+    return [rooms.brought_back(notice.answer, scene) for notice in rooms.notices]
+
+
+class Hand:
+    """Draws in the rooms of several windows, one at a time, and knows what it has drawn and nobody has put away."""
+
+    def __init__(self, folder: Path, rooms: list[Scene]) -> None:
+        self.owed: list[dict[float, str]] = [{} for _ in rooms]
+        self._folder, self._files, self._drawn = folder, rooms, 0
+        self.start(0)
+
+    def start(self, room: int, asked_for: int = 0) -> None:
+        """Another window, the one before closed or crashed a moment after the last change."""
+        self._rooms = UnsavedRooms(self._folder)
+        self._open(room)
+
+    def open(self, room: int, asked_for: int = 0) -> None:
+        """Another room in the same window."""
+        self._open(room)
+
+    def draw(self, room: int, asked_for: int = 0) -> None:
+        """Something that was never there before."""
+        self._drawn += 1
+        self._change(in_air(self._now, temperature_c=self._drawn / 64)[0])
+
+    def take_back(self, room: int, asked_for: int = 0) -> None:
+        """All that was drawn since the room was opened or brought back."""
+        self._change(self._begun)
+
+    def bring_back(self, room: int, asked_for: int = 0) -> None:
+        """Take up one of the offers, if there are any."""
+        if self._offers:
+            wanted: BringBack = self._offers[asked_for % len(self._offers)]
+            self._begun = self._now = self._rooms.brought_back(wanted, self._now)
+            self._rooms.open(self._now, wanted.path)
+            self._offers = [notice.answer for notice in self._rooms.notices]
+
+    def save(self, room: int, asked_for: int = 0) -> None:
+        """Save what is seen, over another file."""
+        self._rooms.saved(self._now)
+        self.owed[self._room].pop(_degrees(self._now), None)
+
+    def _open(self, room: int) -> None:
+        self._rooms.open(self._files[room])
+        self._room, self._begun, self._now = room, self._files[room], self._files[room]
+        self._offers = [notice.answer for notice in self._rooms.notices]
+
+    def _change(self, scene: Scene) -> None:
+        owed = self.owed[self._room]
+        owed.pop(_degrees(self._now), None)
+        if scene is not self._files[self._room]:
+            owed[_degrees(scene)] = scene.room.text
+        self._now = scene
+        self._rooms.change(scene, 0.0)
+        self._rooms.tick(1.0)
+
+
+def _degrees(scene: Scene) -> float:
+    return scene.room.air.temperature_c
+
+
+STEPS = (Hand.start, Hand.open, Hand.draw, Hand.draw, Hand.take_back, Hand.bring_back, Hand.save)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps=st.lists(st.tuples(st.sampled_from(STEPS), st.integers(0, 1), st.integers(0, 3)), max_size=14))
+def test_whatever_is_opened_in_whatever_order_all_that_was_drawn_can_be_brought_back(
+    tmp_path_factory: pytest.TempPathFactory, scene: Scene, steps: list[tuple[Callable[..., None], int, int]]
+) -> None:
+    other = parse_room(scene.room.text.replace("Simple room", OTHER), "other.toml")
+    files = [scene, replace(scene, room_file="other.toml", room=other)]
+    folder = tmp_path_factory.mktemp("unsaved")
+    hand = Hand(folder, files)
+    for step, room, asked_for in steps:
+        step(hand, room, asked_for)
+    for owed, file in zip(hand.owed, files, strict=True):
+        assert sorted(owed.values()) == sorted(there.room.text for there in offered(folder, file))

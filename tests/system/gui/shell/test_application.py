@@ -1,0 +1,164 @@
+"""The command `gui` from outside: signals, bad input at the door, and no display."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_gui.shell.application import WindowStart
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ROOM
+
+MEANT = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
+SONARHW = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
+
+
+def started(tmp_path: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*SONARHW, "gui", *arguments],
+        env={**os.environ, "XDG_DATA_HOME": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def told(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*SONARHW, "gui", *arguments],
+        env={**os.environ, "XDG_DATA_HOME": str(tmp_path), **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None:
+    room = tmp_path / "small.toml"
+    room.write_text(ROOM.read_text())
+    process = started(tmp_path, f"fake:{room}?place=figure9&pace=2")
+    recordings = tmp_path / "sonarhw" / "recordings"
+    deadline = time.monotonic() + 90
+    while not any(path.stat().st_size > 20_000 for path in recordings.glob("*.mcap")):
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, complaints = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert complaints == ""
+    (recording,) = recordings.glob("*.mcap")
+    log = read_log(recording)
+    assert log.torn is None
+    assert log.readings
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere.mcap"], "nowhere.mcap: there is no such file"),
+        (["fake:nowhere.toml"], "nowhere.toml"),
+        ([f"fake:{ROOM}?place=nowhere"], "no place 'nowhere'"),
+        ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
+        (["/dev/ttyNONE", "--place", "figure9"], "--place needs --room"),
+        (["/dev/ttyNONE", "--board", "none"], "no board 'none'"),
+        (["nowhere.csv"], "nowhere.csv: cannot be read: No such file"),
+        (["nowhere.toml"], "nowhere.toml"),
+        (
+            [__file__],
+            "test_application.py: expected a log (*.mcap), a scan as *.csv, a room (*.toml) or the URL of a scanner",
+        ),
+        (["a.mcap", "b.csv"], "a.mcap b.csv: expected one log, scan or scanner at a time"),
+        (["a.toml", "b.toml", "/dev/ttyNONE"], "a.toml b.toml: expected one room"),
+        (["a.toml", "--room", "b.toml"], "a.toml --room b.toml: expected one room"),
+    ],
+)
+def test_what_is_wrong_is_one_line_before_a_window_opens(
+    arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DISPLAY", "")
+    assert run(["gui", *arguments]) == 2
+    complaints = capsys.readouterr().err
+    assert said in complaints
+    assert complaints.count("\n") == 1
+
+
+@pytest.fixture
+def starts(monkeypatch: pytest.MonkeyPatch) -> list[WindowStart]:
+    """What the windows would open on."""
+    asked: list[WindowStart] = []
+
+    def run_window(start: WindowStart) -> int:
+        asked.append(start)
+        return 0
+
+    monkeypatch.setattr("sonarhw_gui.shell.application.run_window", run_window)
+    return asked
+
+
+def test_a_room_that_is_named_alone_is_shown_at_its_first_place_without_a_scanner(starts: list[WindowStart]) -> None:
+    assert run(["gui", str(ROOM)]) == 0
+    assert run(["gui", str(ROOM), "--place", "figure9"]) == 0
+    assert [start.scene.place.name for start in starts] == ["figure7", "figure9"]
+    assert [(start.source, start.used) for start in starts] == [(None, (ROOM,))] * 2
+
+
+@pytest.mark.parametrize("way", [["--room", str(ROOM)], [str(ROOM)]])
+def test_a_room_beside_a_scan_is_the_room_of_that_scan(
+    starts: list[WindowStart], tmp_path: Path, way: list[str]
+) -> None:
+    scan = tmp_path / "turret.CSV"
+    scan.write_text("deg,cm\n0,15.4\n90,65.7\n")
+    assert run(["gui", str(scan), *way, "--place", "figure9", "--board", "paper"]) == 0
+    (start,) = starts
+    assert (start.source_file, start.scene.place.name, start.scene.board.name) == (scan, "figure9", "paper")
+
+
+@pytest.mark.parametrize("name", ["turret.csv", "turret.mcap"])
+def test_a_scan_that_names_no_place_is_shown_at_the_first_one_of_the_room(
+    starts: list[WindowStart], tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "turret.csv").write_text("deg,cm\n0,15.4\n90,65.7\n")
+    if name.endswith(".mcap"):
+        assert run(["import", str(tmp_path / "turret.csv"), *MEANT, "--out", str(tmp_path / name)]) == 0
+    assert run(["gui", str(tmp_path / name), str(ROOM)]) == 0
+    (start,) = starts
+    assert start.scene.place.name == "figure7"
+
+
+def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
+    starts: list[WindowStart], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
+    assert run(["gui", str(tmp_path / "odd.csv")]) == 2
+    assert "no one column is called like a heading" in capsys.readouterr().err
+    assert not starts
+
+
+def test_a_fake_scanner_goes_by_the_url_that_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    urls: list[str] = []
+
+    def run_window(start: WindowStart) -> int:
+        with start.source() as scanner:
+            urls.append(scanner.url)
+        return 0
+
+    monkeypatch.setattr("sonarhw_gui.shell.application.run_window", run_window)
+    typed = f"fake:{ROOM}?place=figure9&pace=max"
+    assert run(["gui", typed]) == 0
+    assert urls == [typed]
+
+
+@pytest.mark.parametrize("display", ["", ":4711"])
+def test_without_a_display_it_says_so_and_what_to_do(tmp_path: Path, display: str) -> None:
+    result = told(tmp_path, DISPLAY=display, WAYLAND_DISPLAY="", QT_QPA_PLATFORM="")
+    assert result.returncode == 1
+    assert "no display" in result.stderr
+    assert "sonarhw demo --headless" in result.stderr
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,49 @@
+"""What a window leaves behind is freed in its own thread, whoever else makes the collector's threshold overflow."""
+
+import gc
+import threading
+import weakref
+
+import pytest
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.shell.garbage import collected_between_events
+
+from tests.system.gui.driving import until
+
+
+class _Ring:
+    """Garbage that only the collector finds."""
+
+    def __init__(self) -> None:
+        self.myself = self
+
+
+@pytest.fixture
+def freed_by() -> list[threading.Thread]:
+    return []
+
+
+def leave_garbage(freed_by: list[threading.Thread]) -> None:
+    weakref.finalize(_Ring(), lambda: freed_by.append(threading.current_thread()))
+
+
+def overflow(kept: list[list[int]]) -> None:
+    """Allocate what sets off the collector where it is left to itself."""
+    kept.extend([] for _ in range(200_000))
+
+
+def test_a_thread_that_allocates_frees_nothing_of_the_window(qtbot: QtBot, freed_by: list[threading.Thread]) -> None:
+    kept: list[list[int]] = []
+    with collected_between_events():
+        leave_garbage(freed_by)
+        thread = threading.Thread(target=overflow, args=(kept,))
+        thread.start()
+        thread.join()
+        assert freed_by == []
+        until(qtbot, lambda: freed_by == [threading.main_thread()])
+
+
+def test_afterwards_the_collector_is_left_to_itself() -> None:
+    with collected_between_events():
+        assert not gc.isenabled()
+    assert gc.isenabled()

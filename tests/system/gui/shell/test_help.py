@@ -1,0 +1,73 @@
+"""The help page: every command of the menus with its key, on one screen of 1280 × 800, open and closed with F1."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtWidgets import QLabel
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.commands.help_page import HelpPage
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.shell.main_window import MainWindow
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import until
+
+
+def told(window: MainWindow) -> str:
+    return "".join(label.text() for label in window.help.page.findChildren(QLabel))
+
+
+def test_f1_shows_every_key_on_one_screen_and_puts_it_away(qtbot: QtBot, open_with: OpenWith) -> None:
+    window = open_with()
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    page = window.help.page
+    assert page.isVisible()
+    assert (page.width(), page.height()) <= (1280, 800)
+    for action in window.commands.all:
+        assert f"<b>{action.shortcut().toString()}" in told(window), action.text()
+    page.close()
+    assert window.help.page is None or not window.help.page.isVisible()
+
+
+def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: window.session.shown.chosen is not None)
+    window.session.showing.choose(3)
+    qtbot.keyClick(window, Qt.Key.Key_F1)
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert window.help.page is None or not window.help.page.isVisible()
+    assert window.session.shown.chosen == 3
+    until(qtbot, lambda: window.help.page is None)
+    qtbot.keyClick(window, Qt.Key.Key_Escape)
+    assert window.session.shown.chosen != 3
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
+    window = open_with()
+    window.session.showing.set_look(Look(scale=scale))
+    every = window.commands.all
+    groups = {f"Group {k}": every[k : k + 8] for k in range(0, len(every), 8)}
+    page = HelpPage(groups, Look(scale=scale), None, QSize(1280, 760))
+    with qtbot.waitExposed(page):
+        page.show()
+    assert page.width() <= 1280
+    assert page.height() <= 760
+    assert page.area.horizontalScrollBar().maximum() == 0
+    assert scale > 1 or page.area.verticalScrollBar().maximum() == 0
+    page.area.verticalScrollBar().setValue(page.area.verticalScrollBar().maximum())
+    for label in page.findChildren(QLabel):
+        assert label.height() >= label.heightForWidth(label.width())
+        end = label.mapTo(page.area.viewport(), label.rect().bottomLeft())
+        assert page.area.viewport().rect().contains(end) or label.wordWrap()
+    page.close()
+
+
+def test_no_key_means_two_things(open_with: OpenWith) -> None:
+    window = open_with()
+    keys = [key.toString() for action in window.findChildren(type(window.commands.help)) for key in action.shortcuts()]
+    assert sorted(keys) == sorted(set(keys))

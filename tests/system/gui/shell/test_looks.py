@@ -1,0 +1,130 @@
+"""Dark and light, units, the size of text, the three large views: by keys, and every view takes part."""
+
+import re
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.appearance import LengthUnit, Look
+from sonarhw_gui.look.legend import Legend
+from sonarhw_gui.look.palette import DARK, LIGHT, MARKS
+from sonarhw_gui.plots.reading_tip import reading_tip
+from sonarhw_gui.shell.application import open_application
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.shown.reading_rows import Column
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import predicted, until
+
+CONTROL = Qt.KeyboardModifier.ControlModifier
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    return window
+
+
+def share_of(window: MainWindow, colour: str) -> float:
+    """How much of the window has that colour."""
+    image = window.grab().toImage()
+    wanted, step = QColor(colour).rgb(), 7
+    seen = [image.pixel(x, y) for x in range(0, image.width(), step) for y in range(0, image.height(), step)]
+    return seen.count(wanted) / len(seen)
+
+
+def test_ctrl_d_makes_all_views_dark_and_light_again(qtbot: QtBot, window: MainWindow) -> None:
+    assert share_of(window, LIGHT.paper) > 0.3
+    qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
+    assert window.session.shown.look.palette is DARK
+    assert share_of(window, DARK.paper) > 0.3
+    assert share_of(window, LIGHT.paper) < 0.05  # what is chosen is white
+    qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
+    assert share_of(window, LIGHT.paper) > 0.3
+
+
+def test_every_picture_of_the_legend_is_seen_on_dark_paper() -> None:
+    open_application()
+    legend = Legend()
+    legend.show_look(Look(DARK))
+    for label, _ in legend._pictures:
+        image = label.pixmap().toImage()
+        pixels = [image.pixelColor(x, y) for x in range(image.width()) for y in range(image.height())]
+        assert max(contrast(one.name(), DARK.window) for one in pixels if one.alpha() == 255) > 3
+
+
+def test_ctrl_2_writes_the_axes_in_centimetres_and_ctrl_3_in_feet(qtbot: QtBot, window: MainWindow) -> None:
+    axis = window.plan.getAxis("bottom")
+    for key, unit in ((Qt.Key.Key_2, LengthUnit.CM), (Qt.Key.Key_3, LengthUnit.FT), (Qt.Key.Key_1, LengthUnit.M)):
+        qtbot.keyClick(window, key, CONTROL)
+        assert axis.labelText == f"x ({unit.label})"
+        assert axis.scale == unit.per_metre
+
+
+def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) -> None:
+    window.session.showing.choose(27)
+    heard = window.session.shown.chosen_reading.range
+    for key, unit in ((Qt.Key.Key_2, LengthUnit.CM), (Qt.Key.Key_3, LengthUnit.FT), (Qt.Key.Key_1, LengthUnit.M)):
+        qtbot.keyClick(window, key, CONTROL)
+        shown = window.session.shown
+        assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
+        assert f"measured {unit.text(heard)}\n" in reading_tip(shown, 27)
+        assert window.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
+        others = [other for other in LengthUnit if other is not unit]
+        said = [shown.sentence_of(k) for k in range(len(shown.readings))]
+        assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]
+
+
+def test_ctrl_plus_makes_text_larger_and_ctrl_0_as_usual(qtbot: QtBot, window: MainWindow) -> None:
+    usual = QApplication.font().pointSizeF()
+    for _ in range(3):
+        qtbot.keyClick(window, Qt.Key.Key_Plus, CONTROL)
+    assert QApplication.font().pointSizeF() == pytest.approx(usual * 1.1**3)
+    qtbot.keyClick(window, Qt.Key.Key_Minus, CONTROL)
+    assert QApplication.font().pointSizeF() == pytest.approx(usual * 1.1**2)
+    qtbot.keyClick(window, Qt.Key.Key_0, CONTROL)
+    assert QApplication.font().pointSizeF() == pytest.approx(usual)
+
+
+def test_1_2_and_3_show_the_large_views(qtbot: QtBot, window: MainWindow) -> None:
+    for key, view in ((Qt.Key.Key_2, window.side_by_side), (Qt.Key.Key_3, window.bscan), (Qt.Key.Key_1, window.plan)):
+        qtbot.keyClick(window, key)
+        assert view.isVisible()
+
+
+@pytest.mark.parametrize("palette", [LIGHT, DARK])
+def test_every_colour_of_a_reading_can_be_told_from_the_paper(palette: object) -> None:
+    for kind in MARKS:
+        assert contrast(palette.of(kind), palette.paper) > 2.0
+    for colour in (palette.predicted, palette.wall, palette.warning_ink):
+        assert contrast(colour, palette.paper) > 3.0
+    assert contrast(palette.ink, palette.paper) > 7.0
+    assert contrast(palette.warning_ink, palette.warning_paper) > 4.5
+
+
+def contrast(one: str, other: str) -> float:
+    """Ratio of luminances, WCAG 2."""
+    lighter, darker = sorted((luminance(one), luminance(other)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def luminance(colour: str) -> float:
+    def linear(share: float) -> float:
+        return share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4
+
+    red, green, blue, _ = QColor(colour).getRgbF()
+    return 0.2126 * linear(red) + 0.7152 * linear(green) + 0.0722 * linear(blue)
+
+
+def test_a_length_is_written_in_its_unit() -> None:
+    assert [unit.text(0.827) for unit in LengthUnit] == ["0.827 m", "82.7 cm", "2.71 ft"]
+
+
+def test_text_neither_vanishes_nor_fills_the_screen() -> None:
+    assert 0.5 < Look().scaled(0.0).scale < 1.0
+    assert 2.0 < Look().scaled(1000.0).scale < 4.0

@@ -1,0 +1,298 @@
+"""Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
+
+They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes; without one they are taken in one look and
+not kept. With QT_SCALE_FACTOR=2 they are taken at 200 %. docs/screenshots holds some; docs/window.md explains them.
+"""
+
+import io
+import os
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from PySide6.QtCore import QBuffer
+from PySide6.QtWidgets import QSplitter, QWidget
+from pytestqt.qtbot import QtBot
+from sonarhw_cli.app import run
+from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.live_scan import ScanErrand, ScanWish
+from sonarhw_gui.live.scanner_choice import ScannerWay
+from sonarhw_gui.look.palette import DARK, LIGHT, Palette
+from sonarhw_gui.scene.scene import Scene, scene_of_log
+from sonarhw_gui.shell.docks import Docks
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.work.port_book import PortBook
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.device.endpoint import Pace, serve
+from sonarhw.device.fake_board import Board
+from sonarhw.errors import InputError
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.ports import Port, Usb
+from sonarhw.log import read_log
+from sonarhw.readings import ScanOrder
+from tests.system.gui.conftest import ROOM, OpenWith
+from tests.system.gui.driving import click, ended, place_of, predicted, until
+
+FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
+SMALL, LARGE = (1280, 800), (1920, 1080)
+LOOKS = [(LIGHT, SMALL)] if FOLDER is None else [(paper, size) for size in (SMALL, LARGE) for paper in (LIGHT, DARK)]
+HEADINGS = 120
+ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second leaves time for the picture of the first
+LIVE_UP_TO = 84  # readings in the picture of the running scan
+ASKED, ASKED_LIVE, ASKED_OF_TRACE = 38, 74, 74  # the readings that the pictures explain
+TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the right column
+PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
+
+
+class Album:
+    """Where pictures are put: NAME.png, with what is not usual about it in the name."""
+
+    def __init__(self, folder: Path, paper: Palette, size: tuple[int, int]) -> None:
+        self._folder, self._dark, self._size = folder, paper is DARK, size
+
+    def keep(self, part: QWidget, name: str) -> None:
+        """A picture of a window or a dialog, in 256 colours, which takes a third of the space."""
+        image, scale = part.grab().toImage(), part.devicePixelRatioF()
+        if part.isWindow() and isinstance(part, MainWindow):
+            assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
+        if FOLDER is None:
+            return  # nobody looks at them; compressing would take a third of the time
+        unusual = {"-dark": self._dark, f"-{self._size[0]}": self._size != SMALL, f"-at-{100 * scale:.0f}": scale != 1}
+        kept = QBuffer()
+        kept.open(QBuffer.OpenModeFlag.WriteOnly)
+        assert image.save(kept, "PNG")
+        self._folder.mkdir(parents=True, exist_ok=True)
+        few = in_few_colours(Image.open(io.BytesIO(kept.data().data())).convert("RGB"))
+        few.save(self._folder / f"{name}{''.join(word for word in unusual if unusual[word])}.png", optimize=True)
+
+
+def in_few_colours(picture: Image.Image) -> Image.Image:
+    """In 256 colours: the most frequent as they are, so that grounds and marks keep theirs, and some for the rest."""
+    counts = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
+    exact = [colour for _, colour in counts[:128]]
+    rest = picture.quantize(128, Image.Quantize.MAXCOVERAGE).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*(value for colour in exact for value in colour), *rest])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+@pytest.fixture(params=LOOKS, ids=lambda look: f"{look[0].name}-{look[1][0]}")
+def look(request: pytest.FixtureRequest) -> tuple[Palette, tuple[int, int]]:
+    return request.param
+
+
+@pytest.fixture
+def album(look: tuple[Palette, tuple[int, int]], tmp_path: Path) -> Album:
+    return Album(Path(FOLDER or tmp_path), *look)
+
+
+@pytest.fixture
+def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A recordings folder that the status bar shows as it would a person's own."""
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    return tmp_path / ".local" / "share" / "sonarhw" / "recordings"
+
+
+@pytest.fixture(scope="module")
+def bench() -> Scene:
+    room = load_room(ROOM.with_name("laboratory.toml"))
+    return Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
+
+
+@pytest.fixture(scope="module")
+def echoes(bench: Scene) -> RoomEchoes:
+    echoes = RoomEchoes(bench.room, bench.place, bench.board, seed=1)
+    echoes.prepare()
+    return echoes
+
+
+def fake(echoes: RoomEchoes, scene: Scene) -> Board:
+    return Board(echoes, 1, scene.board.blanking)
+
+
+@pytest.fixture(scope="module")
+def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of one whole turn with traces."""
+    wish = ScanWish(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
+    with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(bench, wish))
+        live.start()
+        live.hang_up()
+        live.join()
+    return live.status.recording
+
+
+def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
+    paper, size = look
+    window.session.showing.set_look(replace(window.session.shown.look, palette=paper))
+    window.resize(*size)
+    return window
+
+
+def traced(window: MainWindow) -> bool:
+    """Whether everything about the chosen reading is shown."""
+    shown = window.session.shown
+    return (
+        shown.chosen_row is not None and shown.trace is not None and shown.trace.heading == shown.heading(shown.chosen)
+    )
+
+
+def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
+    """Give the views on the right these shares of the height."""
+    side = window.findChild(QSplitter, "side")
+    side.setSizes([round(part * side.height() / sum(sizes)) for part in sizes])
+
+
+def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:
+    """Open that panel and no other, and wait until everything has found its place."""
+    docks: Docks = window.docks
+    for action in docks.actions:
+        if action.isChecked() != (action.text() == name):
+            action.trigger()
+    qtbot.wait(200)
+
+
+def test_pictures_of_the_demo_live_and_in_replay(
+    qtbot: QtBot,
+    open_with: OpenWith,
+    album: Album,
+    look: tuple[Palette, tuple[int, int]],
+    bench: Scene,
+    echoes: RoomEchoes,
+    at_home: Path,
+) -> None:
+    # a picture to keep is taken at the pace of a real board
+    pace: Pace = "real" if FOLDER else 4.0
+    with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace=pace) as endpoint:
+        window = open_with(scene=bench, order=ORDER, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
+        dressed(window, look)
+        until(qtbot, lambda: predicted(window))
+        window.commands.scan.trigger()
+        until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
+        window.session.showing.choose(ASKED_LIVE)
+        window.commands.fit.trigger()  # the newest readings were far off, and brought into sight
+        until(qtbot, lambda: traced(window))
+        album.keep(window, "live")
+        assert window.status_bar.badge.text() == "● live"
+        dock(qtbot, window, "Device")
+        until(qtbot, lambda: window.session.shown.readings[-1].angle < radians(3 * (HEADINGS - 1)))
+        album.keep(window, "device")
+        dock(qtbot, window, "")
+        until(qtbot, lambda: len(window.session.shown.readings) >= HEADINGS)
+        window.commands.stop.trigger()
+        until(qtbot, lambda: ended(window))
+        recording = window.session.status.recording
+        window.close()
+    replay = open_with(scene=bench, source=read_log(recording), source_name=recording.name)
+    show_replay(qtbot, dressed(replay, look), album)
+
+
+def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    until(qtbot, lambda: predicted(window))
+    window.session.replay.seek(0.75 * window.session.replay.state.duration)
+    window.session.showing.choose(ASKED)
+    window.session.replay.toggle()
+    until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 5)
+    until(qtbot, lambda: traced(window))
+    album.keep(window, "replay")
+
+
+def test_pictures_of_every_view(
+    qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
+) -> None:
+    window = dressed(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_way=nowhere), look)
+    until(qtbot, lambda: predicted(window))
+    window.session.showing.choose(ASKED)
+    until(qtbot, lambda: traced(window))
+    album.keep(window, "plan")
+    show_large_views(qtbot, window, album)
+    window.session.showing.choose(ASKED_OF_TRACE)
+    until(qtbot, lambda: traced(window))
+    for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
+        share(window, sizes)
+        qtbot.wait(50)
+        album.keep(window, name)
+    share(window, TRACE)
+    window.trace.rf.trigger()
+    window.trace.cursors_shown.trigger()
+    qtbot.wait(50)
+    album.keep(window, "trace-rf")
+    window.trace.cursors_shown.trigger()
+    window.trace.envelope.trigger()
+    show_panels(qtbot, window, album)
+    show_dialogs(qtbot, window, album)
+
+
+def test_picture_of_the_question_in_the_readme(
+    qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
+) -> None:
+    """Why does heading 270° in the simple room read 0.827 m? The README's way: a log, a click, a sentence."""
+    log, to = tmp_path / "figure9.mcap", "--place figure9 --board paper --out"
+    assert run(["simulate", str(ROOM), *to.split(), str(log)]) == 0
+    opened = read_log(log)
+    window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
+    dressed(window, look)
+    until(qtbot, lambda: predicted(window))
+    ranges = window.ranges
+    click(qtbot, ranges, ranges.ranges.vb, place_of(ranges._marks[0], 54))
+    until(qtbot, lambda: traced(window))
+    assert window.sentence.text() == (
+        "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
+    )
+    qtbot.wait(100)
+    album.keep(window, "why")
+
+
+def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    plan, beside, images = window.commands.views.actions()
+    beside.trigger()
+    qtbot.wait(50)
+    album.keep(window, "side-by-side")
+    images.trigger()
+    window.bscan.choices.actions()[3].trigger()
+    until(qtbot, lambda: window.session.shown.bscan is not None and not window.bscan.note.text())
+    qtbot.wait(200)
+    album.keep(window, "bscan")
+    window.bscan.choices.actions()[0].trigger()
+    window.bscan.polar.trigger()
+    until(qtbot, lambda: window.session.shown.bscan.wish == window.bscan.wish and not window.bscan.note.text())
+    qtbot.wait(200)
+    album.keep(window, "bscan-polar")
+    plan.trigger()
+
+
+def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    dock(qtbot, window, "Room")
+    window.plan.hands.choose_surface(window.session.shown.scene.room.names[0])
+    qtbot.wait(50)
+    album.keep(window, "room")
+    window.plan.hands.choose_surface(None)
+    dock(qtbot, window, "Fit")
+    if FOLDER:  # finding takes a while
+        window.fit_panel.begin.click()
+        until(qtbot, window.fit_panel.accept.isVisible)
+    qtbot.wait(50)
+    album.keep(window, "fit")
+    dock(qtbot, window, "")
+
+
+def nowhere(url: str) -> ScannerWay:
+    raise InputError(f"{url}: leads nowhere")
+
+
+def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
+    window.session.scanners._make_book = lambda: PortBook(lambda: PORTS, lambda device: (True, "scanner POL-7"))
+    window.commands.connect_scanner.trigger()
+    dialog = window.connecting.dialog
+    until(qtbot, lambda: not window.session.scanners._book.busy and dialog.ports.rowCount() == len(PORTS))
+    album.keep(dialog, "connect")
+    dialog.close()
+    window.commands.help.trigger()
+    qtbot.wait(50)
+    album.keep(window.help.page, "help")
+    window.help.page.close()

@@ -1,0 +1,163 @@
+"""The B-scan as a person uses it: choose panes, point, click a heading; honest where nothing was recorded."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_compare.pictures.bscan import SAME_HEADING, difference
+from sonarhw_gui.bscan.bscan_view import BScanView
+from sonarhw_gui.look.palette import LIGHT
+from sonarhw_gui.plan.plan_view import PlanView
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.application import open_application
+from sonarhw_gui.shell.main_window import MainWindow
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.bscan_picture import Pane
+from sonarhw_gui.work.bscan_request import BScanRequest
+
+from sonarhw.log import read_log
+from sonarhw.readings import Reading
+from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import ended, pixel_at, predicted, until
+
+
+@pytest.fixture
+def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    until(qtbot, lambda: worked_out(window))
+    return window
+
+
+def worked_out(window: MainWindow) -> bool:
+    bscan = window.session.shown.bscan
+    return bscan is not None and bscan.rows.done == 1 and bscan.wish == window.bscan.wish
+
+
+def at(window: MainWindow, pane: Pane, x: float, y: float) -> QPoint:
+    return pixel_at(window.bscan.canvas, window.bscan.panes[pane].plot.vb, (x, y))
+
+
+def test_a_click_on_a_heading_chooses_its_reading(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.mouseClick(window.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=at(window, Pane.MEASURED, 271, 0.6))
+    assert window.session.shown.chosen == 27
+    assert "at 270.0°" in window.sentence.text()
+
+
+def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_meanwhile(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    assert len(window.findChildren(PlanView)) == 1
+    assert not window.bscan.panes
+    window.commands.fit.trigger()
+    window.bscan.polar.trigger()
+    window.bscan.choices.actions()[1].trigger()
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    until(qtbot, lambda: worked_out(window))
+    assert list(window.bscan.panes) == [Pane.PREDICTED]
+    assert window.session.shown.bscan.wish.polar
+    qtbot.keyClick(window, Qt.Key.Key_2)
+    assert len(window.findChildren(PlanView)) == 3
+
+
+def test_in_a_polar_image_a_click_means_the_direction_from_the_place(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_O)
+    until(qtbot, lambda: window.bscan.wish.polar and worked_out(window))
+    x, y = window.session.shown.scene.standing.position
+    where = at(window, Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1))
+    qtbot.mouseClick(window.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=where)
+    assert window.session.shown.chosen == 12  # 2.1 rad are 120.3°
+
+
+def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.mouseMove(window.bscan.canvas.viewport(), at(window, Pane.MEASURED, 90, 0.6))
+    until(qtbot, lambda: window.session.shown.cursor is not None)
+    until(qtbot, lambda: abs(window.session.shown.cursor.range - 0.6) < 0.02)
+    assert math.degrees(window.session.shown.cursor.heading) == pytest.approx(90.0, abs=1.0)
+    until(qtbot, lambda: window.trace._pointer.isVisible())
+    trace = window.session.shown.trace
+    assert window.trace._pointer.value() == pytest.approx(trace.time_at(window.session.shown.cursor.range), rel=1e-3)
+
+
+def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
+    until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
+    window.session.showing.point_at(Cursor(math.radians(45.0), 0.7))
+    for pane in window.bscan.panes.values():
+        until(qtbot, lambda pane=pane: len(pane._cursor.getData()[0]) > 0)
+        x, y = pane._cursor.getData()
+        assert (x[0], y[0]) == pytest.approx((45.0, 0.7))
+
+
+def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
+    until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
+    window.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
+    for pane in window.bscan.panes.values():
+        np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
+    window.commands.fit.trigger()
+    (left, right), (_, top) = window.bscan.panes[Pane.DIFFERENCE].plot.vb.viewRange()
+    assert right - left >= 360
+    assert top == pytest.approx(window.session.shown.bscan.rows.cells.reach)
+
+
+def test_nothing_is_worked_out_while_nobody_looks(qtbot: QtBot, window: MainWindow) -> None:
+    qtbot.keyClick(window, Qt.Key.Key_1)
+    before = window.session.shown.bscan
+    window.session.showing.set_place("figure7")
+    until(qtbot, lambda: predicted(window))
+    assert window.session.shown.bscan is before
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    until(qtbot, lambda: window.session.shown.bscan is not before and worked_out(window))
+
+
+def test_a_live_scan_fills_the_bscan_heading_by_heading(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    window = open_with(source=fake("max"))
+    qtbot.keyClick(window, Qt.Key.Key_3)
+    window.commands.scan.trigger()
+    until(qtbot, lambda: ended(window) and predicted(window) and worked_out(window))
+    until(qtbot, lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
+    angles = np.sort([reading.angle for reading in window.session.shown.readings])
+    np.testing.assert_allclose(window.session.shown.bscan.measured.headings, angles, atol=0.5 * SAME_HEADING)
+    # the fake's room is the predicted one: but for its noise they agree
+    bscan = window.session.shown.bscan
+    apart = difference(bscan.measured, bscan.predicted, window.session.shown.scene.board.threshold_db).levels
+    assert np.nanmean(np.abs(apart) < 3.0) > 0.95
+
+
+@pytest.fixture
+def view(qtbot: QtBot) -> BScanView:
+    open_application()
+    view = BScanView()
+    qtbot.addWidget(view)
+    view.resize(700, 500)
+    view.show()
+    return view
+
+
+def test_a_log_without_traces_says_so(view: BScanView, scene: Scene) -> None:
+    readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
+    answer = BScanRequest(1, scene, readings, None, view.wish, LIGHT, None).answer()
+    view.show_state(Shown(scene, readings=readings, chosen=3, bscan=answer))
+    assert "no traces recorded" in view.note.text()
+    assert "no prediction" in view.note.text()
+    marked = np.argwhere(np.isfinite(answer.measured.levels))
+    assert len(marked) == 36
+
+
+def test_before_anything_is_worked_out_the_view_says_so(view: BScanView, scene: Scene) -> None:
+    view.show_state(Shown(scene))
+    assert "being worked out" in view.note.text()
+
+
+def test_a_picture_of_another_wish_is_not_drawn(qtbot: QtBot, view: BScanView, scene: Scene) -> None:
+    stale = BScanRequest(1, scene, (), None, replace(view.wish, polar=True), LIGHT, None).answer()
+    view.show_state(Shown(scene, bscan=stale))
+    assert view.panes[Pane.MEASURED]._image.image is None

@@ -1,0 +1,294 @@
+"""The prediction behind the window, without a window: newest first, stale dropped, as good as the slow way."""
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from sonarhw_compare.matching.match import compare_readings
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.effort import Effort, EffortChoice
+from sonarhw_gui.work.forecast import LATE, REST, Compared, CompareRequest, Forecast, PathsFound, PathsRequest
+from sonarhw_gui.work.worker import Failure, Worker
+from sonarhw_sim.predict.prediction import predict_scan
+
+from sonarhw.errors import InputError
+from sonarhw.log import read_log
+
+
+@dataclass(frozen=True)
+class Waiting:
+    gate: threading.Event
+    begun: threading.Event
+
+    def answer(self) -> str:
+        self.begun.set()
+        self.gate.wait()
+        return "waited"
+
+
+@dataclass(frozen=True)
+class Echoed:
+    word: object
+
+    def answer(self) -> object:
+        if isinstance(self.word, Exception):
+            raise self.word
+        return self.word
+
+
+@pytest.fixture
+def worker() -> Iterator[Worker]:
+    worker = Worker("worker under test")
+    yield worker
+    worker.close()
+
+
+def taken(qtbot: QtBot, worker: Worker, count: int) -> list[Any]:
+    answers = []
+
+    def enough() -> bool:
+        answers.extend(worker.take())
+        return len(answers) >= count
+
+    qtbot.waitUntil(enough, timeout=10_000)
+    return answers
+
+
+def test_of_the_requests_that_wait_the_newest_is_answered(qtbot: QtBot, worker: Worker) -> None:
+    gate, begun = threading.Event(), threading.Event()
+    worker.ask(Waiting(gate, begun))
+    assert begun.wait(10)
+    for word in ("old", "older", "new"):
+        worker.ask(Echoed(word))
+    gate.set()
+    assert taken(qtbot, worker, 2) == ["waited", "new"]
+
+
+def test_a_failed_request_is_an_answer_too_and_the_next_is_met(qtbot: QtBot, worker: Worker) -> None:
+    worker.ask(Echoed(InputError("no such thing")))
+    (failure,) = taken(qtbot, worker, 1)
+    assert isinstance(failure, Failure)
+    assert failure.message == "no such thing"
+    worker.ask(Echoed("next"))
+    assert taken(qtbot, worker, 1) == ["next"]
+
+
+def test_a_defect_is_raised_and_not_told_as_a_message(qtbot: QtBot, worker: Worker) -> None:
+    worker.ask(Echoed(ZeroDivisionError("defect")))
+    (failure,) = taken(qtbot, worker, 1)
+    with pytest.raises(ZeroDivisionError):
+        _ = failure.message
+
+
+@pytest.fixture
+def forecast() -> Iterator[Forecast]:
+    forecast = Forecast()
+    yield forecast
+    forecast.close()
+
+
+def finished(qtbot: QtBot, forecast: Forecast) -> None:
+    def settled() -> bool:
+        forecast.take()
+        return not forecast.searching and not forecast._comparer.busy
+
+    qtbot.waitUntil(settled, timeout=30_000)
+
+
+def test_answers_for_another_scene_or_scan_are_dropped(
+    qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
+) -> None:
+    readings = read_log(recorded).readings
+    forecast.set_scene(scene)
+    forecast.follow(readings)
+    finished(qtbot, forecast)
+    stale_paths = PathsRequest(0, scene, scene.options).answer()
+    stale_rows = CompareRequest(0, stale_paths, readings[:2], 0).answer()
+    outline, compared = forecast.outline, forecast.compared
+    for answer in (stale_paths, stale_rows):
+        forecast._finder.ask(Echoed(answer))
+        finished(qtbot, forecast)
+    assert forecast.outline is outline
+    assert forecast.compared is compared
+
+
+def test_a_scene_changed_at_once_leaves_no_trace_of_the_first(qtbot: QtBot, forecast: Forecast, scene: Scene) -> None:
+    elsewhere = replace(scene, place=scene.room.place("figure7"))
+    forecast.set_scene(scene)
+    forecast.set_scene(elsewhere)
+    finished(qtbot, forecast)
+    assert forecast.outline.place.name == "figure7"
+
+
+def test_a_new_scan_forgets_the_comparison_of_the_one_before(
+    qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
+) -> None:
+    forecast.set_scene(scene)
+    forecast.follow(read_log(recorded).readings)
+    finished(qtbot, forecast)
+    assert isinstance(forecast.compared, Compared)
+    forecast.begin_scan()
+    assert forecast.compared is None
+
+
+def test_what_the_window_compares_is_what_the_command_compares(
+    qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
+) -> None:
+    """The paths that no heading hears are left out; classes, ranges and explanations are the same."""
+    readings = read_log(recorded).readings
+    forecast.set_scene(scene)
+    forecast.follow(readings)
+    finished(qtbot, forecast)
+    slow = compare_readings(readings, scene.room, scene.standing, scene.board)
+    fast = forecast.compared.comparison
+    for one, other in zip(fast.rows, slow.rows, strict=True):
+        assert (one.kind, one.measured, one.predicted) == (other.kind, other.measured, other.predicted)
+        if other.path is not None:
+            assert fast.prediction.paths.lengths[one.path] == slow.prediction.paths.lengths[other.path]
+    assert len(fast.prediction.paths) <= len(slow.prediction.paths)
+
+
+def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
+    draft = PathsRequest(1, scene, Effort(2, 720, 36).limit(scene.options)).answer()
+    whole = PathsRequest(1, scene, scene.options).answer()
+    assert isinstance(draft, PathsFound)
+    assert draft.draft
+    assert not whole.draft
+    assert draft.paths.bounces.max() <= 2
+    assert len(whole.paths) > len(draft.paths)
+    heard = ~np.isnan(whole.outline.ranges)
+    assert heard.sum() >= (~np.isnan(draft.outline.ranges)).sum()
+
+
+def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
+    kept = PathsRequest(1, scene, scene.options).answer().paths
+    headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
+    everything = predict_scan(scene.room, scene.standing, scene.board, headings)
+    loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.echoes(k)}
+    assert 0 < len(loud) < len(everything.paths)
+    assert loud <= set(kept.lengths)
+
+
+class Clock:
+    """Stands still until it is told the time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def moved(scene: Scene, by: float) -> Scene:
+    x, y = scene.place.position
+    return replace(scene, place=replace(scene.place, position=(x - by, y)))
+
+
+def test_while_a_hand_moves_the_sensor_there_are_drafts_and_the_rest_comes_when_it_stands_still(
+    qtbot: QtBot, scene: Scene
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    forecast.change_scene(moved(scene, 0.1), moving=True)
+    qtbot.waitUntil(forecast.take, timeout=30_000)
+    draft = forecast.outline
+    assert draft.place.position == moved(scene, 0.1).place.position
+    clock.now += 0.5 * REST
+    forecast.take()
+    assert not forecast._finder.busy
+    assert forecast.searching
+    clock.now += 0.6 * REST
+    finished(qtbot, forecast)
+    assert len(forecast.outline.paths) > len(draft.paths)
+    forecast.close()
+
+
+def test_a_draft_that_comes_while_the_hand_is_further_on_is_shown_and_an_older_one_never_after_a_newer(
+    qtbot: QtBot, forecast: Forecast, scene: Scene
+) -> None:
+    forecast.set_scene(scene)
+    finished(qtbot, forecast)
+    answers = [
+        PathsRequest(generation, moved(scene, 0.01 * generation), Effort(1, 720, 36).limit(scene.options)).answer()
+        for generation in (2, 3, 4)
+    ]
+    forecast._generation = 5
+    for answer, shown in ((answers[1], answers[1]), (answers[0], answers[1]), (answers[2], answers[2])):
+        forecast._take_in(answer)
+        assert forecast.outline is shown.outline
+
+
+def test_what_was_known_stands_until_the_changed_scene_is_predicted(
+    qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
+) -> None:
+    forecast.set_scene(scene)
+    forecast.follow(read_log(recorded).readings)
+    finished(qtbot, forecast)
+    outline, compared = forecast.outline, forecast.compared
+    forecast.change_scene(moved(scene, 0.1))
+    assert forecast.outline is outline
+    assert forecast.compared is compared
+    finished(qtbot, forecast)
+    assert forecast.outline is not outline
+    assert forecast.compared.comparison.prediction.place.position == moved(scene, 0.1).place.position
+
+
+def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notice_and_until_the_new_ones_come(
+    qtbot: QtBot, scene: Scene, recorded: Path
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    forecast.set_scene(scene)
+    forecast.follow(read_log(recorded).readings)
+    finished(qtbot, forecast)
+    gate, begun = threading.Event(), threading.Event()
+    forecast._comparer.ask(Waiting(gate, begun))  # so that nothing comes
+    assert begun.wait(10)
+    forecast.change_scene(moved(scene, 0.1))
+    for now, behind in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
+        clock.now = now
+        forecast.take()
+        assert forecast.behind is behind
+    gate.set()
+    finished(qtbot, forecast)
+    assert not forecast.behind
+    forecast.close()
+
+
+@pytest.mark.parametrize(("late", "behind"), [(0.5 * LATE, False), (LATE, True)])
+def test_figures_that_follow_a_moving_hand_are_behind_when_they_come_late_and_then_until_it_rests(
+    scene: Scene, recorded: Path, late: float, behind: bool
+) -> None:
+    clock = Clock()
+    forecast = Forecast(clock)
+    readings = read_log(recorded).readings[:3]
+    found = PathsRequest(1, scene, Effort(1, 720, 36).limit(scene.options)).answer()
+    forecast.set_scene(scene)
+    said = []
+    for generation in range(2, 12):  # a hand that moves again as soon as the draft of its last move has come
+        forecast.change_scene(moved(scene, 0.001 * generation), moving=True)
+        clock.now += late
+        compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
+        forecast._take_in(compared.answer())
+        forecast._look_behind()
+        said.append(forecast.behind)
+    assert said == [behind] * len(said)
+    forecast.close()
+
+
+def test_slow_drafts_become_shallow_and_quick_ones_deep() -> None:
+    choice = EffortChoice()
+    usual = choice.effort
+    choice.took(0.1)
+    assert choice.effort.max_bounces < usual.max_bounces
+    for _ in range(10):
+        choice.took(0.001)
+    assert choice.effort.max_bounces > usual.max_bounces
+    deepest = choice.effort
+    choice.took(0.010)
+    assert choice.effort is deepest

@@ -1,0 +1,63 @@
+"""While a prediction is under way the window says which figures belong to the one before, and no longer than that."""
+
+import threading
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QImage, QPalette
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.readings.sentence import Sentence
+from sonarhw_gui.scene.scene_edit import sensor_at
+from sonarhw_gui.work.forecast import PathsFound, PathsRequest
+
+from sonarhw.log import read_log
+from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import predicted, until
+
+SAID = "what is grey belongs to the prediction before"
+
+
+def is_faint(sentence: Sentence) -> bool:
+    """Whether all that is written there is grey."""
+    image: QImage = sentence.grab().toImage().convertToFormat(QImage.Format.Format_Grayscale8)
+    darkest = min(image.pixelColor(x, y).red() for y in range(0, image.height(), 2) for x in range(0, image.width(), 2))
+    return darkest > QColor(sentence.palette().color(QPalette.ColorRole.WindowText)).red() + 60
+
+
+def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
+    qtbot: QtBot,
+    open_with: OpenWith,
+    recorded: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+) -> None:
+    window = open_with(source=read_log(recorded))
+    until(qtbot, lambda: predicted(window))
+    table = window.table.model
+    cell = table.index(0, table.columnCount() - 1)
+    assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
+    assert not is_faint(window.sentence)
+
+    gate, answer = threading.Event(), PathsRequest.answer
+
+    def answer_late(asked: PathsRequest) -> PathsFound:
+        gate.wait()
+        return answer(asked)
+
+    monkeypatch.setattr(PathsRequest, "answer", answer_late)
+    request.addfinalizer(gate.set)  # or the window would not close
+    before = window.session.shown.compared
+    window.session.showing.edit(*sensor_at(window.session.shown.scene, (0.4, 0.3)))
+    until(qtbot, lambda: SAID in window.status_bar.doing.text())
+    assert window.session.shown.compared is before
+    faint = QColor(window.session.shown.look.palette.faint)
+    assert table.data(cell, Qt.ItemDataRole.ForegroundRole).color() == faint
+    assert is_faint(window.sentence)
+
+    gate.set()
+    until(qtbot, lambda: window.session.shown.compared is not before)
+    assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
+    until(qtbot, lambda: SAID not in window.status_bar.doing.text())
+    assert not is_faint(window.sentence)
+    until(qtbot, lambda: predicted(window))

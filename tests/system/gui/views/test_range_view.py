@@ -1,0 +1,121 @@
+"""Range against heading with the residuals below: one heading axis, units on both, clicks and the linked cursor."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, QPointF
+from PySide6.QtGui import QColor
+from pytestqt.qtbot import QtBot
+from sonarhw_compare.matching.match import Kind, compare_readings
+from sonarhw_gui.look.appearance import LengthUnit, Look
+from sonarhw_gui.readings.range_view import RangeView
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.work.forecast import Compared
+
+from sonarhw.readings import Reading
+from tests.system.gui.driving import click, place_of
+
+SPEED = 343.2
+RANGES = (0.8, 0.5, 0.9, None)
+
+
+@pytest.fixture
+def shown(scene: Scene) -> Shown:
+    readings = tuple(
+        Reading(k, 0, 0, math.radians(90 * k), 0.1 * k, () if far is None else (2 * far / SPEED,), SPEED)
+        for k, far in enumerate(RANGES)
+    )
+    comparison = compare_readings(readings, scene.room, scene.standing, scene.board)
+    return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=0)
+
+
+@pytest.fixture
+def view(qtbot: QtBot, shown: Shown) -> RangeView:
+    view = RangeView()
+    qtbot.addWidget(view)
+    view.resize(600, 350)
+    view.show_state(shown)
+    with qtbot.waitExposed(view):
+        view.show()
+    return view
+
+
+def test_residuals_are_measured_less_predicted_and_kept_on_the_plot(view: RangeView, shown: Shown) -> None:
+    for row in shown.compared.comparison.rows:
+        if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
+            heading, residual = place_of(view._marks[1], row.index)
+            assert heading == pytest.approx(90 * row.index)
+            assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
+
+
+def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how_far_off_it_is(
+    qtbot: QtBot, view: RangeView, shown: Shown
+) -> None:
+    heard = (shown.row(0).predicted, None, shown.row(2).predicted + 0.4, shown.row(3).predicted - 0.2)
+    readings = tuple(
+        replace(reading, echo_times=() if far is None else (2 * far / SPEED,))
+        for reading, far in zip(shown.readings, heard, strict=True)
+    )
+    room = shown.scene
+    comparison = compare_readings(readings, room.room, room.standing, room.board)
+    view.show_state(replace(shown, readings=readings, compared=Compared(0, comparison, 0, draft=False)))
+    points = {kind: [(spot.pos().x(), spot.pos().y()) for spot in view.beyond[kind].points()] for kind in view.beyond}
+    assert points == {Kind.SHORT: [], Kind.LONG: [(pytest.approx(180), pytest.approx(0.25))]}
+    assert view.beyond[Kind.LONG].isVisible()
+    assert colour_at(view, (180, 0.25)) == QColor(shown.look.palette.long).name()
+
+    at = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(180, 0.25)))
+    for pixel in (at - QPoint(40, 40), at):
+        qtbot.mouseMove(view.viewport(), pixel)
+        qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+    qtbot.waitUntil(lambda: "residual +400 mm" in view.residuals.vb.toolTip())
+    view.show_state(replace(shown, compared=None))
+    assert not view.beyond[Kind.LONG].isVisible()
+
+
+def colour_at(view: RangeView, at: tuple[float, float]) -> str:
+    """What is seen at a point of the residuals."""
+    pixel = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(*at)))
+    return view.grab().toImage().pixelColor(pixel).name()
+
+
+def test_both_plots_share_their_headings(view: RangeView) -> None:
+    view.ranges.setXRange(100, 200, padding=0)
+    assert view.residuals.vb.viewRange()[0] == pytest.approx([100, 200])
+
+
+@pytest.mark.parametrize(("unit", "small"), [(LengthUnit.M, "mm"), (LengthUnit.CM, "cm"), (LengthUnit.FT, "in")])
+def test_residuals_are_read_in_the_small_unit(view: RangeView, shown: Shown, unit: LengthUnit, small: str) -> None:
+    view.show_state(replace(shown, look=Look(unit=unit)))
+    assert view.ranges.getAxis("left").labelText == f"range ({unit.label})"
+    assert view.residuals.getAxis("left").labelText == f"residual ({small})"
+    assert view.residuals.getAxis("left").scale == pytest.approx({"mm": 1000, "cm": 100, "in": 1 / 0.0254}[small])
+
+
+def test_a_click_in_the_residuals_picks_the_nearest_reading(qtbot: QtBot, view: RangeView) -> None:
+    with qtbot.waitSignal(view.picked) as picked:
+        click(qtbot, view, view.residuals.vb, (80.0, 0.1))
+    assert picked.args == [1]
+
+
+def test_a_hand_points_at_heading_and_range_and_at_nothing_outside(qtbot: QtBot, view: RangeView) -> None:
+    told: list[Cursor | None] = []
+    view.pointed.connect(told.append)
+    view.scene().sigMouseMoved.emit(view.ranges.vb.mapViewToScene(QPointF(180.0, 0.7)))
+    assert told[-1].heading == pytest.approx(math.pi)
+    assert told[-1].range == pytest.approx(0.7)
+    view.scene().sigMouseMoved.emit(view.residuals.vb.mapViewToScene(QPointF(170.0, 0.0)))
+    assert told[-1].range == pytest.approx(0.9)  # of the reading at 180°
+    view.scene().sigMouseMoved.emit(QPointF(2.0, 2.0))
+    assert told[-1] is None
+
+
+def test_what_is_pointed_at_elsewhere_is_a_cross_here(view: RangeView, shown: Shown) -> None:
+    view.show_state(replace(shown, cursor=Cursor(-math.pi / 2, 0.6)))
+    assert [line.value() for line in view._pointer] == pytest.approx([270, 270, 0.6])
+    assert all(line.isVisible() for line in view._pointer)
+    view.show_state(shown)
+    assert not any(line.isVisible() for line in view._pointer)

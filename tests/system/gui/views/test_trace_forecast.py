@@ -1,0 +1,111 @@
+"""Traces and B-scans behind the window, without a window: the newest comes, what belongs to another scan does not."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.trace_forecast import TraceForecast
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.work.bscan_picture import BScanWish, Pane
+from sonarhw_sim.predict.prediction import predict_scan
+
+from sonarhw.errors import NotALog
+from sonarhw.readings import FloatArray, Reading, Trace
+
+WISH = BScanWish((Pane.MEASURED,), polar=False, decibels=True)
+
+
+class Unreadable(Trace):
+    @property
+    def times(self) -> FloatArray:
+        raise NotALog("scan.mcap: cannot be read any more")
+
+
+def readings(count: int, trace: type[Trace] = Trace) -> tuple[Reading, ...]:
+    angles = (math.radians(10.0 * k) for k in range(count))
+    made = trace(np.full(500, 0.1), 50e3, 0.0)
+    return tuple(Reading(k, 0, 0, angle, 0.1 * k, (), 343.2, trace=made) for k, angle in enumerate(angles))
+
+
+@pytest.fixture
+def forecast() -> Iterator[TraceForecast]:
+    forecast = TraceForecast()
+    yield forecast
+    forecast.close()
+
+
+def taken(qtbot: QtBot, forecast: TraceForecast, enough: Callable[[], bool]) -> None:
+    def ready() -> bool:
+        forecast.take()
+        return enough()
+
+    qtbot.waitUntil(ready, timeout=30_000)
+
+
+def degrees(forecast: TraceForecast) -> float | None:
+    return None if forecast.trace is None else round(math.degrees(forecast.trace.heading), 3)
+
+
+def test_the_trace_is_that_of_the_reading_chosen_last(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+    for chosen in range(30):
+        forecast.follow(Shown(scene, readings=readings(30), chosen=chosen))
+    taken(qtbot, forecast, lambda: degrees(forecast) == 290.0)
+
+
+def test_a_trace_that_cannot_be_read_is_told_and_the_next_is_shown(
+    qtbot: QtBot, forecast: TraceForecast, scene: Scene
+) -> None:
+    forecast.follow(Shown(scene, readings=readings(1, Unreadable), chosen=0))
+    taken(qtbot, forecast, lambda: bool(forecast.failures))
+    assert forecast.failures == ["scan.mcap: cannot be read any more"]
+    assert forecast.trace is None
+    forecast.follow(Shown(scene, readings=readings(3), chosen=2))
+    taken(qtbot, forecast, lambda: degrees(forecast) == 20.0)
+
+
+def test_another_scan_drops_what_was_asked_for_the_one_before(
+    qtbot: QtBot, forecast: TraceForecast, scene: Scene
+) -> None:
+    forecast.wish(WISH)
+    forecast.follow(Shown(scene, readings=readings(30), chosen=29))
+    forecast.begin_scan()
+    forecast.follow(Shown(scene, readings=readings(2), chosen=1))
+    taken(qtbot, forecast, lambda: forecast.bscan is not None and forecast.trace is not None)
+    assert degrees(forecast) == 10.0
+    assert len(forecast.bscan.measured.headings) == 2
+
+
+def test_a_trace_that_comes_after_its_scan_is_dropped(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+    forecast.follow(Shown(scene, readings=readings(1), chosen=0))
+    forecast.begin_scan()
+    taken(qtbot, forecast, lambda: not forecast._tracer.busy)
+    assert forecast.trace is None
+
+
+def test_no_reading_has_no_trace(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+    forecast.follow(Shown(scene, readings=readings(1), chosen=0))
+    taken(qtbot, forecast, lambda: forecast.trace is not None)
+    forecast.follow(Shown(scene))
+    assert forecast.trace is None
+
+
+def test_a_bscan_is_worked_out_to_its_end_and_only_while_somebody_looks(
+    qtbot: QtBot, forecast: TraceForecast, scene: Scene
+) -> None:
+    outline = predict_scan(scene.room, scene.standing, scene.board, np.radians(np.arange(0.0, 360.0, 2.0)))
+    shown = Shown(scene, outline=outline, readings=readings(36), chosen=None)
+    forecast.follow(shown)
+    assert not forecast.take()
+    forecast.wish(replace(WISH, panes=tuple(Pane)))
+    taken(qtbot, forecast, lambda: forecast.bscan is not None and forecast.bscan.rows.done == 1)
+    assert len(forecast.bscan.predicted.headings) == 180
+    assert len(forecast.bscan.measured.headings) == 36
+    forecast.wish(None)
+    before = forecast.bscan
+    forecast.follow(replace(shown, readings=readings(2)))
+    forecast.take()
+    assert forecast.bscan is before

@@ -1,0 +1,182 @@
+"""The trace view as a person uses it: axes that agree, names apart, carrier and cursors by key, a linked pointer."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from sonarhw_gui.look.appearance import LengthUnit, Look
+from sonarhw_gui.look.palette import DARK
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.shell.application import open_application
+from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.trace.trace_view import TraceView
+from sonarhw_gui.work.chosen_trace import chosen_trace
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+
+from sonarhw.echo_source import Ping
+from sonarhw.readings import Reading
+from tests.system.gui.driving import drag, pixel_at
+
+HEADING = math.radians(270.0)
+
+
+@pytest.fixture(scope="module")
+def shown(scene: Scene, echoes: RoomEchoes) -> Shown:
+    heard = echoes.hear(Ping(HEADING, 0, 0, 0.0115, trace=True))
+    reading = Reading(0, 0, 0, HEADING, 0.0, heard.echo_times, 343.2, trace=heard.trace)
+    prediction = predict_scan(scene.room, scene.standing, scene.board, np.array([HEADING]))
+    trace = chosen_trace(scene, reading, prediction, 0)
+    return Shown(scene, readings=(reading,), chosen=0, trace=trace)
+
+
+@pytest.fixture
+def view(qtbot: QtBot, shown: Shown) -> TraceView:
+    open_application()
+    view = TraceView()
+    qtbot.addWidget(view)
+    view.resize(900, 400)
+    with qtbot.waitActive(view):
+        view.show()
+        view.activateWindow()
+    view.show_state(shown)
+    qtbot.waitUntil(lambda: view.plot.plotItem.vb.width() > 600)
+    return view
+
+
+@pytest.mark.parametrize(("unit", "metres"), [(LengthUnit.M, 1.0), (LengthUnit.CM, 0.01), (LengthUnit.FT, 0.3048)])
+def test_the_top_axis_tells_the_range_of_an_echo_at_the_time_below(
+    view: TraceView, shown: Shown, unit: LengthUnit, metres: float
+) -> None:
+    view.show_state(replace(shown, look=Look(unit=unit)))
+    for spacing, times in view._ranges.tickValues(0.0, shown.trace.duration, 800.0)[:1]:
+        for time, text in zip(times, view._ranges.tickStrings(times, view._ranges.scale, spacing), strict=True):
+            figure, name = text.split(" ")
+            assert name == unit.label
+            assert float(figure) * metres == pytest.approx(
+                343.2 * time / 2, abs=0.51 * metres * 10 ** -_decimals(figure)
+            )
+
+
+def _decimals(figure: str) -> int:
+    return len(figure.partition(".")[2])
+
+
+def test_names_of_echoes_never_lie_over_each_other(view: TraceView) -> None:
+    names = [item for item in view.names._items if item.isVisible()]
+    assert len(names) >= 3
+    # a pixel of rounding on each side
+    boxes = [item.mapRectToScene(item.boundingRect()).adjusted(1, 1, -1, -1) for item in names]
+    assert not [1 for k, one in enumerate(boxes) for other in boxes[:k] if one.intersects(other)]
+
+
+def test_every_mark_stands_at_the_time_of_its_echo(view: TraceView, shown: Shown) -> None:
+    x, _ = view.names._heads.getData()
+    assert sorted(x) == sorted(echo.time for echo in shown.trace.echoes)
+    assert view.marks._blanking.getRegion() == (0.0, shown.scene.board.blanking)
+    reported, height = view.marks._reported.getData()
+    assert reported.tolist() == list(shown.readings[0].echo_times)
+    assert set(height) == {shown.scene.board.threshold_db}
+
+
+def test_the_key_for_rf_shows_the_carrier_and_back(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
+    assert "dB" in view.plot.getAxis("left").labelText
+    qtbot.keyClick(view, Qt.Key.Key_R)
+    qtbot.waitUntil(lambda: "signal" in view.plot.getAxis("left").labelText)
+    _, drawn = view._predicted.getOriginalDataset()
+    assert drawn.min() < -0.02
+    assert drawn.max() > 0.02
+    assert "envelope only" in view.title.text()
+    qtbot.keyClick(view, Qt.Key.Key_V)
+    qtbot.waitUntil(lambda: "dB" in view.plot.getAxis("left").labelText)
+    assert view._predicted.getOriginalDataset()[1].max() <= 0
+
+
+def test_a_title_that_is_too_long_ends_in_dots_and_is_told_whole_to_a_hand_held_over_it(view: TraceView) -> None:
+    whole, title = "Trace at 355.0° · no trace recorded · no prediction", view.title
+    title.resize(160, 24)
+    title.setText(whole)
+    assert title.toolTip() == whole
+    drawn = title.grab().toImage()
+    title.setText(title.fontMetrics().elidedText(whole, Qt.TextElideMode.ElideRight, 160))
+    assert title.text().endswith("…")
+    assert title.grab().toImage() == drawn
+
+
+def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
+    assert not view.readout.isVisible()
+    qtbot.keyClick(view, Qt.Key.Key_C)
+    qtbot.waitUntil(view.readout.isVisible)
+    for start, end in zip(view.cursors.times, (0.002, 0.005), strict=True):
+        drag(qtbot, view.plot, view.plot.plotItem.vb, (start, -20.0), (end, -20.0))
+    first, second = view.cursors.times
+    assert (first, second) == pytest.approx((0.002, 0.005), abs=3e-5)
+    read = [float(figure) for figure in re.findall(r"-?\d+\.\d+", view.readout.text())]
+    expected = [first * 1e3, first * 171.6, second * 1e3, second * 171.6]
+    assert read == pytest.approx([*expected, (second - first) * 1e3, (second - first) * 171.6], abs=0.006)
+
+
+def test_cursors_are_moved_with_keys_too(qtbot: QtBot, view: TraceView) -> None:
+    before = view.cursors.times
+    qtbot.keyClick(view, Qt.Key.Key_Right, Qt.KeyboardModifier.AltModifier)
+    qtbot.keyClick(view, Qt.Key.Key_Left, Qt.KeyboardModifier.AltModifier | Qt.KeyboardModifier.ShiftModifier)
+    assert view.readout.isVisible()
+    assert view.cursors.times[0] > before[0]
+    assert view.cursors.times[1] < before[1]
+
+
+def test_the_mouse_points_at_a_range_of_the_chosen_heading(qtbot: QtBot, view: TraceView) -> None:
+    told: list[Cursor | None] = []
+    view.pointed.connect(told.append)
+    qtbot.mouseMove(view.plot.viewport(), pixel_at(view.plot, view.plot.plotItem.vb, (0.004, -20.0)))
+    qtbot.waitUntil(lambda: bool(told) and told[-1] is not None)
+    assert told[-1].range == pytest.approx(0.6864, abs=0.01)
+    assert math.degrees(told[-1].heading) % 360 == pytest.approx(270.0)
+
+
+def test_where_another_view_points_is_drawn_at_its_time(view: TraceView, shown: Shown) -> None:
+    view.show_state(replace(shown, cursor=Cursor(0.3, 0.5)))
+    assert view._pointer.isVisible()
+    assert view._pointer.value() == pytest.approx(2 * 0.5 / 343.2)
+    view.show_state(replace(shown, cursor=None))
+    assert not view._pointer.isVisible()
+
+
+def test_a_zoom_lasts_from_one_reading_to_the_next_and_fit_ends_it(view: TraceView, shown: Shown) -> None:
+    view.plot.setXRange(0.002, 0.003, padding=0)
+    view.show_state(replace(shown, trace=replace(shown.trace)))
+    assert view.plot.viewRange()[0] == pytest.approx([0.002, 0.003])
+    view.fit()
+    assert view.plot.viewRange()[0] == pytest.approx([0.0, shown.trace.duration])
+
+
+@pytest.mark.parametrize(
+    "draw", [lambda shown: replace(shown, look=Look(palette=DARK)), lambda shown: replace(shown, trace=None)]
+)
+def test_another_palette_and_no_trace_at_all_are_drawn_too(
+    qtbot: QtBot, view: TraceView, shown: Shown, draw: Callable[[Shown], Shown]
+) -> None:
+    view.show_state(draw(shown))
+    image = view.plot.grab().toImage()
+    assert image.pixelColor(3, 3).name().upper() == draw(shown).look.palette.paper
+
+
+def test_before_the_first_reading_the_axes_reach_as_far_as_the_board_hears(qtbot: QtBot, scene: Scene) -> None:
+    view = TraceView()
+    qtbot.addWidget(view)
+    view.show_state(Shown(scene))
+    begin, end = view.plot.viewRange()[0]
+    assert begin == 0.0
+    assert end * scene.room.air.speed_of_sound / 2 == pytest.approx(scene.board.max_range)
+
+
+def test_a_trace_that_is_behind_says_which_one_follows(view: TraceView, shown: Shown) -> None:
+    newest = replace(shown.readings[0], number=1, angle=shown.readings[0].angle + math.radians(5))
+    assert "follows" not in view.title.text()
+    view.show_state(replace(shown, readings=(*shown.readings, newest), chosen=1))
+    assert f"{math.degrees(shown.heading(0) + math.radians(5)) % 360:.1f}° follows" in view.title.text()

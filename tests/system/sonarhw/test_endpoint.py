@@ -1,0 +1,210 @@
+"""What an endpoint owes the system around it: addresses, links, time, and bounded memory."""
+
+import os
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from sonarhw.device.endpoint import Clock, Endpoint, open_door, serve
+from sonarhw.device.fake_board import Board
+from sonarhw.errors import InputError, LinkError
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.serial_link import Link
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import Hello
+from tests.fixtures.plain_echoes import PlainEchoes
+
+
+class Chatterbox:
+    """A device that would send without end."""
+
+    busy = True
+    plug = 0
+    hurry = 1.0
+
+    def __init__(self) -> None:
+        self.sent = 0
+        self.hung_up = threading.Event()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Nothing matters to it."""
+
+    def next_event(self) -> float | None:
+        """Always."""
+        return 0.0
+
+    def advance(self, now: float) -> bytes:
+        """A page."""
+        self.sent += 4096
+        return bytes(4096)
+
+    def hang_up(self) -> None:
+        """Somebody has gone."""
+        self.hung_up.set()
+
+
+class Busy(Chatterbox):
+    """A device that has something to send whenever it is looked at, but less than the line takes."""
+
+    heard = b""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Keep what comes."""
+        self.heard += data
+
+    def advance(self, now: float) -> bytes:
+        """A word."""
+        return b"word"
+
+
+class Failing(Chatterbox):
+    """A device that breaks."""
+
+    def advance(self, now: float) -> bytes:
+        """Break."""
+        raise ZeroDivisionError("broken device")
+
+
+def test_a_link_leads_to_the_terminal_and_is_removed_at_the_end(tmp_path: Path) -> None:
+    link = tmp_path / "scanner"
+    with serve(Board(PlainEchoes()), pty=link) as endpoint:
+        assert endpoint.url == str(link)
+        assert os.path.realpath(link).startswith("/dev/")
+    assert not link.is_symlink()
+
+
+def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path) -> None:
+    dangling, file, folder = tmp_path / "dangling", tmp_path / "file", tmp_path / "folder"
+    dangling.symlink_to(tmp_path / "gone")
+    file.write_text("precious")
+    folder.mkdir()
+    with serve(Board(PlainEchoes()), pty=dangling, pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.info.serial == "FAKE-0000"
+    for taken in (file, folder):
+        with pytest.raises(InputError, match="exists already"), serve(Board(PlainEchoes()), pty=taken):
+            pass
+    assert file.read_text() == "precious"
+    with pytest.raises(InputError, match="cannot make the link"), serve(Board(PlainEchoes()), pty=folder / "no" / "x"):
+        pass
+
+
+def test_a_link_that_now_leads_elsewhere_is_not_removed(tmp_path: Path) -> None:
+    link = tmp_path / "scanner"
+    with serve(Board(PlainEchoes()), pty=link):
+        link.unlink()
+        link.symlink_to(tmp_path / "other")
+    assert link.is_symlink()
+
+
+def test_tcp_listens_on_the_loopback_and_nowhere_else() -> None:
+    with serve(Board(PlainEchoes()), tcp=":0") as endpoint:
+        assert endpoint.url.startswith("socket://127.0.0.1:")
+
+
+@pytest.mark.parametrize("address", ["7000", "localhost", "host:port", "127.0.0.1:70000", "127.0.0.1:-1"])
+def test_a_bad_address_is_told(address: str) -> None:
+    with pytest.raises(InputError, match="expected HOST:PORT"), serve(Board(PlainEchoes()), tcp=address):
+        pass
+
+
+def test_a_port_that_is_taken_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(LinkError, match="cannot listen"), serve(Board(PlainEchoes()), tcp=address):
+            pass
+
+
+@pytest.mark.parametrize("pace", [0, -1.0, float("nan"), float("inf"), "quick"])
+def test_a_pace_is_real_max_or_a_factor(pace: float) -> None:
+    with pytest.raises(InputError, match="pace"), serve(Board(PlainEchoes()), pace=pace):
+        pass
+
+
+@pytest.mark.parametrize("line", ["pty", "tcp"])
+def test_a_client_that_does_not_read_holds_the_device_back(line: str, tmp_path: Path) -> None:
+    device = Chatterbox()
+    where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
+    with serve(device, pace="max", **where) as endpoint:  # type: ignore[arg-type]
+        client = None
+        if line == "tcp":
+            host, _, port = endpoint.url.removeprefix("socket://").partition(":")
+            client = socket.create_connection((host, int(port)))
+        settled, before = 0, -1
+        while settled < 5:  # until it has sent nothing for five looks
+            settled = settled + 1 if device.sent == before else 0
+            before = device.sent
+            threading.Event().wait(0.02)
+        assert device.sent < 16_000_000
+        if client:
+            client.close()
+            assert device.hung_up.wait(timeout=10)
+
+
+def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same() -> None:
+    device, taken = Busy(), 0
+    with serve(device, tcp="127.0.0.1:0") as endpoint, Link(endpoint.url) as link:
+        link.write(b"stop")
+        while not device.heard and taken < 1_000_000:
+            taken += len(link.read())
+    assert device.heard == b"stop"
+
+
+def test_a_device_that_breaks_is_told_to_whoever_served_it_and_its_client_is_cut_off() -> None:
+    def serve_until_it_breaks() -> None:
+        with serve(Failing(), tcp="127.0.0.1:0") as endpoint:
+            while [thread for thread in threading.enumerate() if thread.name == f"serve {endpoint.url}"]:
+                threading.Event().wait(0.01)
+
+    with pytest.raises(ZeroDivisionError, match="broken device"):
+        serve_until_it_breaks()
+
+
+def test_time_runs_at_its_pace_and_stands_still_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: real)
+    clock = Clock(4.0)
+    real += 0.05
+    clock.tick(held=False)
+    assert clock.now == pytest.approx(0.2)
+    assert clock.real_until(0.6) == pytest.approx(0.1)
+    real += 0.05
+    clock.tick(held=True)
+    assert clock.now == pytest.approx(0.2)
+    real += 3600  # a machine that slept does not make the device jump an hour
+    clock.tick(held=False)
+    assert clock.now < 2.0
+
+
+def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = 100.0
+
+    def waits(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
+        nonlocal real
+        real += wait + 0.001
+        if real > 110:
+            endpoint.stop()
+        return [], [], []
+
+    monkeypatch.setattr(time, "monotonic", lambda: real)
+    monkeypatch.setattr("sonarhw.device.endpoint.select.select", waits)
+    with open_door(tcp="127.0.0.1:0") as door:
+        endpoint = Endpoint(Board(PlainEchoes()), door)
+        endpoint.run()
+    assert endpoint._clock.now == pytest.approx(10, abs=0.5)
+
+
+def test_a_client_that_goes_takes_its_conversation_with_it() -> None:
+    board = Board(PlainEchoes())
+    with serve(board, tcp="127.0.0.1:0") as endpoint:
+        host, _, port = endpoint.url.removeprefix("socket://").partition(":")
+        with socket.create_connection((host, int(port))) as client:
+            client.sendall(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
+            assert client.recv(100)
+            assert board.next_event() is not None
+        deadline = time.monotonic() + 10
+        while board.next_event() is not None:
+            assert time.monotonic() < deadline
+            threading.Event().wait(0.01)

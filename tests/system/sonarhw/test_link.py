@@ -1,0 +1,119 @@
+"""What a link does to a port: DTR, speed, and what it says when the port is no good."""
+
+import os
+import termios
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import serial
+
+from sonarhw.errors import LinkLost
+from sonarhw.link.serial_link import BAUD, BOOTLOADER, Link
+
+
+class SpiedPort(serial.SerialBase):  # type: ignore[misc]
+    """A port with modem lines that keeps what is done to it, in order."""
+
+    def __init__(self, **_: Any) -> None:
+        self.done: list[tuple[str, Any]] = []
+        self.cts = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("dtr", "exclusive", "baudrate"):
+            self.done.append((name, value))
+        else:
+            object.__setattr__(self, name, value)
+
+    def open(self) -> None:
+        self.done.append(("open", None))
+
+    def flush(self) -> None:
+        self.done.append(("flush", None))
+
+    def fileno(self) -> int:
+        raise OSError
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+@pytest.fixture
+def spied(monkeypatch: pytest.MonkeyPatch) -> SpiedPort:
+    """The port that is opened next."""
+    port = SpiedPort()
+    monkeypatch.setattr("sonarhw.link.serial_link.serial.serial_for_url", lambda *_, **__: port)
+    return port
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    """The name of a pseudo-terminal."""
+    master, slave = os.openpty()
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_dtr_is_low_and_the_port_claimed_before_it_is_opened(spied: SpiedPort) -> None:
+    Link("/dev/ttyUSB0").close()
+    names = [name for name, _ in spied.done]
+    assert ("dtr", False) in spied.done
+    assert names.index("dtr") < names.index("open")
+    if os.name == "posix":
+        assert names.index("exclusive") < names.index("open")
+
+
+def test_a_port_with_modem_lines_may_have_reset_its_board_and_a_pseudo_terminal_has_not(
+    spied: SpiedPort, terminal: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Link("/dev/ttyUSB0") as link:
+        assert link.quiet == BOOTLOADER
+    monkeypatch.undo()
+    with Link(terminal) as link:
+        assert link.quiet == 0.0
+
+
+def test_the_speed_is_changed_once_what_was_written_has_gone(spied: SpiedPort) -> None:
+    with Link("/dev/ttyUSB0") as link:
+        spied.done.clear()
+        link.set_baud(BAUD)
+        assert spied.done == []
+        link.set_baud(1_000_000)
+        assert spied.done == [("flush", None), ("baudrate", 1_000_000)]
+
+
+def test_the_speed_reaches_the_terminal(terminal: str) -> None:
+    with Link(terminal) as link:
+        assert link.bauds
+        link.set_baud(500_000)
+        descriptor = os.open(terminal, os.O_RDONLY | os.O_NOCTTY)
+        try:
+            assert termios.tcgetattr(descriptor)[4] == termios.B500000
+        finally:
+            os.close(descriptor)
+
+
+def test_a_speed_that_cannot_be_set_any_more_is_a_lost_link(terminal: str) -> None:
+    link = Link(terminal)
+    link.close()
+    os.close(os.open(terminal, os.O_RDONLY | os.O_NOCTTY))
+    link._port.flush = _gone
+    with pytest.raises(LinkLost, match="went away"):
+        link.set_baud(500_000)
+
+
+def _gone() -> None:
+    raise OSError("gone")
+
+
+def test_closing_a_port_leaves_dtr_as_it_is(terminal: str) -> None:
+    descriptor = os.open(terminal, os.O_RDONLY | os.O_NOCTTY)
+    try:
+        attributes = termios.tcgetattr(descriptor)
+        attributes[2] |= termios.HUPCL
+        termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
+        with Link(terminal):
+            assert not termios.tcgetattr(descriptor)[2] & termios.HUPCL
+    finally:
+        os.close(descriptor)

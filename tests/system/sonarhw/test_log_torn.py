@@ -1,0 +1,381 @@
+import random
+import signal
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from sonarhw.errors import LogError, NotALog
+from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.readings import Reading
+from tests.fixtures.example_logs import METADATA, assert_readings_close, example_reading, write_example
+
+COUNT = 12
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["echoes", "traces"])
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "scan.mcap"
+    write_example(path, COUNT, trace=request.param)
+    return path
+
+
+@lru_cache
+def readings_of(whole: Path) -> tuple[Reading, ...]:
+    """The readings of a log that nobody touches, by number."""
+    return read_log(whole).readings
+
+
+@lru_cache
+def chunk_ends(path: Path) -> list[tuple[int, int]]:
+    """Where each chunk ends, and how many readings end by then."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    channels = {channel.topic: number for number, channel in summary.channels.items()}
+    ends, readings = [], 0
+    for chunk in summary.chunk_indexes:
+        readings += channels["/readings"] in chunk.message_index_offsets
+        ends.append((chunk.chunk_start_offset + chunk.chunk_length, readings))
+    return ends
+
+
+def first_record_end(data: bytes) -> int:
+    """Behind the magic and the header, which says whose file it is."""
+    return 8 + 9 + int.from_bytes(data[9:17], "little")
+
+
+def assert_cut_keeps_whole_readings(whole: Path, torn: Path, at: int) -> None:
+    torn.write_bytes(whole.read_bytes()[:at])
+    kept = max((readings for end, readings in chunk_ends(whole) if end <= at), default=0)
+    log = read_log(torn)
+    assert log.torn is not None
+    assert f"at byte {at}" in log.torn
+    assert len(log.readings) == kept
+    for got, wanted in zip(log.readings, readings_of(whole), strict=False):
+        assert_readings_close(got, wanted)
+
+
+def test_a_log_cut_at_any_chunk_boundary_keeps_every_whole_reading(whole: Path, tmp_path: Path) -> None:
+    for end, _ in chunk_ends(whole):
+        for at in (end - 1, end, end + 1):
+            assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
+
+
+def test_a_log_cut_anywhere_keeps_every_whole_reading(whole: Path, tmp_path: Path) -> None:
+    data = whole.read_bytes()
+    cuts = random.Random(3).sample(range(first_record_end(data), len(data)), 300)
+    for at in [first_record_end(data), *cuts, len(data) - 1]:
+        assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
+
+
+def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_path: Path) -> None:
+    data = whole.read_bytes()
+    for at in range(1, first_record_end(data)):
+        (tmp_path / "torn.mcap").write_bytes(data[:at])
+        with pytest.raises(NotALog, match=r"torn\.mcap: ") as told:
+            read_log(tmp_path / "torn.mcap")
+        assert "\n" not in str(told.value)
+
+
+def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path: Path) -> None:
+    end, readings = chunk_ends(whole)[5]
+    (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[:end] + bytes(4096))
+    log = read_log(tmp_path / "torn.mcap")
+    assert f"in the record that begins at byte {end}" in str(log.torn)
+    assert len(log.readings) == readings
+
+
+def test_a_damaged_length_inside_a_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    with whole.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[6]
+    length = chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size - 8
+    data[length : length + 8] = b"\xff" * 8
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    log = read_log(tmp_path / "damaged.mcap")
+    assert str(log.torn).startswith(f"the record that begins at byte {chunk.chunk_start_offset} is left out: ")
+    assert len(log.readings) == COUNT - 1
+
+
+def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    end, _ = chunk_ends(whole)[6]
+    data[end - 5] ^= 0x40
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    log = read_log(tmp_path / "damaged.mcap")
+    assert log.torn is not None
+    assert log.torn.endswith("is left out: its CRC-32 does not match")
+    assert len(log.readings) == COUNT - 1
+
+
+def test_however_much_is_damaged_is_told_in_a_short_line(whole: Path, tmp_path: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    ends = [end for end, _ in chunk_ends(whole)][2:]
+    for end in ends:
+        data[end - 5] ^= 0x40
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    torn = str(read_log(tmp_path / "damaged.mcap").torn)
+    assert "CRC-32 does not match" in torn
+    assert torn.endswith(f" (and {len(ends) - 1} more places)")
+    assert len(torn) < 120
+
+
+@lru_cache
+def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
+    """Begin and end of each chunk, and whether it holds a reading."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    channels = {channel.topic: number for number, channel in summary.channels.items()}
+    return [
+        (c.chunk_start_offset, c.chunk_start_offset + c.chunk_length, channels["/readings"] in c.message_index_offsets)
+        for c in summary.chunk_indexes
+    ]
+
+
+@st.composite
+def spoilt_stretches(draw: st.DrawFn) -> tuple[float, int, bytes]:
+    """Where in the data a stretch is lost, how many bytes of it, and what stands there instead."""
+    return draw(st.floats(0, 1)), draw(st.integers(1, 3000)), draw(st.binary(max_size=3000))
+
+
+@settings(max_examples=200, deadline=None)
+@given(spoilt=spoilt_stretches())
+@example(spoilt=(0.5, 2000, bytes(2000)))
+@example(spoilt=(0.5, 1, b""))
+@example(spoilt=(0.5, 9, b"\xff" * 9))
+@example(spoilt=(0.0, 700, bytes(700)))
+def test_damage_in_the_middle_costs_the_readings_it_touches_and_no_other(
+    whole: Path, tmp_path_factory: pytest.TempPathFactory, spoilt: tuple[float, int, bytes]
+) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    first = spans[0][0]
+    begin = first + round(spoilt[0] * (spans[-1][1] - 1 - first))
+    end = min(begin + spoilt[1], len(content))
+    path = tmp_path_factory.mktemp("spoilt") / "scan.mcap"
+    path.write_bytes(content[:begin] + spoilt[2] + content[end:])
+    touched = [reading for start, stop, reading in spans if start < end and begin < stop]
+    log = read_log(path)
+    assert len(log.readings) >= COUNT - sum(touched)
+    originals = readings_of(whole)
+    for reading in log.readings:
+        assert_readings_close(reading, originals[reading.number])
+    assert log.torn is not None or path.read_bytes() == content
+
+
+def test_what_was_left_out_is_told_with_its_place(whole: Path, tmp_path: Path) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    begin, end = spans[6][0] + 20, spans[7][0] + 20
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:begin] + b"\xff" * (end - begin) + content[end:])
+    assert read_log(path).torn == f"the record that begins at byte {spans[6][0]} is left out: it is damaged"
+    path.write_bytes(content[: spans[6][0]] + bytes(50) + content[spans[7][0] + 9 :])
+    again = spans[6][0] + 50 + spans[8][0] - spans[7][0] - 9
+    assert read_log(path).torn == f"bytes {spans[6][0]} to {again} are damaged and left out"
+
+
+def test_a_damaged_length_between_chunks_leads_past_none(whole: Path, tmp_path: Path) -> None:
+    content, spans = bytearray(whole.read_bytes()), chunk_spans(whole)
+    at, inside = spans[5][1], spans[8][0] + 30  # a message index, and the middle of a later chunk
+    content[at + 1 : at + 9] = (inside - at - 9).to_bytes(8, "little")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    log = read_log(path)
+    assert log.torn == f"bytes {at} to {spans[6][0]} are damaged and left out"
+    assert len(log.readings) == COUNT
+
+
+def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, tmp_path: Path) -> None:
+    content, (first, *_) = whole.read_bytes(), chunk_spans(whole)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[: first[0]] + bytes(first[1] - first[0]) + content[first[1] :])
+    log = read_log(path)
+    assert len(log.readings) == COUNT
+    assert log.metadata == METADATA
+
+
+@pytest.mark.parametrize("lost", [8, 40, "up to the first chunk", "up to the first reading"])
+def test_a_log_whose_beginning_is_lost_keeps_its_readings(whole: Path, tmp_path: Path, lost: int | str) -> None:
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    first = next(start for start, _, reading in spans if reading)
+    size = lost if isinstance(lost, int) else spans[0][0] if lost == "up to the first chunk" else first
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(bytes(size) + content[size:])
+    log = read_log(path)
+    assert log.torn is not None
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
+    assert log.metadata.made_by in ("unknown", METADATA.made_by)
+
+
+def test_ranges_outlive_the_settings_they_were_told_with(whole: Path, tmp_path: Path) -> None:
+    # Info, Settings and Started lie in chunks of their own in front of the readings
+    content, spans = whole.read_bytes(), chunk_spans(whole)
+    begin, end = spans[0][0], next(start for start, _, reading in spans if reading)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:begin] + content[end:])
+    log = read_log(path)
+    assert log.settings is None
+    assert [reading.range for reading in log.readings] == pytest.approx(
+        [reading.range for reading in read_log(whole).readings]
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_no_damage_makes_reading_fail_otherwise_than_as_no_log(
+    whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    content = bytearray(whole.read_bytes())
+    for _ in range(data.draw(st.integers(1, 8))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damaged") / "scan.mcap"
+    path.write_bytes(content)
+    told = ""
+    try:
+        assert len(read_log(path).readings) <= COUNT
+    except NotALog as error:
+        told = str(error)
+    assert "\n" not in told
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "is empty"),
+        (b"time_s,heading_deg\n0,1\n", "is not an MCAP file"),
+        (b"\x89MCAP1\r\n rest", "is not an MCAP file"),
+    ],
+)
+def test_what_is_no_log_is_one_clear_line(tmp_path: Path, content: bytes, told: str) -> None:
+    (tmp_path / "scan.mcap").write_bytes(content)
+    with pytest.raises(NotALog, match=told):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_a_log_that_is_not_there_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(NotALog, match="cannot be read: No such file"):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_another_programs_mcap_is_one_clear_line(tmp_path: Path) -> None:
+    writer = Writer(str(tmp_path / "scan.mcap"))
+    writer.start("ros2")
+    writer.finish()
+    with pytest.raises(NotALog, match="is an MCAP file, but not a log of this project"):
+        read_log(tmp_path / "scan.mcap")
+
+
+def test_a_recovered_log_is_whole_and_holds_every_readable_reading(whole: Path, tmp_path: Path) -> None:
+    end, readings = chunk_ends(whole)[7]
+    (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[: end + 30])
+    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
+    mended = read_log(tmp_path / "mended.mcap")
+    assert mended.torn is None
+    assert len(mended.readings) == readings
+    assert mended.metadata == METADATA
+
+
+# what happens to a log while it is written
+
+KILLED_WRITER = """
+import sys
+from pathlib import Path
+from sonarhw.log import LogWriter
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.example_frames import scan_frames
+
+log = LogWriter(Path(sys.argv[1]), METADATA)
+for frames, reading in scan_frames():
+    for wire in frames:
+        log.frame(True, METADATA.started, wire)
+    if reading is not None:
+        log.reading(reading)
+        print(reading.number, flush=True)
+"""
+
+
+def test_a_killed_writer_leaves_every_reading_it_had_taken(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    child = subprocess.Popen([sys.executable, "-c", KILLED_WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    with child.stdout as lines:
+        for _ in range(25):
+            lines.readline()
+        child.send_signal(signal.SIGKILL)
+        told = 25 + len(lines.readlines())
+    assert child.wait() == -signal.SIGKILL
+    log = read_log(path)
+    assert log.torn is not None
+    assert told <= len(log.readings) <= told + 1
+    assert [reading.number for reading in log.readings] == [*range(len(log.readings))]
+
+
+def test_frames_outside_a_scan_are_on_disk_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as log:
+        for count in range(1, 4):
+            log.frame(count % 2 == 1, METADATA.started, b"\x01\x00")
+            assert len(read_log(path).frames) == count
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from sonarhw.errors import LogError
+from sonarhw.log import LogWriter
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.example_frames import scan_frames
+
+# a file that may grow no further fails as a full disk does: with an OSError from write
+resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+taken = 0
+try:
+    with LogWriter(Path(sys.argv[1]), METADATA) as log:
+        for frames, reading in scan_frames():
+            for wire in frames:
+                log.frame(True, METADATA.started, wire)
+            if reading is not None:
+                log.reading(reading)
+                taken += 1
+except LogError as error:
+    print(taken, error, sep="|")
+"""
+
+
+def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
+    taken, line = done.stdout.strip().split("|")
+    assert "cannot be written any further: File too large" in line
+    log = read_log(path)
+    assert len(log.readings) == int(taken) > 5
+    size = path.stat().st_size
+    # cut behind the last whole piece, not inside the one that did not fit
+    assert log.torn == f"the file ends too early at byte {size}"
+
+
+def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
+    with pytest.raises(LogError) as told:
+        LogWriter(Path("/dev/full"), METADATA)
+    assert str(told.value) == (
+        "/dev/full: cannot be written: No space left on device; nothing is recorded, choose another file"
+    )
+    assert Path("/dev/full").exists()
+
+
+def test_readings_are_written_before_the_log_is_closed(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        before = (tmp_path / "scan.mcap").stat().st_size
+        log.reading(example_reading(0))
+        assert (tmp_path / "scan.mcap").stat().st_size > before

@@ -1,0 +1,376 @@
+"""The contract of every link: one suite over TCP and pseudo-terminal, real threads, the board as fast as it can."""
+
+import errno
+import math
+import os
+import re
+import socket
+import subprocess
+import sys
+import termios
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+
+import pytest
+
+from sonarhw.device.device_protocol import HOST_SILENCE
+from sonarhw.device.endpoint import Endpoint, Pace, serve
+from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
+from sonarhw.host.scanner import Scanner
+from sonarhw.host.session import Connection
+from sonarhw.link.serial_link import MOST
+from sonarhw.readings import Reading, ScanOrder
+from sonarhw.wire.frames import Frame, FrameDecoder
+from sonarhw.wire.messages import Outcome
+from tests.checkout import CHECKOUT
+from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+
+ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=72)
+Serve = Callable[..., AbstractContextManager[Endpoint]]
+
+
+@pytest.fixture(autouse=True)
+def no_thread_is_left() -> Iterator[None]:
+    """A test that leaves a thread behind fails."""
+    before = set(threading.enumerate())
+    yield
+    left = [thread for thread in threading.enumerate() if thread not in before]
+    for thread in left:
+        thread.join(timeout=5)
+    assert not [thread.name for thread in left if thread.is_alive()]
+
+
+@pytest.fixture(params=["tcp", "pty", "pty behind a link"])
+def served(request: pytest.FixtureRequest, tmp_path: Path) -> Serve:
+    """Serves a board on one kind of line."""
+
+    def over(board: Board | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
+        where = {"tcp": {"tcp": "127.0.0.1:0"}, "pty": {}, "pty behind a link": {"pty": tmp_path / "scanner"}}
+        return serve(board or Board(PlainEchoes(), seed=5), pace=pace, **where[request.param])
+
+    return over
+
+
+class Kept:
+    """A recorder that keeps everything in memory."""
+
+    def __init__(self) -> None:
+        self.frames: list[tuple[bool, float, bytes]] = []
+        self.readings: list[Reading] = []
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        """Keep a frame."""
+        self.frames.append((received, time, wire))
+
+    def reading(self, reading: Reading) -> None:
+        """Keep a reading."""
+        self.readings.append(reading)
+
+
+def check_scan(readings: list[Reading]) -> None:
+    """All readings of ORDER, each at its angle with its echoes."""
+    assert [reading.number for reading in readings] == list(range(72))
+    for reading in readings:
+        assert reading.angle == pytest.approx(math.radians(5) * reading.number, abs=1e-8)
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=1e-9)
+
+
+def test_a_scan_gives_every_reading_in_order(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.info.serial == "FAKE-0005"
+        assert scanner.info.temperature_c == pytest.approx(21.3)
+        settings = scanner.configure(listen=1.0, blanking=0.001, trace=False, speed_of_sound=340.5)
+        assert (settings.listen, settings.blanking) == (pytest.approx(0.065), pytest.approx(0.001))
+        assert scanner.home() is Outcome.DONE
+        readings = list(scanner.scan(ORDER))
+        check_scan(readings)
+        assert readings[0].range == pytest.approx(340.5 * echo_time(0) / 2)
+        assert scanner.turn(1.0) is Outcome.DONE
+        books = scanner.statistics
+        assert (books.rejected_blocks, books.missing_frames, books.resends, books.lost_readings) == (0, 0, 0, 0)
+
+
+def test_traces_come_whole(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.configure(trace=True)
+        scanner.home()
+        for reading in scanner.scan(ORDER):
+            assert reading.trace is not None
+            assert len(reading.trace.samples) == 3125
+            assert not (reading.trace.samples != reading.trace.samples).any()
+
+
+def test_a_scan_given_up_in_the_middle_stops_the_board_and_the_next_one_works(served: Serve) -> None:
+    board = Board(PlainEchoes(), seed=5)
+    with served(board, pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.home()
+        for reading in scanner.scan(ORDER):
+            if reading.number == 5:
+                break
+        assert not board.busy
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_stop_from_another_thread_ends_the_scan(served: Serve) -> None:
+    with served(pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.home()
+        readings = []
+        stopper = threading.Thread(target=scanner.stop)
+        for reading in scanner.scan(ORDER):
+            readings.append(reading)
+            if reading.number == 5:
+                stopper.start()
+        stopper.join()
+        assert 6 <= len(readings) < 72
+
+
+def test_stop_ends_homing_and_an_idle_scanner_can_be_stopped(served: Serve) -> None:
+    with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.stop()
+        outcomes: list[Outcome] = []
+        homing = threading.Thread(target=lambda: outcomes.append(scanner.home()))
+        homing.start()
+        while not outcomes:
+            if scanner.state is Connection.MOVING:
+                scanner.stop()
+            homing.join(timeout=0.01)
+        homing.join()
+        assert outcomes == [Outcome.STOPPED]
+
+
+def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
+    board = Board(PlainEchoes(), seed=5)
+
+    def interrupted(scanner: Scanner) -> None:
+        for reading in scanner.scan(ORDER):
+            if reading.number == 3:
+                raise KeyboardInterrupt
+
+    with served(board, pace=20.0) as endpoint:
+        with Scanner.open(endpoint.url) as scanner:
+            scanner.home()
+            with pytest.raises(KeyboardInterrupt):
+                interrupted(scanner)
+        assert not board.busy
+
+
+def test_a_second_client_is_served_after_the_first(served: Serve) -> None:
+    with served() as endpoint:
+        for _ in range(3):
+            with Scanner.open(endpoint.url) as scanner:
+                scanner.home()
+                check_scan(list(scanner.scan(ORDER)))
+
+
+def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Serve) -> None:
+    with served(pace=20.0) as endpoint:
+        first = Scanner.open(endpoint.url)
+        first.home()
+        scan = first.scan(ORDER)
+        next(scan)
+        # gone without a word, as a killed process goes
+        first._closing.set()
+        first._thread.join()
+        with Scanner.open(endpoint.url) as second:
+            check_scan(list(second.scan(ORDER)) if second.home() is Outcome.DONE else [])
+        scan.close()
+        first.close()
+
+
+def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serve) -> None:
+    readings = []
+    with served(pace=20.0) as endpoint:
+        scanner = Scanner.open(endpoint.url, reconnect=0.5)
+        scanner.home()
+        scan = scanner.scan(ORDER)
+        readings += [next(scan) for _ in range(5)]
+    with pytest.raises(LinkLost, match=r"went away.*not back within 0.5 s"):
+        readings.extend(scan)
+    with pytest.raises(LinkLost):
+        scanner.home()
+    scanner.close()
+    assert 5 <= len(readings) < 72
+
+
+def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
+    with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
+        Scanner.open(endpoint.url)
+
+
+def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(minor=9))
+    with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.info.protocol == (1, 9)
+        scanner.home()
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
+    kept = Kept()
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.record(kept)
+        scanner.home()
+        readings = list(scanner.scan(ORDER))
+    assert kept.readings == readings
+    kinds = []
+    for received, _, wire in kept.frames:
+        (frame,) = FrameDecoder().feed(wire)
+        assert isinstance(frame, Frame)
+        assert received == (frame.type >= 0x80)
+        kinds.append(frame.type)
+    assert kinds[:2] == [0x01, 0x81]
+    assert kinds.count(0x87) == 72
+    times = [time for _, time, _ in kept.frames]
+    assert all(abs(time - times[0]) < 60 for time in times)
+
+
+def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarhw.host.scanner.MOST_WAITING", 4)
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.configure(trace=True)
+        scanner.home()
+        scan = scanner.scan(ORDER)
+        first = next(scan)
+        while len(scanner._scan.readings) < 4:  # then nothing is read, and the board is held back
+            threading.Event().wait(0.01)
+        threading.Event().wait(0.2)
+        assert len(scanner._scan.readings) < 4 + MOST / 40
+        check_scan([first, *scan])
+        assert scanner.statistics.missing_frames == 0
+
+
+def test_a_scanner_at_work_refuses_a_second_order(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.home()
+        scan = scanner.scan(ORDER)
+        next(scan)
+        with pytest.raises(DeviceError, match="at work"):
+            scanner.home()
+        scan.close()
+        assert scanner.home() is Outcome.DONE
+
+
+def test_an_order_that_fits_no_message_is_refused_before_it_is_sent(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.home()
+        with pytest.raises(InputError, match="StartScan cannot be sent"):
+            list(scanner.scan(ScanOrder(0.0, 0.1, headings=70_000)))
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_path: Path) -> None:
+    echoes = PlainEchoes()
+    names = [tmp_path / "first", tmp_path / "second"]
+
+    def now_at() -> str:
+        return str(next((name for name in names if name.exists()), names[0]))
+
+    with ExitStack() as later:
+        with serve(Board(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
+            scanner = later.enter_context(Scanner.open(first.url, find=now_at))
+            scan = scanner.scan(ORDER)
+            readings = [next(scan) for _ in range(5)]
+        later.enter_context(serve(Board(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
+        check_scan([*readings, *scan])
+        books = scanner.statistics
+        assert (books.losses, books.resets) == (1, 1)
+        scanner.close()
+
+
+def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Path) -> None:
+    board = Board(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
+    with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+        assert scanner.baud == board.line.baud == 1_000_000
+        assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
+    readme = (CHECKOUT / "README.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```python\n(from sonarhw import Scanner.*?)```", readme, flags=re.DOTALL)
+    kept: list[Reading] = []
+    with served() as endpoint:
+        exec(lines.replace("/dev/ttyUSB0", endpoint.url).replace("...", "kept.append(reading)"), {"kept": kept})
+    check_scan(kept)
+
+
+def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
+    board = Board(PlainEchoes(), seed=5)
+    with served(board, pace="real") as endpoint, Scanner.open(endpoint.url) as scanner:
+        scanner.turn(0.1)
+        turned = board._now
+        while board._now < turned + 1.2 * HOST_SILENCE:
+            threading.Event().wait(0.05)
+            assert board.homed
+        assert scanner.state is Connection.READY
+
+
+def test_nobody_there_is_no_answer() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(NoAnswer, match="no scanner answered"):
+        Scanner.open(f"socket://127.0.0.1:{mute.getsockname()[1]}", patience=0.2)
+
+
+def test_a_closed_port_and_a_missing_file_are_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with pytest.raises(LinkError, match="nobody listens"):
+        Scanner.open(f"socket://127.0.0.1:{port}")
+    with pytest.raises(LinkError, match="no such port"):
+        Scanner.open("no/such/port")
+    with pytest.raises(LinkError, match=r"did you mean socket://localhost:4000\?"):
+        Scanner.open("localhost:4000")
+
+
+def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
+    file = tmp_path / "room.toml"
+    file.touch()
+    for no_port in (file, tmp_path):
+        with pytest.raises(LinkError, match="is no serial port"):
+            Scanner.open(str(no_port))
+
+
+def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
+    with (
+        serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,
+        Scanner.open(endpoint.url),
+        pytest.raises(LinkBusy, match="this program holds the port"),
+    ):
+        Scanner.open(endpoint.url)
+
+
+def test_who_holds_a_busy_port_is_said(tmp_path: Path) -> None:
+    hold = "import sys; from sonarhw.link.serial_link import Link\n"
+    hold += "x = Link(sys.argv[1]); print('held', flush=True); input()"
+    with serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
+        command = [sys.executable, "-c", hold, endpoint.url]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+            assert other.stdout is not None
+            assert other.stdout.readline() == b"held\n"
+            with pytest.raises(LinkBusy, match=rf"python\S* \({other.pid}\) holds the port"):
+                Scanner.open(endpoint.url)
+            other.communicate(b"\n")
+
+
+def test_a_forbidden_port_names_the_group_to_join(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    port = tmp_path / "port"
+    port.touch()
+
+    def forbidden(*_: object) -> int:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr("serial.serialposix.os.open", forbidden)
+    with pytest.raises(LinkError, match="join the group"):
+        Scanner.open(str(port))
+
+
+def test_a_peer_that_closes_at_once_is_a_lost_link() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=lambda: listener.accept()[0].close())
+        thread.start()
+        with pytest.raises(LinkLost):
+            Scanner.open(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+        thread.join()

@@ -1,0 +1,32 @@
+"""What is built is whole: the wheel, installed in a clean environment, does the demo from another folder."""
+
+import json
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+from tests.checkout import CHECKOUT
+
+
+@pytest.mark.timeout(600)  # it downloads and installs every dependency
+def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(CHECKOUT)]
+    subprocess.run(build, check=True, capture_output=True)
+    wheel = next(tmp_path.glob("*.whl"))
+    venv.create(tmp_path / "clean", with_pip=True)
+    python = tmp_path / "clean" / "bin" / "python"
+    options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
+    subprocess.run([python, "-m", "pip", "install", *options, str(wheel)], check=True)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    command = [python.with_name("sonarhw"), "demo", "--headless", "result"]
+    subprocess.run(command, check=True, cwd=elsewhere, env=environment, capture_output=True)
+    summary = json.loads((elsewhere / "result" / "summary.json").read_text())
+    assert summary["within_5cm"] > 0.8
+    assert (elsewhere / "result" / "overlay.png").exists()
+    assert (elsewhere / "result" / "scan.mcap").exists()

@@ -1,0 +1,66 @@
+"""Samples of distributions that are known in closed form have their means and deviations."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from sonarhw_compare.fit.likelihood.objective import Objective
+from sonarhw_compare.fit.search.posterior import samples_of
+
+from sonarhw.readings import FloatArray
+
+SIZE = 11  # numbers: five of a pose, six of noise
+DRAWS = 40_000
+
+
+class Target:
+    """A normal distribution with unit deviations, neighbours correlated by half, cut off at its bounds."""
+
+    def __init__(self, lowest: float = -np.inf) -> None:
+        apart = np.abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE)))
+        self.precision = np.linalg.inv(0.5**apart)
+        lower, upper = np.full(SIZE, -1e3), np.full(SIZE, 1e3)
+        lower[0] = max(lowest, lower[0])
+        self.problem = SimpleNamespace(bounds=(lower, upper), steps=np.ones(SIZE))
+
+    def __call__(self, values: FloatArray) -> float:
+        lower, upper = self.problem.bounds
+        inside = ((values >= lower) & (values <= upper)).all()
+        return float(-0.5 * values @ self.precision @ values) if inside else -np.inf
+
+
+class Box(Target):
+    """As likely everywhere between its bounds: no slope anywhere, and an end on either side."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.problem.bounds = -np.ones(SIZE), np.ones(SIZE)
+
+    def __call__(self, values: FloatArray) -> float:
+        lower, upper = self.problem.bounds
+        return 0.0 if ((values >= lower) & (values <= upper)).all() else -np.inf
+
+
+def drawn(target: Target, top: FloatArray) -> FloatArray:
+    return samples_of(cast(Objective, target), top, DRAWS, seed=1)
+
+
+def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations() -> None:
+    samples = drawn(Target(), np.zeros(SIZE))
+    assert samples.std(axis=0) == pytest.approx(np.ones(SIZE), rel=0.08)
+    assert samples.std(axis=0).mean() == pytest.approx(1.0, rel=0.03)
+    assert np.corrcoef(samples, rowvar=False)[0, :3] == pytest.approx([1.0, 0.5, 0.25], abs=0.06)
+    assert samples.mean(axis=0) == pytest.approx(np.zeros(SIZE), abs=0.1)
+
+
+def test_a_normal_distribution_cut_in_half_has_the_mean_and_deviation_of_its_half() -> None:
+    samples = drawn(Target(lowest=0.0), np.zeros(SIZE))[:, 0]
+    assert samples.mean() == pytest.approx(np.sqrt(2 / np.pi), rel=0.04)
+    assert samples.std() == pytest.approx(np.sqrt(1 - 2 / np.pi), rel=0.04)
+
+
+def test_samples_of_a_box_reach_its_edges() -> None:
+    samples = drawn(Box(), np.zeros(SIZE))
+    assert samples.std(axis=0) == pytest.approx(np.full(SIZE, 1 / np.sqrt(3)), rel=0.08)
+    assert samples.std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.03)

@@ -1,0 +1,70 @@
+"""A heading is told as one and the same number wherever it stands, and never as 360 degrees."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_cli.comparison.compare_command import summary_lines
+from sonarhw_cli.comparison.fit_table import lines_of
+from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
+from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.report.html_report import report_html, report_of
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.readings import Reading
+
+ROOM = load_room("rooms/simple.toml")
+PLACE = ROOM.places["figure9"]
+PAPER = load_board("paper")
+
+
+@pytest.mark.parametrize("just_below", [-1e-17, math.tau, math.radians(-0.04), math.radians(359.96)])
+def test_a_heading_just_below_zero_is_0_degrees(just_below: float) -> None:
+    assert heading_text(just_below) == "0.0°"
+    assert in_degrees(just_below, 1) == 0.0
+    assert heading_text(just_below, 0) == "0°"
+
+
+def test_others_are_what_they_are() -> None:
+    assert in_degrees(-math.pi / 2) == 270.0
+    assert in_degrees(math.radians(359.94), 2) == 359.94
+    assert heading_text(math.radians(359.94)) == "359.9°"
+    assert heading_text(3 * math.pi) == "180.0°"
+
+
+def test_report_sentence_and_figures_tell_one_heading() -> None:
+    place = replace(PLACE, heading=math.radians(-0.01))
+    reading = Reading(0, 0, 0, 0.0, 0.0, (0.001,), 340.0)
+    report = report_of("log", [reading], ROOM, place, PAPER, PredictionOptions())
+    page = report_html(report)
+    assert "<td>turntable step 0 at</td><td>0.0°</td>" in page
+    assert "<td>0.0</td>" in page
+    assert " at 0.0°: " in explain(report.comparison, 0)
+    assert re.search("turntable step 0 at 0.0°", summary_lines(report.comparison.summary())[-1])
+    assert "360.0" not in page
+
+
+def test_a_fitted_heading_that_rounds_to_360_stands_in_the_table_as_0_with_its_region_about_it() -> None:
+    free = free_parameters(("heading",), ("scan",), ROOM, PAPER)
+    values = [math.radians(degrees) for degrees in (359.998, 0.14, 359.7, 360.3)]
+    result = FitResult(
+        parameters=free,
+        estimates={"heading": Estimate(*values)},
+        correlations=np.eye(1),
+        noise={"range_m": 0.001, "level_db": 1.0, "missed": 0.0, "lost": 0.0, "stray_per_m": 0.0, "stretch": 0.999999},
+        warnings=(),
+        modes=(Mode({"heading": values[0]}, 0.0),),
+        room=ROOM,
+        places=(PLACE,),
+        board=PAPER,
+        score=0.0,
+        samples=np.empty((0, 1)),
+    )
+    table = list(lines_of(result))
+    assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
+    assert any("ranges +0.00% by" in line for line in table)

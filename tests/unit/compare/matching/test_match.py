@@ -1,0 +1,164 @@
+"""Classes, figures, sentences and the plain fit, against scans whose truth is known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.fit.plain_fit import fit_scan
+from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import Reading
+
+ROOM = load_room("rooms/simple.toml")
+PLACE = ROOM.places["figure9"]
+PAPER = load_board("paper")
+SPEED = 340.0
+
+
+def reading(number: int, angle: float, distance: float | None) -> Reading:
+    times = () if distance is None else (2 * distance / SPEED,)
+    return Reading(number, 0, 0, angle, 0.1 * number, times, SPEED)
+
+
+def scan_of_the_model(step_deg: float, heading: float = 0.0, offset: float = 0.0) -> list[Reading]:
+    """What the model predicts, taken by a turntable whose step 0 points at `heading`, with ranges short by `offset`."""
+    angles = np.radians(np.arange(0, 360, step_deg))
+    ranges = predict_scan(ROOM, PLACE, PAPER, angles + heading).ranges
+    return [
+        reading(k, float(a), None if math.isnan(r) else float(r) - offset)
+        for k, (a, r) in enumerate(zip(angles, ranges, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("measured", "predicted", "kind"),
+    [
+        (1.00, 1.05, Kind.MATCH),
+        (1.0, 1.051, Kind.SHORT),
+        (1.051, 1.0, Kind.LONG),
+        (None, 1.0, Kind.MISSED),
+        (1.0, None, Kind.EXTRA),
+        (None, None, Kind.BOTH_SILENT),
+    ],
+)
+def test_every_reading_has_one_class(measured: float | None, predicted: float | None, kind: Kind) -> None:
+    assert classify(measured, predicted) is kind
+
+
+def test_a_scan_of_the_model_matches_it_entirely() -> None:
+    summary = compare_readings(scan_of_the_model(5), ROOM, PLACE, PAPER).summary()
+    assert summary.within_5cm == 1.0
+    assert summary.explained == 1.0
+    assert summary.n == 72
+    assert summary.median_abs_error_m == pytest.approx(0, abs=1e-9)
+    assert sum(summary.classes.values()) == 72
+
+
+def test_figures_count_what_was_done_to_the_scan() -> None:
+    # threshold so high that some headings are silent
+    board = replace(PAPER, threshold_db=-3.0)
+    angles = np.radians(np.arange(0, 360, 5.0))
+    ranges = predict_scan(ROOM, PLACE, board, angles).ranges
+    heard, silent = np.flatnonzero(~np.isnan(ranges)), np.flatnonzero(np.isnan(ranges))
+    assert len(silent) > 5
+    measured: list[float | None] = [None if math.isnan(r) else float(r) for r in ranges]
+    measured[heard[0]] = None  # missed
+    measured[heard[1]] = float(ranges[heard[1]]) - 0.3  # short
+    measured[silent[0]] = 0.5  # extra
+    readings = [reading(k, float(a), m) for k, (a, m) in enumerate(zip(angles, measured, strict=True))]
+    summary = compare_readings(readings, ROOM, PLACE, board).summary()
+    assert summary.classes["missed"] == summary.classes["short"] == summary.classes["extra"] == 1
+    assert summary.n_echo == len(heard)
+    assert summary.within_5cm == pytest.approx((len(heard) - 2) / len(heard))
+    expected = ((len(silent) - 1) / len(silent) + (len(heard) - 1) / len(heard)) / 2
+    assert summary.no_echo_agreement == pytest.approx(expected)
+
+
+def test_figures_are_null_where_nothing_was_measured() -> None:
+    summary = compare_readings([reading(0, 0.0, None)], ROOM, PLACE, PAPER).summary()
+    assert (summary.within_5cm, summary.median_abs_error_m, summary.no_echo_agreement, summary.explained) == (None,) * 4
+
+
+def test_a_sensor_outside_the_walls_is_said_to_stand_there() -> None:
+    outside = replace(PLACE, position=(-1.0, 0.3))
+    said = explain(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
+    assert said.endswith("no path of the model is heard here; the sensor stands outside the walls")
+
+
+def sentence(angle_deg: float, distance: float | None) -> str:
+    comparison = compare_readings([reading(0, math.radians(angle_deg), distance)], ROOM, PLACE, PAPER)
+    return explain(comparison, 0)
+
+
+def test_false_wall_is_explained() -> None:
+    assert sentence(270, 0.827) == (
+        "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
+    )
+
+
+def test_other_classes_are_explained() -> None:
+    assert sentence(90, None) == "no echo at 90.0°: the model predicts 0.657 m by one reflection, top"
+    assert sentence(90, 0.5).startswith("0.500 m at 90.0°: nearer than the model's 0.657 m by one reflection, top;")
+    assert "a later echo, " in sentence(90, 1.399)
+
+
+def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
+    (echo,) = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2])).echoes(0)[:1]
+    for threshold, measured, told in (
+        (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold, then comes silence"),
+        (echo.level_db - 2.5, 0.657, "top"),
+        (echo.level_db - 0.4, None, "; a threshold 0.4 dB higher would make the model agree"),
+        (min(0.0, echo.level_db + 0.3), 0.657, "; a threshold 0.3 dB lower would make the model agree"),
+    ):
+        board = replace(PAPER, threshold_db=threshold)
+        readings = [reading(0, math.pi / 2, measured)]
+        sentence = explain(compare_readings(readings, ROOM, PLACE, board), 0)
+        assert sentence.endswith(told)
+        assert not told or ("accounts for it" not in sentence and "may stand in the room" not in sentence)
+
+
+@pytest.mark.parametrize(("heading_deg", "offset"), [(0.0, 0.0), (37.5, 0.02), (200.0, -0.03)])
+def test_fit_finds_heading_and_offset_of_a_scan_of_the_model(heading_deg: float, offset: float) -> None:
+    readings = scan_of_the_model(6, math.radians(heading_deg), offset)
+    fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
+    assert math.degrees(fit.heading) == pytest.approx(heading_deg, abs=0.5 + 1e-9)
+    assert fit.offset == pytest.approx(offset, abs=0.005)
+
+
+def test_fit_finds_where_nearby_a_scan_of_the_model_was_taken() -> None:
+    readings = scan_of_the_model(6, 0.5, 0.01)
+    believed = replace(PLACE, position=(PLACE.position[0] + 0.02, PLACE.position[1] - 0.01))
+    told: list[float] = []
+    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}), tick=told.append)
+    assert fit.place.position == pytest.approx(PLACE.position, abs=1e-9)
+    assert fit.offset == pytest.approx(0.01)
+    assert told == sorted(told)
+    assert (told[0], told[-1]) == (0.0, 1.0)
+    assert len(told) > 20  # so many positions are tried, and none is silent
+
+
+def test_fit_leaves_alone_what_is_not_free() -> None:
+    fit = fit_scan(scan_of_the_model(6, 1.0, 0.02), ROOM, PLACE, PAPER, frozenset({"heading"}))
+    assert (fit.offset, fit.place) == (0.0, PLACE)
+
+
+def test_fit_refuses_what_it_does_not_know() -> None:
+    with pytest.raises(InputError, match="wind"):
+        fit_scan(scan_of_the_model(30), ROOM, PLACE, PAPER, frozenset({"wind"}))
+
+
+def test_turntable_that_counts_the_other_way_cannot_be_mended_by_a_heading() -> None:
+    def share(readings: list[Reading]) -> float:
+        fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
+        comparison: Comparison = compare_readings(readings, ROOM, PLACE, PAPER, heading=fit.heading, offset=fit.offset)
+        return comparison.summary().within_5cm or 0.0
+
+    readings = scan_of_the_model(6, 0.5)
+    assert share(readings) > 0.95
+    assert share([replace(r, angle=-r.angle) for r in readings]) < 0.6

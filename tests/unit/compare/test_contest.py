@@ -1,0 +1,97 @@
+"""What would have to change for another echo to win, against changing it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_compare.explain.contest import change_for, contest, steps, wall_change
+from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
+from sonarhw_compare.matching.match import compare_readings
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, weigh_paths
+from sonarhw_sim.room.model import Place, load_room
+
+from sonarhw.readings import Reading
+
+ROOM = load_room("rooms/arena.toml")
+PLACE = ROOM.places["p3"]
+BOARD = load_board("lego-nxt")
+HEADINGS = np.radians(np.arange(0.0, 360.0, 13.0))
+SCAN = predict_scan(ROOM, PLACE, replace(BOARD, threshold_db=-40.0), HEADINGS)
+_A_LITTLE = 1e-6  # dB
+
+
+def heard_with(threshold: float, index: int) -> float:
+    board = replace(BOARD, threshold_db=threshold)
+    return float(weigh_paths(ROOM, PLACE, board, HEADINGS[index : index + 1], SCAN.paths).ranges[0])
+
+
+def test_each_step_wins_between_its_thresholds_and_nowhere_else() -> None:
+    scan = replace(SCAN, board=BOARD)
+    for index in range(len(HEADINGS)):
+        told = steps(scan, index)
+        assert len(told) >= 1
+        for step in told:
+            if step.level_db > -38.0:
+                assert heard_with(step.level_db - _A_LITTLE, index) == pytest.approx(step.range)
+            if step.above_db > -38.0:
+                assert heard_with(step.above_db + _A_LITTLE, index) == pytest.approx(step.range)
+        assert math.isnan(heard_with(told[-1].level_db + _A_LITTLE, index))
+
+
+def test_margins_are_those_by_which_a_threshold_can_change() -> None:
+    scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
+    for index in range(len(HEADINGS)):
+        found = contest(scan, index)
+        if found.winner is not None and found.margin_db is not None:
+            assert found.winner.path == scan.winners[index]
+            after = heard_with(BOARD.threshold_db + found.margin_db + _A_LITTLE, index)
+            assert (None if math.isnan(after) else after) == (None if found.louder is None else found.louder.range)
+        if found.fainter is not None and found.lacking_db is not None and found.lacking_db < 15:
+            assert heard_with(BOARD.threshold_db - found.lacking_db - _A_LITTLE, index) == found.fainter.range
+
+
+def test_the_change_asked_for_makes_the_model_say_what_was_measured() -> None:
+    scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
+    needed = 0
+    for index in range(len(HEADINGS)):
+        for measured in (*(step.range for step in steps(scan, index)), None):
+            change = change_for(scan, index, measured)
+            assert change is not None
+            if change < -15:
+                continue
+            needed += change != 0
+            after = heard_with(BOARD.threshold_db + change + math.copysign(_A_LITTLE, change), index)
+            assert math.isnan(after) if measured is None else abs(after - measured) <= 0.05 + 1e-9
+    assert needed > len(HEADINGS)
+
+
+def test_no_threshold_makes_an_echo_of_nothing() -> None:
+    assert change_for(weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths), 0, 0.1) is None
+
+
+@pytest.mark.parametrize("position", [(1.793, 0.3), (0.31, 0.302), (1.38, 1.792), (0.42, 0.4)])
+def test_a_wall_moved_by_what_is_told_lets_the_other_win_and_not_before(position: tuple[float, float]) -> None:
+    options, here = PredictionOptions(diffraction=False), Place("", position)
+    headings = np.radians(np.arange(0.0, 360.0, 5.0))
+    scan = predict_scan(ROOM, here, BOARD, headings, options)
+    left = np.sign((left_normals(ROOM.walls) * (np.array(position) - ROOM.walls[:, :2])).sum(axis=1))
+    told = {index: change for index in range(len(headings)) if (change := wall_change(scan, index)) is not None}
+    slight = {index: change for index, change in told.items() if abs(change.nearer) < 0.025}
+    assert len(slight) > 0
+    for index, change in slight.items():
+        for share, winner in ((0.95, int(scan.winners[index])), (1.05, change.echo.path)):
+            by = share * change.nearer * float(left[ROOM.names.index(change.wall)])
+            moved = with_shifted_walls(ROOM, {change.wall: by})
+            after = predict_scan(moved, here, BOARD, headings[index : index + 1], options)
+            via = scan.paths.via(winner, ROOM)
+            assert after.paths.via(int(after.winners[0]), moved) in (via, via[::-1])
+
+
+def test_a_sentence_tells_of_the_wall_that_nearly_lets_another_win() -> None:
+    reading = Reading(0, 0, 0, math.radians(320.0), 0.0, (2 * 0.3 / 340.0,), 340.0)
+    sentence = explain(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
+    assert sentence.startswith("0.300 m at 320.0°: one reflection, east; it would be one reflection, south, were ")
+    assert sentence.endswith(("were east 0.005 m farther", "were south 0.005 m nearer"))

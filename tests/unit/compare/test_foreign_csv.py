@@ -1,0 +1,54 @@
+"""Columns are known by their names where only one can be meant; else the file is refused, and what to do is said."""
+
+from pathlib import Path
+
+import pytest
+from sonarhw_compare.imports.foreign_csv import Columns, guess_columns, read_foreign_scan
+
+from sonarhw.errors import InputError
+
+
+def written(folder: Path, header: str) -> Path:
+    path = folder / "scan.csv"
+    path.write_text(f"{header}\n0,0,100\n1,5,200\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "scale"),
+    [
+        ("turret_deg,x,range_cm", Columns("turret_deg", "range_cm"), 0.01),
+        ("time_s,heading_deg,range_m", Columns("heading_deg", "range_m", "time_s"), 1.0),
+        ("t,Angle,Distance (mm)", Columns("Angle", "Distance (mm)", "t"), 0.001),
+        ("n,deg,cm", Columns("deg", "cm"), 0.01),
+        ("n,bearing,range", Columns("bearing", "range"), 1.0),
+    ],
+)
+def test_columns_are_guessed_by_name_and_the_unit_by_the_end_of_it(
+    tmp_path: Path, header: str, columns: Columns, scale: float
+) -> None:
+    guessed, meaning = guess_columns(written(tmp_path, header))
+    assert (guessed, meaning.scale, meaning.sign) == (columns, scale, 1.0)
+
+
+def test_a_file_whose_columns_are_known_is_read_without_being_asked_about(tmp_path: Path) -> None:
+    path = written(tmp_path, "time_s,heading_deg,range_cm")
+    readings = read_foreign_scan(path, *guess_columns(path))
+    assert [reading.time for reading in readings] == [0.0, 1.0]
+    assert [reading.range for reading in readings] == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("a,b,range", "called like a heading"),
+        ("heading,b,c", "called like a range"),
+        ("heading_left,heading_right,range", "called like a heading"),
+    ],
+)
+def test_a_file_in_which_nothing_or_more_than_one_can_be_meant_is_refused(
+    tmp_path: Path, header: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        guess_columns(written(tmp_path, header))
+    assert "--heading COL" in str(refused.value)

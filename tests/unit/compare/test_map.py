@@ -1,0 +1,165 @@
+"""What is the room: rooms come out of scans as they are, and what sound only seems to have met does not."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_compare.fit import PlacedScan
+from sonarhw_compare.map import map_scans
+from sonarhw_compare.map.arcs import Arc
+from sonarhw_compare.map.certainty import certainty_grid
+from sonarhw_compare.map.features import find_features
+from sonarhw_compare.map.rejection import reachable_walls
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, load_room
+
+from sonarhw.errors import InputError
+from sonarhw.readings import Reading
+from tests.fixtures.rooms_for_tests import polygon_room
+
+BOARD = load_board("paper")
+SPEED = 344.0
+
+
+def reading(number: int, degrees: float, distance: float) -> Reading:
+    times = () if math.isnan(distance) else (2 * distance / SPEED,)
+    return Reading(number, 0, 0, math.radians(degrees), 0.0, times, SPEED)
+
+
+def scan_from(room: Room, position: tuple[float, float]) -> PlacedScan:
+    place, degrees = Place("", position), np.arange(0.0, 360.0, 2.0)
+    ranges = predict_scan(room, place, BOARD, np.radians(degrees)).ranges.tolist()
+    return PlacedScan([reading(k, *pair) for k, pair in enumerate(zip(degrees.tolist(), ranges, strict=True))], place)
+
+
+def arc(centre: tuple[float, float], target: tuple[float, float]) -> Arc:
+    """An arc whose middle lies at a target."""
+    dx, dy = np.subtract(target, centre)
+    return Arc(0, (), centre, math.hypot(dx, dy), math.atan2(dy, dx), math.radians(8))
+
+
+def test_a_room_comes_out_of_its_scans_and_its_images_do_not() -> None:
+    """No room is given: sound is followed round the walls that were found."""
+    room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
+    scans = [scan_from(room, position) for position in ((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))]
+    found = map_scans(scans, BOARD)
+    assert sorted(round(math.degrees(wall.normal)) % 360 for wall in found.direct.features.walls) == [0, 90, 180, 270]
+    for wall in found.direct.features.walls:
+        across = 0 if round(math.degrees(wall.normal)) % 180 == 0 else 1
+        assert min(abs(wall.start[across] - at) for at in (0.0, (3.0, 2.0)[across])) < 0.005
+    corners = sorted((round(x + 0.0, 1) + 0.0, round(y, 1) + 0.0) for x, y in positions(found.direct.features.points))
+    assert corners == [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (3.0, 2.0)]
+    assert all(point.is_corner for point in found.direct.features.points)
+    # the words of all readings put corners two metres beyond the walls
+    assert any(not -0.1 < y < 2.1 for _, y in positions(found.plain.features.points))
+    assert found.rejected > 0
+
+
+def positions(points: object) -> list[tuple[float, float]]:
+    return [point.position for point in points]  # type: ignore[attr-defined]
+
+
+def test_the_false_wall_of_figure_9_is_given_up() -> None:
+    room = load_room("rooms/simple.toml")
+    scan = scan_from(room, room.places["figure9"].position)
+    found = map_scans([scan], BOARD, room)
+    down = 135  # of the readings every 2°: 270°, where 85 mm are read as 827
+    assert scan.readings[down].range == pytest.approx(0.827, abs=0.002)
+    assert not found.direct.kept[0][down]
+    assert found.direct.kept[0][45]
+    false_wall = np.array([[0.774, 0.085 - 0.827]])
+    assert found.plain.grid.at(false_wall)[0] > 0
+    assert found.direct.grid.at(false_wall)[0] <= 0
+    assert found.direct.grid.at(np.array([[0.774, 0.742]]))[0] > 0
+
+
+def test_a_reading_empties_its_cone_and_fills_its_end() -> None:
+    scan = PlacedScan([reading(0, 90.0, 1.0), reading(1, 0.0, math.nan)], Place("", (0.2, 0.1)))
+    grid = certainty_grid([scan], BOARD, [np.ones(2, dtype=np.bool_)])
+    on_axis, at_end, aside, behind, silent = grid.at(
+        np.array([[0.2, 0.6], [0.2, 1.1], [0.6, 0.6], [0.2, 1.3], [0.7, 0.1]])
+    )
+    assert on_axis < -0.5
+    assert at_end > 0.9
+    assert (aside, behind, silent) == (0, 0, 0)
+
+
+def test_what_is_sure_to_be_empty_is_not_filled_by_another_reading() -> None:
+    """Two spots on the arc of a near reading, as far from its axis; a far reading has looked through one of them."""
+    place, near, far = Place("", (0.0, 0.0)), reading(0, 10.0, 0.6), reading(1, 0.0, 1.5)
+    spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
+
+    def filled(*readings: Reading) -> list[float]:
+        grid = certainty_grid([PlacedScan(readings, place)], BOARD, [np.ones(len(readings), dtype=np.bool_)], 0.005)
+        column, row = np.floor((np.array(spots) - (grid.left, grid.bottom)) / grid.cell).astype(int).T
+        return grid.occupied[row, column].tolist()
+
+    seen_through, beside = filled(near)
+    assert seen_through == pytest.approx(beside, rel=0.05)
+    seen_through, beside = filled(near, far)
+    assert seen_through < 0.5 * beside
+
+
+def test_two_places_tell_a_wall_from_a_point() -> None:
+    centres = [(0.0, 0.0), (0.6, 0.1)]
+    wall = find_features([arc(centre, (centre[0], 1.0)) for centre in centres])
+    assert [round(math.degrees(one.normal)) for one in wall.walls] == [90]
+    np.testing.assert_allclose([wall.walls[0].start[1], wall.walls[0].end[1]], 1.0, atol=1e-6)
+    point = find_features([arc(centre, (0.4, 1.0)) for centre in centres])
+    (found,) = point.points
+    np.testing.assert_allclose(found.position, (0.4, 1.0), atol=1e-6)
+    assert not found.is_corner
+
+
+def test_one_place_tells_nothing_but_arcs() -> None:
+    features = find_features([arc((0.0, 0.0), (0.0, 1.0)), arc((0.01, 0.0), (0.01, 1.0))])
+    assert (features.walls, features.points) == ((), ())
+    assert len(features.alone) == 2
+
+
+def test_a_wall_behind_a_wall_is_an_image() -> None:
+    centres = [(0.0, 0.0), (0.4, 0.1), (0.9, 0.05)]
+    arcs = [arc(centre, (centre[0], y)) for y in (1.0, 2.0) for centre in centres]
+    features = find_features(arcs)
+    assert sorted(round(wall.start[1], 3) for wall in features.walls) == [1.0, 2.0]
+    assert [round(wall.start[1], 3) for wall in reachable_walls(features)] == [1.0]
+
+
+def test_silence_alone_and_rings_are_refused() -> None:
+    silent = PlacedScan([reading(0, 0.0, math.nan)], Place("", (0.0, 0.0)))
+    with pytest.raises(InputError, match="no reading has an echo"):
+        map_scans([silent], BOARD)
+
+
+def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs, picture = [str(tmp_path / "one.mcap"), str(tmp_path / "two.mcap")], tmp_path / "map.png"
+    for log, place in zip(logs, ("figure7", "figure9"), strict=True):
+        assert run(["simulate", "rooms/simple.toml", "--place", place, "--board", "paper", "--out", log]) == 0
+    assert run(["map", *logs, "--room", "rooms/simple.toml", "--out", str(picture), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert told["readings"] == 144
+    assert told["rejected"] > 0
+    left = [wall for wall in told["direct"]["walls"] if abs(wall["normal_deg"] - 180) < 3]
+    assert left[0]["start_m"][0] == pytest.approx(0.0, abs=0.01)
+    assert run(["map", *logs, "--pose", "0.8,0.3,0", "--json"]) == 2
+    assert "--pose: expected one for each of 2 logs, got 1" in capsys.readouterr().err
+    assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--json"]) == 2
+    assert "does not say where" in capsys.readouterr().err
+    assert run(["map", *logs]) == 0
+    assert "direct readings: " in capsys.readouterr().out
+
+
+def test_the_document_says_what_the_command_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = Path("docs/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
+    logs = [str(tmp_path / f"scan{k}.mcap") for k in range(4)]
+    for log, place in zip(logs, ("0.8,0.8", "1.6,1.4", "2.4,0.9", "1.3,0.5"), strict=True):
+        assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0
+    assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--out", str(tmp_path / "map.png")]) == 0
+    assert capsys.readouterr().out == told

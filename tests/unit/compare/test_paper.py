@@ -1,0 +1,114 @@
+"""What the paper says of its figures is what the model shows; each claim fails where the scene is another."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from sonarhw_compare.paper import beam_figures as beam
+from sonarhw_compare.paper import corner_figures as corners
+from sonarhw_compare.paper import corridor_figures as corridor
+from sonarhw_compare.paper import laboratory_figures as laboratory
+from sonarhw_compare.paper import page
+from sonarhw_compare.paper import plate_figures as plates
+from sonarhw_compare.paper import ray_figures as rays
+from sonarhw_compare.paper import simple_room_figures as simple_room
+from sonarhw_compare.paper import single_reflection_figures as single_reflections
+from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.predict.models import Model
+
+CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
+
+NEAREST_WITH_NOISE = tuple(replace(scene, model=Model.NEAREST, seed=seed) for seed, scene in enumerate(corridor.WALK))
+SLANTED = tuple(replace(scene, model=Model.CONE) for scene in corridor.WALK)
+TOO_CLOSE_TO_THE_PERSON = tuple(replace(scene, place="3.5,1.6") for scene in laboratory.SCANS)
+EMPTY_TABLE = tuple(replace(scene, room="simple", place="figure9") for scene in laboratory.SCANS)
+
+# each claim with a scene that the paper does not speak of: another unit, place, thing, model or transducer
+BROKEN: list[Callable[[], Claim]] = [
+    partial(plates.nothing_returns, plates.TILTED),
+    partial(plates.one_echo, plates.PARALLEL),
+    partial(plates.many_echoes, replace(plates.PARALLEL, unit=Unit.PASS)),
+    partial(plates.strongest_by_way_of_the_plate, plates.AT_45_TURNED),
+    partial(plates.small_one_vanishes, plates.AT_45, replace(plates.AT_45, degrees=(-7.0, -6.0, 1.0))),
+    partial(laboratory.near_wall_over_a_short_span, EMPTY_TABLE),
+    partial(laboratory.blackboard_moves_the_wall, laboratory.BESIDE_THE_BLACKBOARD),
+    partial(laboratory.protruding_corner_is_strong, corner="bead-back"),
+    partial(laboratory.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
+    partial(laboratory.pillar_is_half_lost, pillar="person"),
+    partial(beam.burst_at_a_slant, radius=0.016),
+    partial(beam.loss_grows_to_the_first_null, radius=0.016),
+    partial(
+        single_reflections.single_readings_are_theirs,
+        theirs=replace(single_reflections.RAY_FOLLOWING, model=Model.NEAREST),
+    ),
+    partial(single_reflections.several_reflections_are_lacking, theirs=single_reflections.RAY_FOLLOWING),
+    partial(simple_room.very_close_at_the_right, simple_room.FIGURE_8),
+    partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
+    partial(simple_room.far_wall_is_wavy, simple_room.FIGURE_9),
+    partial(simple_room.nothing_near_at_the_right, replace(simple_room.FIGURE_8, unit=Unit.PASS)),
+    partial(simple_room.upper_wall_is_true, simple_room.FIGURE_8),
+    partial(simple_room.lower_wall_is_false, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
+    partial(simple_room.corridor_of_twice_the_width, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
+    partial(simple_room.body_takes_the_false_wall_away, simple_room.FIGURE_9),
+    partial(corners.walls_do_not_meet, corners.RIGHT),
+    partial(corners.lower_is_seen_behind_upper, replace(corners.OBLIQUE, place="0.3,-0.3")),
+    partial(corners.oblique_walls_are_lost_at_a_slant, replace(corners.OBLIQUE, model=Model.NEAREST)),
+    partial(corners.corner_is_a_tangential_wall, replace(corners.RIGHT, model=Model.KUC_SIEGEL)),
+    partial(corners.hole_at_each_side, replace(corners.RIGHT, board="hc-sr04")),
+    partial(corners.almost_unchanged_as_it_nears, nearer=replace(corners.RIGHT, place="0.6,0.2")),
+    partial(corners.right_walls_are_lost_at_a_slant, replace(corners.RIGHT, model=Model.NEAREST)),
+    partial(rays.legs_of_the_reading, replace(rays.READING, unit=Unit.BLOCK)),
+    partial(rays.each_wall_takes_its_part, replace(rays.READING, degrees=(276.0, 277.0, 1.0))),
+    partial(corridor.right_at_right_angles, NEAREST_WITH_NOISE),
+    partial(corridor.long_ahead_and_behind, SLANTED),
+    partial(corridor.errors_go_on_to_the_next_heading, NEAREST_WITH_NOISE),
+    partial(corridor.errors_go_on_to_the_next_place, NEAREST_WITH_NOISE),
+]
+
+
+@pytest.mark.parametrize(("figure", "claim"), CLAIMS, ids=lambda value: getattr(value, "__name__", value))
+def test_the_figure_shows_what_the_paper_says(figure: str, claim: Callable[[], Claim]) -> None:
+    shown = claim()
+    assert shown.holds, f"{figure}: {shown.says}: {shown.measured}"
+
+
+@pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.func.__name__)
+def test_a_claim_fails_where_the_scene_is_another(broken: Callable[[], Claim]) -> None:
+    shown = broken()
+    assert not shown.holds, shown.measured
+
+
+def test_every_claim_has_been_broken() -> None:
+    assert {broken.func for broken in BROKEN} == {claim for _, claim in CLAIMS}  # type: ignore[attr-defined]
+
+
+def test_robot_hears_the_false_wall_again_without_its_body() -> None:
+    bare = replace(simple_room.ROBOT, place="0.574,0.085", board="paper")
+    assert not simple_room.body_takes_the_false_wall_away(bare).holds
+    assert simple_room.lower_wall_is_false(bare).holds
+
+
+def test_corridor_errors_are_no_accident_of_the_measure() -> None:
+    noise = np.random.default_rng(0).normal(size=(41, 72))
+    found, pairs = corridor.correlation(noise[:-1], noise[1:])
+    assert pairs == 40 * 72
+    assert abs(found) < 0.1
+
+
+def test_scene_tells_the_command_with_all_its_options() -> None:
+    assert simple_room.FIGURE_7_BOARD.command == (
+        "sonarhw simulate rooms/simple.toml --place figure7 --board polaroid-6500 --from 0 --to 360 --step 3 "
+        "--unit reflect --receiver board"
+    )
+
+
+@pytest.mark.parametrize("exhibit", page.EXHIBITS, ids=lambda exhibit: exhibit.name)
+def test_picture_is_a_small_png_with_labelled_axes(exhibit: Exhibit) -> None:
+    assert len(page.picture(exhibit)) < 300_000
+    last = [axes for axes in exhibit.draw().axes if axes.get_xlabel()]
+    assert last
+    assert all(re.search(r"\((m|µs|degrees)\)$", axes.get_xlabel()) for axes in last)

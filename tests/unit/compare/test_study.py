@@ -1,0 +1,361 @@
+"""Studies: what a spec may say, that scans are functions of their numbers, and that nothing is lost or half there."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_compare.free_space import find_free_space
+from sonarhw_compare.study import load_study, read_study, read_tables, run_study
+from sonarhw_compare.study.cases import Cases
+from sonarhw_compare.study.parts import make_part, part_count
+from sonarhw_compare.study.spec import OptionValues, Study
+from sonarhw_compare.study.study_scans import PathsAtHand, columns_of, predict_case, predict_scans
+from sonarhw_sim.predict.models import predict_with
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.errors import InputError, SonarError
+
+ROOMS = Path("rooms").resolve()
+EXAMPLE = Path("docs/study_example.toml")
+
+SPEC = f"""
+name = "test"
+seed = 5
+draws = 4
+boards = ["paper", "polaroid-6500"]
+[[rooms]]
+file = "{ROOMS}/simple.toml"
+places = ["figure9", "anywhere"]
+[headings]
+step = 30.0
+[vary.board]
+threshold_db = [-40, -36.5]
+aperture_radius = {{ uniform = [0.016, 0.0192] }}
+[vary.options]
+max_bounces = 4
+rays = 720
+"""
+
+
+def spec_of(folder: Path, text: str = SPEC) -> Path:
+    path = folder / "spec.toml"
+    path.write_text(text)
+    return path
+
+
+def study_of(folder: Path, text: str = SPEC) -> Study:
+    return load_study(spec_of(folder, text))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("seed = 5", "sed = 5", "sed: unknown key"),
+        ("draws = 4", "draws = 0", "draws: expected greater than or equal to 1, got 0"),
+        ("/simple.toml", "/nowhere.toml", "there is no such room file"),
+        ('"anywhere"]', '"attic"]', "rooms[0].places: room 'Simple room': no place 'attic'"),
+        ('"paper",', '"papre",', "boards[0]: no board 'papre'"),
+        ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0, got 3.0"),
+        ("[0.016, 0.0192]", "[0.016, 1.92]", "vary.board: aperture_radius: expected less than or equal to 1"),
+        ("[0.016, 0.0192]", "[0.02, 0.01]", "vary.board.aperture_radius: expected uniform = [low, high]"),
+        ("[0.016, 0.0192]", "[0.02, 0.01]", "with low below high, got [0.02, 0.01]"),
+        ('name = "test"', 'nam = "test"', "nam: unknown key; check its spelling (and 1 more)"),
+        ('"anywhere"]', '"anywhere"]\nclearance = 3', "rooms[0].clearance: room 'Simple room': no place is 3 m from"),
+        ("[-40, -36.5]", "[]", "vary.board.threshold_db: expected a value, a list of values"),
+        ("[-40, -36.5]", "[]", ", got []"),
+        ("uniform", "unifrom", "vary.board.aperture_radius: expected a value, a list of values"),
+        ("threshold_db = [", "treshold_db = [", "vary.board: treshold_db: unknown key"),
+        ("max_bounces = 4", "max_bounces = [4, 4]", "vary.options.max_bounces: expected every value once"),
+        ("max_bounces = 4", 'receiver = "ear"', "vary.options: receiver: expected 'first-echo' or 'board', got 'ear'"),
+        ("max_bounces = 4", "noise = [0.0, 0.1]", 'vary.options: noise: nobody would hear it; add receiver = "board"'),
+        ("max_bounces = 4", "[vary.materials.felt]\nscatter = 0.1", "vary.materials.felt: no room has anything"),
+        ("step = 30.0", "from = 90.0\nto = 20.0", "headings: no angle lies from 90 below 20"),
+    ],
+)
+def test_what_is_wrong_is_told_with_file_and_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, told: str
+) -> None:
+    assert old in SPEC
+    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # a place is not looked for as long as for a person
+    with pytest.raises(InputError, match="^" + str(tmp_path)) as refused:
+        study_of(tmp_path, SPEC.replace(old, new))
+    assert told in str(refused.value)
+
+
+def test_draws_that_would_all_be_alike_are_refused(tmp_path: Path) -> None:
+    text = SPEC.replace("aperture_radius", "# aperture_radius").replace(', "anywhere"', "")
+    with pytest.raises(InputError, match="nothing is drawn"):
+        study_of(tmp_path, text)
+
+
+def test_a_scan_of_a_study_is_what_simulate_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = f'name = "one"\nboards = ["paper"]\n[[rooms]]\nfile = "{ROOMS}/simple.toml"\nplaces = ["figure9"]\n'
+    assert run(["study", str(spec_of(tmp_path, text)), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    command = ["simulate", f"{ROOMS}/simple.toml", "--place", "figure9", "--board", "paper"]
+    capsys.readouterr()
+    assert run(command) == 0
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
+    simulated = np.array([[float(value or "nan") for value in row[:5]] for row in rows]).T
+    scan = read_study(tmp_path / "out").isel(scan=0)
+    found = [scan.heading_deg, scan.range_m, scan.path_m, scan.level_db, scan.bounces]
+    np.testing.assert_allclose(np.array(found), simulated, rtol=1e-8)
+    assert scan.n_echo == np.isfinite(simulated[1]).sum()
+
+
+@pytest.mark.parametrize(
+    ("board", "room", "place", "step"),
+    [("paper-b12", "simple", "figure9", 30.0), ("polaroid-6500", "laboratory", "bench", 4.0)],
+)  # paths by heading, and paths for all headings
+def test_levels_are_those_of_the_winning_paths(tmp_path: Path, board: str, room: str, place: str, step: float) -> None:
+    text = SPEC.replace('"paper", "polaroid-6500"', f'"{board}"').replace("simple", room).replace("figure9", place)
+    case = replace(Cases(study_of(tmp_path, text)).case(0), headings=np.radians(np.arange(0.0, 360.0, step)))
+    scan = predict_case(case, PathsAtHand())
+    heard = np.flatnonzero(scan.winners >= 0)
+    levels = columns_of(scan).level_db
+    expected = [scan.levels_at(k)[scan.winners[k]] for k in heard]
+    np.testing.assert_allclose(levels[heard], expected, atol=1e-6)
+    winners = scan.paths.select(scan.winners[heard])
+    # that comes out whichever way is taken for the other, unless some leave another way than they come back
+    assert (np.abs(winners.departures - winners.arrivals) > 0.1).any() == (room == "laboratory")
+
+
+def test_a_scan_follows_from_its_number_alone(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    together = predict_scans(study, 0, study.scans)
+    apart = [predict_scans(study, number, number + 1) for number in reversed(range(study.scans))][::-1]
+    for kind in (0, 1):
+        rows = [row for one in apart for row in one[kind].to_pylist()]
+        assert together[kind].to_pylist() == rows
+
+
+def test_shared_paths_are_the_paths_of_every_scan(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    cases, at_hand = Cases(study), PathsAtHand()
+    for number in range(8):
+        case = cases.case(number)
+        alone = predict_with(case.model, case.room, case.place, case.board, case.headings, case.options)
+        np.testing.assert_array_equal(predict_case(case, at_hand).ranges, alone.ranges)
+
+
+def test_draws_do_not_depend_on_where_the_room_file_lies(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    copied = tmp_path / "elsewhere" / "copied.toml"
+    copied.write_bytes((ROOMS / "simple.toml").read_bytes())
+    here = study_of(tmp_path)
+    there = study_of(tmp_path, SPEC.replace(f"{ROOMS}/simple.toml", "elsewhere/copied.toml"))
+    assert here.text != there.text
+    parts = range(part_count(here))
+    assert [make_part(here, number) for number in parts] == [make_part(there, number) for number in parts]
+
+
+def test_two_rooms_of_one_name_are_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text((ROOMS / "simple.toml").read_text() + "\n# as it was before\n")
+    both = f'file = "{ROOMS}/simple.toml"\n[[rooms]]\nfile = "other.toml"'
+    with pytest.raises(InputError, match=r"rooms\[1\]\.file: another room of the study is called 'Simple room', too"):
+        study_of(tmp_path, SPEC.replace(f'file = "{ROOMS}/simple.toml"', both))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there Ctrl-C comes from a console")
+def test_ctrl_c_while_workers_start_is_one_line_and_the_study_goes_on(tmp_path: Path) -> None:
+    spec, out = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 400")), tmp_path / "out"
+    command = [str(Path(sys.executable).with_name("sonarhw")), "study", str(spec), "--out", str(out), "--workers", "2"]
+    study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # the first part is made before workers are begun: now they import
+    wait_for(lambda: list(tmp_path.glob("out.unfinished/scans/part-*")))
+    # as a terminal does: to all of them
+    os.killpg(study.pid, signal.SIGINT)
+    told = study.communicate(timeout=60)
+    assert study.returncode == 130
+    assert told == ("", f"sonarhw: interrupted; what is done is in {out}.unfinished: go on with --resume\n")
+
+
+def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_added(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    more = study_of(tmp_path, SPEC + "[vary.air]\ntemperature_c = { normal = [20.0, 2.0] }\n")
+    scans, _ = predict_scans(study, 0, study.scans)
+    fuller, _ = predict_scans(more, 0, more.scans)
+    drawn = np.reshape(scans["board.aperture_radius"], (study.draws, -1))
+    assert (drawn == drawn[:, :1]).all()
+    assert len(np.unique(drawn)) == study.draws
+    anywhere = np.array(scans["place"]) == "anywhere"
+    assert len(np.unique(np.array(scans["x_m"])[anywhere])) == study.draws
+    for key in ("board.aperture_radius", "x_m", "y_m"):
+        assert scans[key].to_pylist() == fuller[key].to_pylist()
+    warmth = np.unique(fuller["air.temperature_c"])
+    assert len(warmth) == study.draws
+    assert (np.abs(warmth - 20) < 6).all()
+
+
+def test_places_drawn_anywhere_fill_the_room_evenly() -> None:
+    space = find_free_space(load_room("rooms/arena.toml"))
+    random = np.random.default_rng(2)
+    points = np.array([space.draw(random) for _ in range(2000)])
+    # the arena: 2.1 × 0.84 m below, 1.68 × 0.84 m on it, 0.84 × 0.42 m on the right of that
+    x, y = points.T
+    areas = np.array([2.1 * 0.84, 1.68 * 0.84, 0.84 * 0.42])
+    below, above = y < 0.84, y > 1.68
+    counts = np.array([below.sum(), (~below & ~above).sum(), above.sum()])
+    expected = 2000 * areas / areas.sum()
+    assert (np.abs(counts - expected) < 4 * np.sqrt(expected)).all()
+    assert (x[above] > 0.84).all()
+    assert (x[~below] < 1.68).all()
+
+
+def test_processes_make_the_same_files_and_an_interrupted_study_goes_on(tmp_path: Path) -> None:
+    study, whole, broken = study_of(tmp_path), tmp_path / "whole", tmp_path / "broken"
+    run_study(study, whole, workers=1)
+
+    class Interrupted(Exception):
+        pass
+
+    done = iter(range(3))
+
+    def until_the_third() -> None:
+        if next(done, None) is None:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        run_study(study, broken, workers=1, progress=until_the_third)
+    assert not broken.exists()
+    with pytest.raises(InputError, match="not finished"):
+        read_tables(broken)
+    unfinished = tmp_path / "broken.unfinished"
+    kept = {path: path.stat().st_mtime_ns for path in unfinished.rglob("*.parquet")}
+    assert 0 < len(kept) < 2 * part_count(study)
+    with pytest.raises(InputError, match="--resume"):
+        run_study(study, broken)
+    with pytest.raises(InputError, match="other study"):
+        run_study(study_of(tmp_path, SPEC.replace("seed = 5", "seed = 6")), broken, resume=True)
+
+    run_study(study, broken, workers=2, resume=True)
+    assert contents(broken) == contents(whole)
+    for path, written in kept.items():
+        assert (broken / path.relative_to(unfinished)).stat().st_mtime_ns == written
+    run_study(study, broken, resume=True)
+    with pytest.raises(InputError, match="exists already"):
+        run_study(study, broken)
+
+
+def test_results_come_as_arrays_with_what_varied_beside_them(tmp_path: Path) -> None:
+    assert run(["study", str(EXAMPLE), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    results = read_study(tmp_path / "out")
+    assert dict(results.sizes) == {"scan": 36, "heading_deg": 36}
+    assert sorted(set(results["board.threshold_db"].values)) == [-46.0, -40.0, -34.0]
+    heard = results.range_m.notnull().sum("heading_deg")
+    np.testing.assert_array_equal(heard, results.n_echo)
+    # who hears fainter sound hears no less
+    by_threshold = results.n_echo.groupby("board.threshold_db").mean().values
+    assert by_threshold[0] >= by_threshold[1] >= by_threshold[2]
+
+
+def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -> None:
+    document = Path("docs/study.md").read_text()
+    assert f"```toml\n{EXAMPLE.read_text()}```" in document
+    study = study_of(tmp_path)
+    scans, headings = predict_scans(study, 0, 1)
+    figures = scans.column_names[scans.column_names.index("n") :]
+    assert [name for name in (*figures, *headings.column_names[1:]) if f"`{name}`" not in document] == []
+    assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
+
+
+def test_rings_have_headings_of_their_own(tmp_path: Path) -> None:
+    ring = tmp_path / "ring.toml"
+    profile = 'name = "ring"\naperture_radius = 0.019\nfrequency = 5e4\ntransmit_cycles = 16\nblanking = 1e-3\n'
+    ring.write_text(profile + "max_range = 2.0\nthreshold_db = -40.0\n[ring]\nsensors = 4\nradius = 0.05\n")
+    run_study(study_of(tmp_path, SPEC.replace('"polaroid-6500"', '"ring.toml"')), tmp_path / "out", workers=1)
+    results = read_study(tmp_path / "out")
+    assert dict(results.sizes) == {"scan": 32, "reading": 12}
+    assert sorted(np.unique(results.n)) == [4, 12]
+    np.testing.assert_array_equal(results.heading_deg.notnull().sum("reading"), results.n)
+
+
+def test_figures_alone_are_kept_where_that_is_wanted(tmp_path: Path) -> None:
+    run_study(study_of(tmp_path, SPEC.replace("draws = 4", 'draws = 4\nrows = "scans"')), tmp_path / "out", workers=1)
+    scans, headings = read_tables(tmp_path / "out")
+    assert headings is None
+    assert scans.num_rows == 32
+    assert scans["n"].to_pylist() == [12] * 32
+
+
+def test_without_dask_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"sonarhw\[study\]"):
+        run_study(study_of(tmp_path), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
+
+
+def test_a_study_that_found_no_cluster_leaves_nothing_that_stands_in_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sonarhw_compare.study.workers._ANSWER_WITHIN", 0.2)  # nobody is at that port
+    command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
+    assert run([*command, "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "no Dask scheduler answers there" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["spec.toml"]
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A Dask scheduler and two workers, each a process of its own; its URL, and the workers."""
+    dask = [sys.executable, "-m", "dask"]
+    where, log = folder / "scheduler.json", (folder / "dask.log").open("wb")
+    environment = os.environ | {"DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
+
+    def begin(*arguments: str) -> subprocess.Popen[bytes]:
+        command = [*dask, *arguments, "--scheduler-file", str(where), "--no-dashboard"]
+        return subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+
+    processes = [begin("scheduler", "--host", "127.0.0.1", "--port", "0")]
+    try:
+        wait_for(where.exists)
+        worker = ["worker", "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
+        processes += [begin(*worker), begin(*worker)]
+        yield json.loads(where.read_text())["address"], processes[1:]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+        log.close()
+
+
+def wait_for(done: object) -> None:
+    assert callable(done)
+    end = time.monotonic() + 60
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_cluster_makes_the_same_files_though_a_worker_is_killed(tmp_path: Path) -> None:
+    spec = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 10"))
+    run_study(load_study(spec), tmp_path / "here", workers=1)
+    there = tmp_path / "there"
+    with cluster(tmp_path) as (url, workers):
+        command = [Path(sys.executable).with_name("sonarhw"), "study", spec, "--out", there, "--scheduler", url]
+        study = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        wait_for(lambda: list(tmp_path.glob("there*/scans/part-*")))
+        assert study.poll() is None
+        workers[0].send_signal(signal.SIGKILL)
+        _, told = study.communicate()
+        assert (study.returncode, told) == (0, b"")
+        assert workers[1].poll() is None
+    assert contents(there) == contents(tmp_path / "here")
+
+
+def test_a_cluster_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SonarError, match="no Dask scheduler answers"):
+        run_study(study_of(tmp_path), tmp_path / "out", scheduler="nonsense://127.0.0.1:1")

@@ -1,0 +1,115 @@
+"""What the trace view is about, without a window: times, levels, gains and carriers held against physics."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.chosen_trace import chosen_trace
+from sonarhw_sim.board.profile import Receiver, load_board
+from sonarhw_sim.board.traces import CONVERTER_RATE
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.model import Place, load_room
+
+from sonarhw.readings import Reading, Trace
+from tests.system.gui.conftest import ROOM
+
+SPEED = 343.2
+DISTANCE = 0.9  # m: its echo comes just after a step of the gain, where that is farthest from the ideal one
+
+
+def reading(trace: Trace | None = None, echo_times: tuple[float, ...] = ()) -> Reading:
+    return Reading(0, 0, 0, 0.0, 0.0, echo_times, SPEED, trace=trace)
+
+
+@pytest.fixture(scope="module", params=[*Receiver])
+def before_a_wall(request: pytest.FixtureRequest) -> Scene:
+    """A board that looks at a wall, and nothing else; its echo stays below full scale."""
+    room = load_room(ROOM)
+    wall = np.array([[(DISTANCE, -3.0), (DISTANCE, 3.0)]]).reshape(room.walls[:1].shape)
+    board = replace(load_board("polaroid-6500"), max_range=3.0)
+    room = replace(room, walls=wall, reflectances=np.full_like(room.reflectances, 0.5))
+    return Scene(room, Place("here", (0.0, 0.0)), board, options=PredictionOptions(receiver=request.param))
+
+
+def predicted_of(scene: Scene) -> PredictedScan:
+    return predict_scan(scene.room, scene.standing, scene.board, np.array([0.0]), scene.options)
+
+
+def test_an_echo_is_marked_when_its_sound_is_back_and_as_loud_as_the_trace_says(before_a_wall: Scene) -> None:
+    scene = before_a_wall
+    trace = chosen_trace(scene, reading(), predicted_of(scene), 0)
+    speed = scene.room.air.speed_of_sound
+    (echo,) = [echo for echo in trace.echoes if echo.first]
+    assert echo.time == pytest.approx(2 * DISTANCE / speed, rel=1e-6)
+    envelope = trace.predicted.envelope
+    near = (envelope.times > echo.time) & (envelope.times < echo.time + 0.001)
+    # no gain step lies within this burst
+    assert envelope.values[near].max() == pytest.approx(echo.level_db, abs=0.3)
+
+
+def test_the_gain_is_that_of_the_receiver(before_a_wall: Scene) -> None:
+    scene = before_a_wall
+    gain = chosen_trace(scene, reading(), None, 0).gain
+    steps = np.diff(gain.curve.values)
+    if scene.options.receiver is Receiver.BOARD:
+        assert gain.stepped
+        assert set(np.round(steps, 6)) == {0.0, scene.board.gain_step_db}
+        risen = gain.curve.times[1:][steps > 0]
+        within = [time for time in scene.board.gain_steps if time < gain.curve.times[-1]]
+        assert risen.tolist() == within
+    else:
+        assert not gain.stepped
+        without_air = replace(scene, board=replace(scene.board, absorption=False))
+        curve = chosen_trace(without_air, reading(), None, 0).gain.curve
+        twice = np.interp(2 * curve.times[50], curve.times, curve.values) - curve.values[50]
+        assert twice == pytest.approx(20 * math.log10(2), abs=0.01)
+
+
+def test_blanking_and_threshold_are_the_boards(before_a_wall: Scene) -> None:
+    trace = chosen_trace(before_a_wall, reading(), None, 0)
+    assert trace.blanking == before_a_wall.board.blanking
+    assert trace.threshold_db == before_a_wall.board.threshold_db
+    assert trace.floor_db < trace.threshold_db
+    assert trace.range_at(trace.time_at(1.25)) == pytest.approx(1.25)
+    assert trace.range_at(0.01) == pytest.approx(1.716)
+
+
+def test_a_carrier_is_predicted_as_the_converter_that_measured_it_sees_it(before_a_wall: Scene) -> None:
+    prediction = predicted_of(before_a_wall)
+    samples = prediction.signal_at(0, 0.015).sampled()
+    carried = Trace(samples, CONVERTER_RATE, 0.0, carrier=True)
+    trace = chosen_trace(before_a_wall, reading(carried), prediction, 0)
+    assert trace.predicted.folded
+    count = min(len(samples), len(trace.predicted.rf.values))
+    np.testing.assert_array_equal(trace.predicted.rf.values[:count], trace.measured.rf.values[:count])
+    loud = trace.predicted.envelope.values > -20
+    measured = np.interp(trace.predicted.envelope.times, trace.measured.envelope.times, trace.measured.envelope.values)
+    inside = loud & (trace.predicted.envelope.times > 0.004)
+    assert np.abs(measured - trace.predicted.envelope.values)[inside].max() < 3.0
+
+
+def test_a_converter_fast_enough_sees_the_carrier_itself(before_a_wall: Scene) -> None:
+    fast = Trace(np.zeros(4000), 400e3, 0.0, carrier=True)
+    trace = chosen_trace(before_a_wall, reading(fast), predicted_of(before_a_wall), 0)
+    assert not trace.predicted.folded
+    assert trace.predicted.rate == 400e3
+
+
+def test_without_a_carrier_the_predicted_one_has_several_samples_a_period(before_a_wall: Scene) -> None:
+    envelope = Trace(np.zeros(500), 50e3, 0.0)
+    trace = chosen_trace(before_a_wall, reading(envelope), predicted_of(before_a_wall), 0)
+    assert trace.measured.rf is None
+    assert trace.predicted.rate >= 5 * before_a_wall.board.frequency
+    assert trace.duration == pytest.approx(499 / 50e3)
+
+
+def test_what_was_measured_is_shown_where_nothing_is_predicted(scene: Scene) -> None:
+    trace = chosen_trace(scene, reading(Trace(np.full(100, 0.1), 50e3, 0.001), (0.0012, 0.0018)), None, 0)
+    assert trace.predicted is None
+    assert trace.echoes == ()
+    np.testing.assert_allclose(trace.measured.envelope.values, -20.0)
+    assert trace.measured.envelope.times[0] == 0.001
+    assert trace.echo_times.tolist() == [0.0012, 0.0018]

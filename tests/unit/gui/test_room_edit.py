@@ -1,0 +1,193 @@
+"""A room changed as with a pencil: what was meant is changed, and nothing else."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sonarhw_gui.scene.room_edit import (
+    add_post,
+    add_wall,
+    corners,
+    move_corner,
+    move_post,
+    move_wall,
+    remove_surface,
+    resize_post,
+    set_material,
+    split_wall,
+)
+from sonarhw_sim.rays.paths import PathSearch, find_paths
+from sonarhw_sim.room.model import Room, load_room, parse_room
+
+from sonarhw.errors import InputError
+from tests.checkout import CHECKOUT
+from tests.unit.sim.room.test_room_writing import assert_same_rooms, comments
+
+FOLDER = CHECKOUT / "rooms"
+SIMPLE, DOORSTEP = load_room(FOLDER / "simple.toml"), load_room(FOLDER / "doorstep.toml")
+INLINE = """
+name = "written in one line"
+materials = {m = {reflectance = 0.9}, n = {reflectance = 0.5, scatter = 0.2}}
+walls = [
+    {name = "a", points = [[0, 0], [4, 0], [4, 3]], material = "m"},
+    {name = "b", points = [[0, 0], [0, 3]], material = "m"},
+]
+posts = [{name = "p", center = [1.0, 1.0], radius = 0.1, material = "m"}]
+places = {here = {position = [2.0, 2.0]}}
+"""
+MIXED = """
+name = "in any order"
+[[posts]]
+name = "p"
+center = [1.0, 1.0]
+radius = 0.1
+material = "m"
+
+[[walls]]
+name = "a"
+points = [[0, 0], [4, 0], [4, 3]]
+material = "m"
+[places.here]
+position = [2.0, 2.0]
+[materials.m]
+reflectance = 0.9
+[materials.n]
+reflectance = 0.5
+"""
+Edit = Callable[[Room], Room]
+COORDINATES = st.floats(-20, 20).map(lambda x: round(x, 3))
+POINTS = st.tuples(COORDINATES, COORDINATES)
+
+
+def wall(room: Room, name: str) -> list[float]:
+    return room.walls[room.names.index(name)].tolist()
+
+
+def test_walls_that_meet_at_a_corner_still_meet_when_it_is_moved() -> None:
+    room = move_corner(SIMPLE, (0.928, 0.742), (1.0, 0.8))
+    assert wall(room, "right") == [0.928, 0.0, 1.0, 0.8]
+    assert wall(room, "top") == [1.0, 0.8, 0.0, 0.742]
+    assert wall(room, "bottom") == wall(SIMPLE, "bottom")
+    assert len(room.edges) > len(SIMPLE.edges)  # no right angle any more: it bends sound
+    assert_same_rooms(room, SIMPLE, but=("walls", "edges"))
+
+
+def test_a_wall_that_is_moved_takes_its_neighbours_along() -> None:
+    room = move_wall(SIMPLE, SIMPLE.names.index("top"), (0.0, 0.1))
+    np.testing.assert_allclose(wall(room, "top"), [0.928, 0.842, 0.0, 0.842])
+    np.testing.assert_allclose(wall(room, "right"), [0.928, 0.0, 0.928, 0.842])
+    assert corners(room)[0] == (0.0, 0.0)
+
+
+def test_an_echo_comes_back_from_a_wall_where_it_was_put() -> None:
+    room = add_wall(SIMPLE, (0.2, 0.1), (0.2, 0.6), "shelving")
+    search = PathSearch(max_length=1.2, wavelength=0.007, max_bounces=1)
+    near = find_paths(room, (0.5, 0.3), search)
+    named = {near.via(k, room): near.lengths[k] for k in range(len(near))}
+    assert named[("wall 1",)] == pytest.approx(2 * 0.3)
+    assert add_wall(room, (0, 1), (1, 1), "shelving").names[4:] == ("wall 1", "wall 2")
+
+
+def test_a_wall_taken_out_of_a_closed_chain_leaves_the_others_with_their_names() -> None:
+    room = remove_surface(SIMPLE, SIMPLE.names.index("right"))
+    assert sorted(room.names) == ["bottom", "left", "top"]
+    for name in room.names:
+        assert wall(room, name) == wall(SIMPLE, name)
+    assert comments(room.text) == comments(SIMPLE.text)
+
+
+def test_a_wall_taken_out_of_the_middle_leaves_two_chains() -> None:
+    room = remove_surface(load_room(FOLDER / "arena.toml"), 3)
+    assert "north" not in room.names
+    assert {"west", "north-west", "divider", "north-east", "shoulder", "east", "south"} == set(room.names)
+
+
+def test_the_last_wall_stays() -> None:
+    room = load_room(FOLDER / "figure2b.toml")
+    with pytest.raises(InputError, match="last wall"):
+        remove_surface(room, 0)
+    with pytest.raises(InputError, match="floor cannot be taken out"):
+        remove_surface(DOORSTEP, DOORSTEP.levels.start)
+
+
+def test_a_wall_of_another_material_keeps_place_name_and_height() -> None:
+    for name in ("south", "step", "bin", "ceiling"):
+        room = set_material(DOORSTEP, DOORSTEP.names.index(name), "rug")
+        there = {known: k for k, known in enumerate(room.names)}
+        assert set(there) == set(DOORSTEP.names)
+        for k, known in enumerate(DOORSTEP.names):
+            assert room.materials[there[known]] == ("rug" if known == name else DOORSTEP.materials[k])
+            np.testing.assert_array_equal(room.heights[there[known]], DOORSTEP.heights[k])
+            if k < len(DOORSTEP.walls):
+                assert wall(room, known) == wall(DOORSTEP, known)
+        assert_same_rooms(parse_room(room.text, "again"), room)
+
+
+def test_a_post_is_put_moved_made_larger_and_taken_away() -> None:
+    room = add_post(SIMPLE, (0.3, 0.5), 0.05, "shelving")
+    post = room.names.index("post 1")
+    room = resize_post(move_post(room, post, (0.4, 0.5)), post, 0.08)
+    np.testing.assert_array_equal(room.posts, [[0.4, 0.5, 0.08]])
+    assert remove_surface(room, post).text.strip() == SIMPLE.text.strip()
+
+
+def test_a_post_is_not_put_over_a_place() -> None:
+    with pytest.raises(InputError, match="place 'figure7' lies inside post 'post 1'"):
+        add_post(SIMPLE, (0.82, 0.345), 0.05, "shelving")
+
+
+def test_a_wall_of_no_length_is_refused() -> None:
+    with pytest.raises(InputError, match="has no length"):
+        move_corner(SIMPLE, (0.0, 0.0), (0.928, 0.0))
+
+
+def test_a_wall_gets_a_corner_where_it_was_split() -> None:
+    room = split_wall(SIMPLE, SIMPLE.names.index("top"), (0.5, 0.742))
+    assert wall(room, "top") == [0.928, 0.742, 0.5, 0.742]
+    assert wall(room, "top 2") == [0.5, 0.742, 0.0, 0.742]
+    assert set(room.names) == {*SIMPLE.names, "top 2"}
+
+
+@pytest.mark.parametrize("text", [INLINE, MIXED], ids=["inline", "mixed"])
+def test_a_file_may_be_written_in_any_way_that_toml_allows(text: str) -> None:
+    room = parse_room(text, "room")
+    room = add_wall(room, (0.0, 3.0), (4.0, 3.0), "m")
+    room = add_post(room, (1.5, 1.0), 0.2, "n")
+    room = set_material(room, 0, "n")
+    room = remove_surface(room, room.names.index("p"))
+    assert {"a[0]", "a[1]", "wall 1", "post 1"} <= set(room.names)
+    assert room.materials[room.names.index("a[0]")] == "n"
+    assert_same_rooms(parse_room(room.text, "again"), room)
+
+
+@settings(max_examples=40, deadline=None)
+@given(data=st.data())
+def test_whatever_is_changed_reads_back_and_keeps_what_was_not_meant(data: st.DataObject) -> None:
+    room = data.draw(st.sampled_from([SIMPLE, DOORSTEP]))
+    for _ in range(data.draw(st.integers(1, 5))):
+        surface = data.draw(st.integers(0, len(room.names) - 1))
+        number = data.draw(st.integers(0, len(room.walls) - 1))
+        material = data.draw(st.sampled_from(sorted(set(room.materials))))
+        one, other, radius = data.draw(POINTS), data.draw(POINTS), data.draw(st.floats(0.001, 3))
+        edits: list[Edit] = [
+            lambda room, one=one, number=number: move_corner(room, tuple(room.walls[number, :2].tolist()), one),
+            lambda room, one=one, number=number: move_wall(room, number, one),
+            lambda room, one=one, number=number: split_wall(room, number, one),
+            lambda room, one=one, other=other, material=material: add_wall(room, one, other, material),
+            lambda room, one=one, radius=radius, material=material: add_post(room, one, radius, material),
+            lambda room, surface=surface: remove_surface(room, surface),
+            lambda room, surface=surface, material=material: set_material(room, surface, material),
+        ]
+        try:
+            after = data.draw(st.sampled_from(edits))(room)
+        except InputError:
+            continue
+        assert_same_rooms(parse_room(after.text, "again"), after)
+        assert after.places == room.places
+        assert after.air == room.air
+        assert len(set(room.names) - set(after.names)) <= 1
+        assert math.isfinite(np.abs(after.walls).max())
+        room = after

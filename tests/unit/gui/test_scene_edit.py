@@ -1,0 +1,155 @@
+"""What a hand takes hold of in the plan, and what becomes of the scene, without a window."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sonarhw_gui.look.appearance import LengthUnit
+from sonarhw_gui.plan.plan_words import standing_words, surface_words
+from sonarhw_gui.scene.grips import Grip, Part, room_grip, sensor_grip, surface_at
+from sonarhw_gui.scene.plan_geometry import bounce_losses
+from sonarhw_gui.scene.room_edit import add_post
+from sonarhw_gui.scene.scene import Scene, scene_of_log
+from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned
+from sonarhw_gui.store.recording import start_recording
+from sonarhw_sim.board.profile import Receiver, load_board, parse_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import Place, Room, load_room
+
+from sonarhw.errors import InputError
+from sonarhw.log import read_log
+from tests.system.gui.conftest import ROOM
+
+PIXEL = 0.002  # m
+
+
+@pytest.fixture
+def crowded(scene: Scene) -> Scene:
+    """The simple room with a post in the middle."""
+    return replace(scene, room=add_post(scene.room, (0.4, 0.4), 0.1, "shelving"))
+
+
+def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> None:
+    x, y = scene.standing.position
+    near = (x + 5 * PIXEL, y)
+    assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is Part.SENSOR
+    assert sensor_grip(scene, (0.3, 0.3), (0.31, 0.3), PIXEL).part is Part.BEAM
+    assert sensor_grip(scene, None, (0.31, 0.3), PIXEL) is None
+
+
+@pytest.mark.parametrize(
+    ("at", "part", "name"),
+    [
+        ((0.003, 0.003), Part.CORNER, None),
+        ((0.5, 0.003), Part.WALL, "bottom"),
+        ((0.4, 0.4), Part.POST, "post 1"),
+        ((0.5, 0.4), Part.RIM, "post 1"),
+    ],
+)
+def test_corner_rim_post_and_wall_are_told_apart(
+    crowded: Scene, at: tuple[float, float], part: Part, name: str
+) -> None:
+    grip = room_grip(crowded.room, at, PIXEL)
+    assert grip.part is part
+    assert name is None or crowded.room.names[grip.surface] == name
+    assert room_grip(crowded.room, (0.7, 0.6), PIXEL) is None
+    assert surface_at(crowded.room, (0.7, 0.6), PIXEL) is None
+
+
+def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
+    x, y = scene.standing.position
+    moved, label = dragged(scene, Grip(Part.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
+    assert moved.standing.position == pytest.approx((x - 0.1, y + 0.2))
+    assert moved.standing.heading == scene.standing.heading
+    assert label == "moving the sensor"
+    assert moved.room is scene.room  # nothing of the room is worked out again
+
+
+def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> None:
+    x, y = scene.standing.position
+    turned, _ = dragged(scene, Grip(Part.BEAM, (x + 0.3, y)), (x, y + 0.1))
+    assert math.degrees(turned.standing.heading - scene.standing.heading) == pytest.approx(90)
+    back, _ = sensor_turned(turned, -math.pi / 2)
+    assert math.degrees(back.standing.heading) % 360 == pytest.approx(math.degrees(scene.standing.heading) % 360)
+
+
+def test_the_places_of_the_file_stay_where_they_are(scene: Scene) -> None:
+    moved, _ = sensor_at(scene, (0.5, 0.5))
+    assert moved.room.places == scene.room.places
+    assert moved.standing.name == "0.5,0.5"
+
+
+def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene: Scene, tmp_path: Path) -> None:
+    moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30))
+    log, path = start_recording(tmp_path, moved, warn=print)
+    log.close()
+    again = scene_of_log(read_log(path).metadata)
+    assert again.standing.position == (0.5, 0.5)
+    assert math.degrees(again.standing.heading) == pytest.approx(30)
+    assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
+
+
+def test_a_scan_is_heard_as_its_boards_profile_says(scene: Scene, tmp_path: Path) -> None:
+    profile = f'{scene.board.text}\nreceiver = "board"\n'
+    log, path = start_recording(tmp_path, replace(scene, board=parse_board(profile, "mine.toml")), warn=print)
+    log.close()
+    assert scene_of_log(read_log(path).metadata).options.receiver is Receiver.BOARD
+
+
+def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
+    with pytest.raises(InputError, match="cannot stand inside post 1"):
+        sensor_at(crowded, (0.45, 0.4))
+    beside, _ = sensor_at(crowded, (0.6, 0.4))
+    post = Grip(Part.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
+    with pytest.raises(InputError, match="cannot stand inside post 1"):
+        dragged(beside, post, (0.58, 0.4))
+    rim = replace(post, part=Part.RIM, at=(0.5, 0.4))
+    smaller, label = dragged(beside, rim, (0.45, 0.4))
+    assert smaller.room.posts[0, 2] == pytest.approx(0.05)
+    assert label == "resizing post 1"
+
+
+def test_over_a_low_post_a_high_sensor_may_stand() -> None:
+    room = load_room(ROOM.with_name("doorstep.toml"))
+    board = load_board("polaroid-6500")
+    over, _ = sensor_at(Scene(room, room.place("tripod"), board), (0.5, 1.5))
+    assert over.standing.position == (0.5, 1.5)
+    with pytest.raises(InputError, match="inside bin"):
+        sensor_at(Scene(room, room.place("robot"), board), (0.5, 1.5))
+
+
+def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) -> None:
+    def said(room: Room, at: tuple[float, float]) -> bool:
+        return "outside the walls" in standing_words(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
+
+    assert not said(scene.room, (0.4, 0.4))
+    assert said(scene.room, (1.4, 0.4))
+    assert not said(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
+    assert said(load_room(ROOM.with_name("arena.toml")), (3.0, 3.0))
+
+
+def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> None:
+    assert surface_words(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
+    doorstep: Room = load_room(ROOM.with_name("doorstep.toml"))
+    assert surface_words(doorstep, doorstep.names.index("rug")).startswith(
+        "rug · rug, reflectance 0.60, scatters 50% (−7.4 dB)"
+    )
+
+
+def test_the_losses_along_a_path_are_all_that_it_loses(crowded: Scene) -> None:
+    """Together they are the gain of the path, whatever it touched: walls, posts, edges, floor, a rough wall."""
+    tall = load_room(ROOM.with_name("doorstep.toml"))
+    board, headings = load_board("polaroid-6500"), np.radians([0.0, 90.0])
+    for scan in (
+        predict_scan(crowded.room, crowded.standing, crowded.board, headings),
+        predict_scan(tall, tall.place("robot"), board, headings),
+    ):
+        touched = set()
+        for path in range(min(400, len(scan.paths))):
+            losses = bounce_losses(scan, path)
+            assert sum(loss for _, loss in losses) == pytest.approx(20 * math.log10(scan.paths.gains[path]))
+            assert all(1 <= corner <= len(scan.paths.outline(path)) - 2 for corner, _ in losses)
+            touched.update(scan.paths.via(path, scan.room))
+        assert {"post 1", "bottom"} <= touched or {"floor", "rug", "bin"} <= touched

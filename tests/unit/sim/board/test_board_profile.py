@@ -1,0 +1,96 @@
+"""What a board profile may say of its receiver, and how a wrong one is refused."""
+
+import re
+
+import pytest
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.profile import Receiver, Tone, load_board, parse_board
+
+from sonarhw.errors import InputError
+
+PROFILE = """
+name = "mine"
+aperture_radius = 0.0192
+frequency = 49412.0
+transmit_cycles = 16
+blanking = 0.00238
+max_range = 10.7
+threshold_db = -40.0
+"""
+CHIRP = """
+[[chirp]]
+frequency = 60000.0
+cycles = 6
+[[chirp]]
+frequency = 50000.0
+cycles = 10
+"""
+
+
+def test_profile_without_receiver_keys_is_one_of_the_paper() -> None:
+    board = parse_board(PROFILE, "mine.toml")
+    assert board.receiver is Receiver.FIRST_ECHO
+    assert board.burst == (Tone(49412.0, 16),)
+    assert board.gain_steps == ()
+    assert board.listens_from == board.blanking
+
+
+def test_every_key_of_the_receiver_is_read() -> None:
+    text = PROFILE + (
+        'receiver = "board"\nrise_cycles = 2.0\nown_burst_db = 6.0\nintegration_cycles = 4.0\n'
+        "gain_steps = [0.002, 0.005]\ngain_step_db = 5.0\nblanking_inhibit = 0.001\nrearm = 0.0005\n"
+        "clock_error = -0.01\n"
+    )
+    board = parse_board(text + CHIRP, "mine.toml")
+    assert board.receiver is Receiver.BOARD
+    assert (board.rise_cycles, board.own_burst_db, board.integration_cycles) == (2.0, 6.0, 4.0)
+    assert (board.gain_steps, board.gain_step_db, board.rearm) == ((0.002, 0.005), 5.0, 0.0005)
+    assert (board.clock_error, board.listens_from) == (-0.01, 0.001)
+    assert board.burst == (Tone(60000.0, 6), Tone(50000.0, 10))
+    assert board.blanked_range(Air()) == pytest.approx(0.001 * 343.987 / 2, rel=1e-4)
+
+
+def test_steps_of_the_6500_are_those_of_its_clock() -> None:
+    steps, end = [], 16 / 49.412e3
+    for clocks in (192, *[256] * 7, *[512] * 3):
+        end += clocks / 93.33e3
+        steps.append(end)
+    assert load_board("polaroid-6500").gain_steps == pytest.approx(steps, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ('receiver = "best"', "receiver: expected 'first-echo' or 'board', got 'best'"),
+        ("gain_steps = [0.005, 0.002]", "gain_steps: expected times that grow"),
+        ("gain_steps = [-0.005]", r"gain_steps\[0\]: expected greater than 0"),
+        ("gain_step_db = -4.0", "gain_step_db: expected greater than or equal to 0"),
+        ("integration_cycles = -1.0", "integration_cycles: expected greater than or equal to 0"),
+        ("rise_cycles = 0.1", "rise_cycles: expected greater than or equal to 0.5"),
+        ("rise_cycles = 1e9", "rise_cycles: expected less than or equal to 100"),
+        ("blanking_inhibit = 0.003", "blanking_inhibit: expected 0.00238 s .* got 0.003"),
+        ("rearm = 0.0", "rearm: expected greater than 0"),
+        ("range_offset = -5.0", "range_offset: expected greater than or equal to -1, got -5"),
+        ("rounding = 100.0", "rounding: expected less than or equal to 1, got 100"),
+        (
+            "gain_steps = [0.002]\nfixed_gain = true",
+            "fixed_gain and gain_steps: a gain stays as it is or rises, not both",
+        ),
+        ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
+        ("own_burst_db = nan", "own_burst_db: expected a finite number"),
+        (CHIRP.replace("10", "11"), "chirp: expected transmit_cycles = 16 cycles in all, got 17"),
+        (CHIRP.replace("60000.0", "80000.0"), r"chirp\[0\].frequency: expected one within 30000 Hz .* got 80000"),
+        (CHIRP.replace("60000.0", "6.0"), r"chirp\[0\].frequency: expected greater than or equal to 1000"),
+    ],
+)
+def test_wrong_receiver_is_refused_in_one_line(wrong: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_board(PROFILE + wrong, "mine.toml")
+    assert re.search(f"^mine.toml: {told}", str(refused.value))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_board_that_stops_listening_before_it_begins_is_refused() -> None:
+    with pytest.raises(InputError, match=r"max_range: expected more than 0\.409 m, where blanking ends, got 0\.4; it"):
+        parse_board(PROFILE.replace("10.7", "0.4"), "mine.toml")
+    assert parse_board(PROFILE.replace("10.7", "0.4\nblanking_inhibit = 0.001"), "mine.toml").max_range == 0.4

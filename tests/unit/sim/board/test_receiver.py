@@ -1,0 +1,205 @@
+"""The board's own receiver: where it agrees with the paper's, by how much it is late, and what its data sheet says."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sonarhw_sim.air import Air, absorption
+from sonarhw_sim.board.gain import stepped_gain_db
+from sonarhw_sim.board.profile import Board, Receiver, load_board
+from sonarhw_sim.board.receiver import counted_time, echo_times, hear, hear_first
+from sonarhw_sim.board.traces import Arrivals, Noise, received
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.readings import FloatArray
+
+SPEED = 343.987
+CYCLE = 1 / 49412.0
+BOARD = load_board("polaroid-6500")
+LEVEL = replace(BOARD, gain_steps=())  # the ideal gain
+PAPERLIKE = replace(LEVEL, integration_cycles=0.0, rise_cycles=0.5, own_burst_db=-300.0)
+ROOM = load_room("rooms/simple.toml")
+
+
+def walls(*ranges_and_levels: tuple[float, float]) -> Arrivals:
+    """Walls straight ahead at ranges (m) with levels (dB)."""
+    ranges, levels = np.array(ranges_and_levels).reshape(-1, 2).T
+    ahead = np.ones(len(ranges))
+    return Arrivals(2 * ranges / SPEED, 10 ** (levels / 20), ahead, ahead)
+
+
+def heard_ranges(board: Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
+    return counted_time(hear(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
+
+
+scenes = st.lists(
+    st.tuples(st.floats(0.42, 10.6), st.one_of(st.floats(-60, -41), st.floats(-39, 0))), min_size=1, max_size=6
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(scene=scenes)
+def test_with_ideal_gain_and_no_integration_both_receivers_agree(scene: list[tuple[float, float]]) -> None:
+    # echoes that lie over each other strengthen or cancel, which the paper's receiver knows nothing of
+    ranges = sorted(distance for distance, _ in scene)
+    apart = [scene[0]] if ranges and min(np.diff(ranges), default=1.0) < 0.2 else scene
+    loud = sorted(distance for distance, level in apart if level > BOARD.threshold_db)
+    heard = heard_ranges(PAPERLIKE, *apart)
+    assert len(heard) >= len(loud)
+    if loud:
+        assert heard[0] == pytest.approx(loud[0], abs=2 * CYCLE * SPEED / 2)
+        winner = hear(walls(*apart), PAPERLIKE, SPEED).winner
+        assert apart[winner][0] == loud[0]
+    else:
+        assert len(heard) == 0
+
+
+@settings(deadline=None, max_examples=60)
+@given(distance=st.floats(0.5, 10.0), over=st.floats(0.2, 40))
+def test_range_is_long_never_short_and_by_no_more_than_the_burst_and_its_ringing(distance: float, over: float) -> None:
+    late = heard_ranges(LEVEL, (distance, LEVEL.threshold_db + over))[0] - distance
+    assert 0 < late < (16 + 4) * CYCLE * SPEED / 2
+
+
+def test_barely_seen_echo_comes_some_45_millimetres_after_a_strong_one() -> None:
+    late = [heard_ranges(LEVEL, (2.0, LEVEL.threshold_db + over))[0] for over in (1, 3, 6, 10, 20, 40)]
+    assert late == sorted(late, reverse=True)
+    assert late[0] - late[-1] == pytest.approx(0.045, abs=0.005)
+
+
+def test_threshold_means_the_same_to_both_receivers() -> None:
+    for cycles in (0.0, 3.0, 16.0):
+        board = replace(LEVEL, integration_cycles=cycles)
+        assert len(heard_ranges(board, (2.0, board.threshold_db - 0.1))) == 0
+        assert len(heard_ranges(board, (2.0, board.threshold_db + 0.1))) == 1
+
+
+def test_range_is_the_one_that_a_rectifier_and_a_capacitor_find_in_the_signal_with_its_carrier() -> None:
+    rate = 5e6
+    lone = np.abs(received(walls((1.0, 0.0)), LEVEL, SPEED, 0.01).rf(rate)[20_000:])
+    arrivals = walls((1.0, -45.0), (1.3, -33.0), (1.302, -36.0))
+    signal = np.abs(received(arrivals, LEVEL, SPEED, 0.02).rf(rate))
+
+    def charged(rectified: FloatArray, full: float) -> int:
+        tau, charge, most = LEVEL.integration_cycles * CYCLE * rate, 0.0, 0.0
+        for k, current in enumerate(rectified):
+            charge += (current - charge) / tau
+            most = max(most, charge)
+            if charge >= full:
+                return k
+        return round(most * 1e9)
+
+    full = charged(lone, math.inf) / 1e9 * 10 ** (LEVEL.threshold_db / 20)
+    blanked = math.ceil(LEVEL.blanking * rate)
+    expected = (blanked + charged(signal[blanked:], full)) / rate
+    assert hear(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
+
+
+def test_echo_that_ends_within_blanking_is_not_heard_and_one_that_lasts_is_read_at_its_end() -> None:
+    end = LEVEL.blanking * SPEED / 2
+    assert len(heard_ranges(LEVEL, (0.2, -3.0))) == 0
+    assert heard_ranges(LEVEL, (0.38, -3.0))[0] == pytest.approx(end, abs=0.01)
+
+
+def test_binh_hears_down_to_6_inches_and_nearer_things_as_well() -> None:
+    board = replace(LEVEL, blanking_inhibit=0.75e-3)
+    assert heard_ranges(board, (0.1524, -3.0))[0] == pytest.approx(0.1524, abs=0.01)
+    assert heard_ranges(board, (0.10, -3.0))[0] == pytest.approx(0.1524, abs=0.03)
+    assert heard_ranges(board, (0.25, -3.0))[0] == pytest.approx(0.25, abs=0.01)
+    assert len(heard_ranges(board)) == 0  # its own burst has rung down
+
+
+def test_targets_3_inches_apart_are_told_apart() -> None:
+    heard = heard_ranges(LEVEL, (1.0, -20.0), (1.0762, -20.0))
+    assert np.diff(heard) == pytest.approx([0.0762], abs=0.01)
+
+
+def test_after_an_echo_the_next_is_heard_when_re_armed_and_not_before() -> None:
+    heard = hear(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
+    assert np.diff(heard).min() >= LEVEL.rearm
+    assert len(heard_ranges(replace(LEVEL, rearm=0.02), (1.0, -20.0), (2.0, -20.0))) == 1
+
+
+def test_density_of_echoes_follows_the_amplitude_when_re_armed_without_pause() -> None:
+    quick = replace(LEVEL, rearm=20e-6)
+    counts = [len(heard_ranges(quick, (1.0, level))) for level in (-39.5, -30.0, -20.0, 0.0)]
+    assert counts == sorted(counts)
+    assert counts[-1] > 2 * counts[0]
+
+
+@pytest.mark.parametrize("error", [-0.01, 0.01])
+def test_wrong_clock_scales_ranges_and_blanking(error: float) -> None:
+    board = replace(LEVEL, clock_error=error)
+    exact = heard_ranges(LEVEL, (3.0, -10.0))[0]
+    assert heard_ranges(board, (3.0, -10.0))[0] == pytest.approx(exact * (1 + error), rel=1e-9)
+    # a strong echo that lasts over the end of blanking is found right after it
+    found = hear(walls((0.38, 0.0)), board, SPEED).times[0]
+    assert found == pytest.approx(LEVEL.blanking / (1 + error), abs=CYCLE)
+
+
+def test_stepped_gain_is_up_to_6_decibels_off_the_ideal_one_and_on_average_not() -> None:
+    steps = BOARD.gain_steps
+    times = np.linspace(steps[0], steps[-1], 20_000, endpoint=False)
+    lengths = times * Air().speed_of_sound
+    off = stepped_gain_db(times, BOARD) - 20 * np.log10(lengths) - absorption(BOARD.frequency, Air()) * lengths
+    assert off.mean() == pytest.approx(0, abs=0.01)
+    assert np.abs(off).max() == pytest.approx(5.8, abs=0.1)
+    assert np.abs(off[lengths / 2 > 0.5]).max() < 4
+
+
+def test_stepped_gain_loses_far_walls_that_the_ideal_one_hears() -> None:
+    assert len(heard_ranges(LEVEL, (10.0, -30.0))) == 1
+    assert len(heard_ranges(BOARD, (10.0, -30.0))) == 0
+    assert len(heard_ranges(BOARD, (5.0, -30.0))) == 1
+
+
+def test_winner_is_the_loudest_of_those_that_fill_the_capacitor() -> None:
+    assert hear(walls((1.0, -45.0), (1.002, -20.0), (1.004, -30.0)), LEVEL, SPEED).winner == 1
+    assert hear(walls((0.2, 0.0), (3.0, -20.0)), LEVEL, SPEED).winner == 1
+
+
+@settings(deadline=None, max_examples=40)
+@given(scene=scenes, level=st.sampled_from([0.0, 0.002, 0.008]), seed=st.integers(0, 99))
+def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
+    scene: list[tuple[float, float]], level: float, seed: int
+) -> None:
+    noise = Noise(level, (seed,))
+    whole, first = hear(walls(*scene), BOARD, SPEED, noise), hear_first(walls(*scene), BOARD, SPEED, noise)
+    assert first.times[:1] == pytest.approx(whole.times[:1], abs=1e-12)
+    assert first.winner == whole.winner
+
+
+@pytest.mark.parametrize("threshold_db", [-math.inf, -3000.0])
+def test_threshold_of_nothing_hears_the_first_that_is_not_silence(threshold_db: float) -> None:
+    heard = heard_ranges(replace(BOARD, threshold_db=threshold_db), (1.0, -20.0))
+    assert BOARD.blanking * SPEED / 2 < heard[0] < 1.001
+    assert np.isfinite(heard).all()
+
+
+def test_noise_makes_readings_of_nothing() -> None:
+    heard = hear(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
+    assert len(heard.times) > 0
+    assert heard.winner == -1
+
+
+def test_reported_range_is_the_one_found_in_the_signal_of_the_scan() -> None:
+    headings = np.radians(np.arange(0, 360, 30.0))
+    options = PredictionOptions(receiver=Receiver.BOARD, noise=0.001, seed=5)
+    scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, headings, options)
+    speed = ROOM.air.speed_of_sound
+    for k in range(len(headings)):
+        found = echo_times(scan.signal_at(k, 2 * BOARD.max_range / speed).samples, BOARD, speed)
+        assert scan.distances[k] == pytest.approx(found[0] * speed / 2)
+        assert scan.echo_times_at(k) == pytest.approx(found)
+
+
+def test_false_wall_of_figure_9_stands_for_the_board_too() -> None:
+    options = PredictionOptions(receiver=Receiver.BOARD)
+    scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, np.radians([270.0, 90.0]), options)
+    assert scan.paths.via(int(scan.winners[0]), ROOM) == ("bottom", "top", "bottom")
+    assert scan.ranges == pytest.approx([0.827, 0.657], abs=0.01)
+    assert (scan.ranges > [0.827, 0.657]).all()

@@ -1,0 +1,149 @@
+"""What the paper reports is what is predicted: figures 7 to 9, 12 and 13, and the law of the first echo."""
+
+import math
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+import pytest
+from sonarhw_sim.air import absorption
+from sonarhw_sim.board.mount import Mount, Unit
+from sonarhw_sim.board.profile import board_names, load_board
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.board.weighing import beam, beam_table
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.room.model import Place, load_room
+
+from tests.fixtures.rooms_for_tests import room_of
+
+ROOM = load_room("rooms/simple.toml")
+PAPER = load_board("paper")
+
+
+def predict(place: str, *degrees: float, unit: Unit = Unit.PASS) -> PredictedScan:
+    return predict_scan(ROOM, ROOM.places[place], PAPER, np.radians(degrees), PredictionOptions(unit=unit))
+
+
+@pytest.mark.parametrize(
+    ("heading", "distance", "via"),
+    [
+        (90, 0.657, ("top",)),
+        (270, 0.827, ("bottom", "top", "bottom")),  # the false wall of figure 9
+        (140, math.hypot(0.774, 0.657), ("top", "left")),  # the upper left corner, as a wall
+    ],
+)
+def test_figure_9(heading: float, distance: float, via: tuple[str, ...]) -> None:
+    scan = predict("figure9", heading)
+    assert scan.ranges[0] == pytest.approx(distance, abs=1e-9)
+    assert scan.paths.via(int(scan.winners[0]), ROOM) == via
+
+
+def test_near_wall_of_figure_9_lies_within_blanking() -> None:
+    blanked = predict("figure9", 270).blanked_echoes(0)
+    assert blanked[0].range == pytest.approx(0.085)
+
+
+def test_figure_8_reads_past_the_unit_only_where_the_unit_lets_sound_pass() -> None:
+    passing, blocking = predict("figure7", 0), predict("figure7", 0, unit=Unit.BLOCK)
+    assert passing.ranges[0] == pytest.approx(1.022)
+    assert passing.paths.via(int(passing.winners[0]), ROOM) == ("right", "left", "right")
+    assert not any(echo.range == pytest.approx(1.022) for echo in blocking.echoes(0))
+
+
+@pytest.mark.parametrize("place", ["figure12", "figure13"])
+def test_right_angle_corner_is_a_wall_with_one_hole_at_each_side(place: str) -> None:
+    room = load_room("rooms/right_corner.toml")
+    scan = predict_scan(room, room.places[place], PAPER, np.radians(np.arange(-30, 120, 3.0)))
+    corner = next(k for k in range(len(scan.paths)) if len(scan.paths.via(k, room)) == 2)
+    heard = [(first >= 0, first == corner) for first in scan.winners]
+    runs = [key for key, _ in groupby(heard)]
+    at = runs.index((True, True))
+    assert runs[at - 2 : at + 3] == [(True, False), (False, False), (True, True), (False, False), (True, False)]
+    reach = math.dist(room.places[place].position, (0.8, 0.8))
+    assert np.nanmax(np.abs(scan.ranges[scan.winners == corner] - reach)) < 1e-9
+
+
+def test_no_echo_before_blanking_after_the_range_or_under_the_threshold() -> None:
+    board = replace(PAPER, max_range=1.5)
+    scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 1.0)))
+    ranges = scan.ranges[~np.isnan(scan.ranges)]
+    assert ranges.min() >= board.blanked_range(ROOM.air)
+    assert ranges.max() <= 1.5
+    levels = [scan.levels_at(k)[winner] for k, winner in enumerate(scan.winners) if winner >= 0]
+    assert min(levels) >= board.threshold_db
+    assert np.isnan(scan.ranges).any()
+
+
+def test_first_echo_is_the_earliest_of_those_heard() -> None:
+    scan = predict("figure9", *range(0, 360, 7))
+    for k in range(len(scan.headings)):
+        echoes = scan.echoes(k)
+        assert [e.range for e in echoes] == pytest.approx(sorted(e.range for e in echoes), abs=1e-12)
+        if echoes:
+            assert scan.ranges[k] == echoes[0].range
+
+
+def test_whole_centimetres_are_reported_where_the_board_rounds() -> None:
+    board = load_board("lego-nxt")
+    scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 10.0)))
+    centimetres = scan.ranges[~np.isnan(scan.ranges)] * 100
+    assert centimetres == pytest.approx(np.round(centimetres))
+
+
+def test_dry_air_is_louder_but_not_on_paper() -> None:
+    dry = replace(ROOM, air=replace(ROOM.air, relative_humidity=0.1))
+    for name, louder in (("polaroid-6500", True), ("paper", False)):
+        board = load_board(name)
+        usual, drier = (predict_scan(r, r.places["figure9"], board, np.array([math.pi / 2])) for r in (ROOM, dry))
+        assert (drier.levels_at(0)[3] > usual.levels_at(0)[3] + 0.5) == louder
+
+
+def test_gain_that_never_rises_leaves_spreading_and_absorption_to_be_heard() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True)
+    for ahead in (0.25, 0.5, 1.0, 2.0):
+        room = room_of(np.array([[ahead, -5.0, ahead, 5.0]]))
+        scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.zeros(1))
+        way = 2 * ahead
+        lost = 20 * math.log10(way) + absorption(board.frequency, room.air) * (way - 1)
+        assert scan.echoes(0)[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
+
+
+def test_search_heading_by_heading_finds_all_that_a_fixed_gain_lets_be_heard() -> None:
+    board = replace(load_board("hc-sr04"), fixed_gain=True, threshold_db=-16.0)
+    off_axis = replace(board, mount=Mount(ahead=1e-9))
+    arena, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0, 360, 11.0))
+    together, by_heading = (predict_scan(arena, arena.places["p1"], b, headings) for b in (board, off_axis))
+    assert by_heading.ranges == pytest.approx(together.ranges, abs=1e-6, nan_ok=True)
+    assert 3 < np.isnan(together.ranges).sum() < len(headings) / 2
+
+
+def test_shipped_boards_load() -> None:
+    assert {"polaroid-6500", "paper", "lego-nxt", "hc-sr04"} <= set(board_names())
+    assert all(load_board(name).name == name for name in board_names())
+
+
+def test_models_the_paper_argues_against() -> None:
+    place, headings = ROOM.places["figure9"], np.radians([140.0, 170.0, 168.0])
+    nearest = predict_with(Model.NEAREST, ROOM, place, PAPER, headings)
+    assert nearest.ranges[1:] == pytest.approx([0.774 / math.cos(math.radians(away)) for away in (10, 12)])
+    cone = predict_with(Model.CONE, ROOM, place, PAPER, headings)
+    assert cone.ranges[1:] == pytest.approx([0.774] * 2, abs=1e-4)
+    single = predict_with(Model.KUC_SIEGEL, ROOM, place, PAPER, headings)
+    assert single.paths.bounces.max() == 1
+    assert math.isnan(single.ranges[0])  # no corner without a second reflection
+
+
+@pytest.mark.parametrize("ka", [5.8, 17.33])
+def test_beam_between_the_nodes_of_its_table_is_the_closed_form(ka: float) -> None:
+    angles = np.linspace(-math.pi, math.pi, 2001)
+    interpolated = [beam(math.cos(angle), ka, beam_table(ka)) for angle in angles]
+    assert interpolated == pytest.approx(beam_gain(angles, ka), abs=1e-8)
+
+
+def test_winner_is_the_first_of_the_echoes_whatever_the_unit() -> None:
+    for unit in Unit:
+        scan = predict("figure7", *range(0, 360, 3), unit=unit)
+        firsts = [echoes[0].path if (echoes := scan.echoes(k)) else -1 for k in range(len(scan.headings))]
+        assert scan.winners.tolist() == firsts

@@ -1,0 +1,67 @@
+"""What two transducers that point somewhere can hear: a search that drops the rest finds all of it, and sooner."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.rays.audible import Front, everything
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.rays.kernel import fan, follow_fan
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Room, load_room, with_post
+
+from tests.fixtures.rooms_for_tests import polygon_room
+
+Floats = NDArray[np.float64]
+
+KA = 17.3
+FAINTEST = 3e-4
+SENDER, LISTENER = (1.72, 1.23), (1.80, 1.20)  # on the laboratory's bench
+
+
+def with_body(room: Room) -> Room:
+    """The room with a body beside both, as round as a ring of sensors is."""
+    return with_post(room, (1.76, 1.16, 0.03), "body", 0.95)
+
+
+def amplitudes(paths: Paths, leaving: float, arriving: float) -> Floats:
+    return np.asarray(
+        paths.gains * beam_gain(paths.departures - leaving, KA) * beam_gain(paths.arrivals - arriving, KA)
+    )
+
+
+def as_rows(paths: Paths) -> Floats:
+    angles = (f(a) for a in (paths.departures, paths.arrivals) for f in (np.cos, np.sin))
+    return np.column_stack((paths.lengths, paths.gains, *angles))
+
+
+@pytest.mark.parametrize("strength", EdgeStrength)
+@pytest.mark.parametrize("leaving_deg", [10.0, 100.0, 200.0])
+@pytest.mark.parametrize("turned_deg", [0.0, 30.0, 120.0])
+def test_nothing_that_can_be_heard_is_dropped(strength: EdgeStrength, leaving_deg: float, turned_deg: float) -> None:
+    room = with_body(load_room("rooms/laboratory.toml"))
+    leaving, arriving = math.radians(leaving_deg), math.radians(leaving_deg + turned_deg)
+    search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_bend=3e-3)
+    front = Front(leaving, arriving, KA, FAINTEST)
+    every = find_paths(room, SENDER, search, LISTENER)
+    heard = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
+    found = find_paths(room, SENDER, replace(search, front=front), LISTENER)
+    distances, _ = cKDTree(as_rows(found)).query(heard)
+    assert len(heard) > 10
+    assert distances.max() < 1e-6
+    assert len(found) < len(every) / 2
+
+
+def test_ray_ends_where_walls_have_swallowed_its_sound() -> None:
+    room = polygon_room([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    middle, rays = np.array([0.45, 0.55]), fan(64)
+    longest, targets = np.array([20.0]), np.array([[0.45, 0.55]])
+    # of 0.9 a time six reflections leave more than half, seven less
+    half = everything(64, 1)._replace(least=np.array([0.5]))
+    touched, candidates = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
+    assert len(candidates)
+    assert ((touched >= 0).sum(axis=1) == 6).all()

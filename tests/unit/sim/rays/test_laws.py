@@ -1,0 +1,226 @@
+"""Laws that sound keeps in any room: reciprocity, energy, symmetry. Rooms and places are drawn at random.
+
+Rays sample the room: an edge seen through a slit narrower than their spacing may be found by one search and not by
+another, and with it all that it bends, so two searches may differ in a few paths. Posts spread neighbouring rays apart,
+so paths by way of them have a test of their own.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Place, Room
+
+from tests.fixtures.rooms_for_tests import room_of
+
+Floats = NDArray[np.float64]
+
+SEARCH = PathSearch(max_length=7.0, wavelength=0.00696, max_bounces=4)
+STRENGTHS = pytest.mark.parametrize("edge_strength", EdgeStrength)
+_SAME = 1e-6  # m, amplitude ratio and rad
+_LOUD = 0.03  # amplitude ratio, -30 dB
+
+
+@dataclass(frozen=True)
+class Furnished:
+    """Walls round the origin, a plate and a post within them, and two places."""
+
+    walls: Floats  # (n, 4), m
+    posts: Floats  # (m, 3), m
+    reflectances: Floats  # (n + m,)
+    places: Floats  # (2, 2), m
+
+    @property
+    def room(self) -> Room:
+        return room_of(self.walls, self.posts, self.reflectances)
+
+    def search(self, search: PathSearch = SEARCH) -> Paths:
+        source, receiver = self.places.tolist()
+        return find_paths(self.room, tuple(source), search, receiver=tuple(receiver))
+
+    def ways(self, search: PathSearch = SEARCH) -> Floats:
+        """Length, gain, departure and arrival of each path that touches no post, (n, 6)."""
+        paths = self.search(search)
+        return ways(paths.select(np.flatnonzero(~by_posts(paths, self))))
+
+
+def ways(paths: Paths) -> Floats:
+    """Length, gain, departure and arrival of each path, (n, 6)."""
+    angles = (np.cos(paths.departures), np.sin(paths.departures), np.cos(paths.arrivals), np.sin(paths.arrivals))
+    return np.column_stack((paths.lengths, paths.gains, *angles))
+
+
+def by_posts(paths: Paths, furnished: Furnished) -> NDArray[np.bool_]:
+    """Which paths touch a post, (n,) bool."""
+    return np.asarray((paths.surfaces >= len(furnished.walls)).any(axis=1))
+
+
+def furnish(seed: int) -> Furnished:
+    random = np.random.default_rng(seed)
+    corners = int(random.integers(4, 8))
+    angles = (np.arange(corners) + random.uniform(-0.2, 0.2, corners)) * math.tau / corners
+    ring = random.uniform(1.2, 2.0, (corners, 1)) * np.column_stack((np.cos(angles), np.sin(angles)))
+    plate = random.uniform(-0.8, 0.8, (1, 4))
+    walls = np.vstack((np.hstack((ring, np.roll(ring, -1, axis=0))), plate))
+    posts = np.column_stack((random.uniform(-0.8, 0.8, (1, 2)), random.uniform(0.02, 0.2, 1)))
+    return Furnished(walls, posts, random.uniform(0.2, 1.0, corners + 2), random.uniform(-0.4, 0.4, (2, 2)))
+
+
+rooms = st.integers(0, 2**32).map(furnish)
+
+
+def lacking(wanted: Floats, found: Floats) -> int:
+    """How many of the wanted ways are not among those found."""
+    if not len(wanted) or not len(found):
+        return len(wanted)
+    distances, _ = cKDTree(found).query(wanted, distance_upper_bound=_SAME)
+    return int(np.isinf(distances).sum())
+
+
+def assert_same_ways(one: Floats, other: Floats) -> None:
+    few = 3 + 0.05 * max(len(one), len(other))
+    assert lacking(one, other) <= few
+    assert lacking(other, one) <= few
+
+
+@STRENGTHS
+@settings(max_examples=20, deadline=None)
+@given(rooms)
+def test_swapping_source_and_receiver_turns_every_path_round(edge_strength: EdgeStrength, furnished: Furnished) -> None:
+    search = replace(SEARCH, edge_strength=edge_strength)
+    there = furnished.ways(search)
+    back = replace(furnished, places=furnished.places[::-1]).ways(search)
+    assert_same_ways(there, back[:, [0, 1, 4, 5, 2, 3]])
+
+
+def test_loud_paths_by_way_of_posts_are_turned_round_too() -> None:
+    loud = lost = 0
+    for furnished in map(furnish, range(20)):
+        paths = furnished.search()
+        there = ways(paths.select(np.flatnonzero(by_posts(paths, furnished) & (paths.gains > _LOUD))))
+        back = ways(replace(furnished, places=furnished.places[::-1]).search())
+        loud += len(there)
+        lost += lacking(there, back[:, [0, 1, 4, 5, 2, 3]])
+    assert loud > 500
+    assert lost <= 0.02 * loud
+
+
+@STRENGTHS
+@settings(max_examples=20, deadline=None)
+@given(rooms)
+def test_no_path_is_louder_than_its_reflectances_allow(edge_strength: EdgeStrength, furnished: Furnished) -> None:
+    paths = furnished.search(replace(SEARCH, edge_strength=edge_strength))
+    allowed = np.append(furnished.reflectances, 1.0)[paths.surfaces].prod(axis=1)
+    assert (paths.gains > 0).all()
+    assert (paths.gains <= allowed * (1 + 1e-12)).all()
+    flat = (paths.edges < 0) & (paths.surfaces < len(furnished.walls)).all(axis=1)
+    assert paths.gains[flat] == pytest.approx(allowed[flat])
+
+
+@settings(max_examples=20, deadline=None)
+@given(rooms)
+def test_no_path_is_shorter_than_the_straight_line_and_each_is_as_long_as_its_legs(furnished: Furnished) -> None:
+    paths = furnished.search()
+    source, receiver = furnished.places
+    assert (paths.lengths >= math.dist(source, receiver) - 1e-9).all()
+    for path in range(len(paths)):
+        outline = paths.outline(path)
+        assert paths.lengths[path] == pytest.approx(np.hypot(*np.diff(outline, axis=0).T).sum(), abs=1e-8)
+        assert outline[0] == pytest.approx(source)
+        assert outline[-1] == pytest.approx(receiver)
+
+
+@STRENGTHS
+@settings(max_examples=20, deadline=None)
+@given(rooms, st.floats(0, math.tau), st.floats(-9, 9), st.floats(-9, 9), st.booleans())
+def test_moving_turning_and_mirroring_everything_changes_nothing(
+    edge_strength: EdgeStrength, furnished: Furnished, turn: float, x: float, y: float, mirrored: bool
+) -> None:
+    search = replace(SEARCH, edge_strength=edge_strength)
+    side = -1.0 if mirrored else 1.0
+    motion = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([1.0, side])
+    before = furnished.ways(search)
+    after = _mapped(furnished, lambda points: points @ motion.T + (x, y)).ways(search)
+    assert_same_ways(np.column_stack((before[:, :2], before[:, 2:4] @ motion.T, before[:, 4:] @ motion.T)), after)
+
+
+@settings(max_examples=10, deadline=None)
+@given(rooms, st.floats(0.1, 30))
+def test_a_larger_room_at_a_longer_wave_sounds_the_same(furnished: Furnished, scale: float) -> None:
+    search = replace(SEARCH, max_length=scale * SEARCH.max_length, wavelength=scale * SEARCH.wavelength)
+    larger = replace(_mapped(furnished, lambda points: scale * points), posts=scale * furnished.posts)
+    after = larger.ways(search)
+    after[:, 0] /= scale
+    assert_same_ways(furnished.ways(), after)
+
+
+def _mapped(furnished: Furnished, motion: Callable[[Floats], Floats]) -> Furnished:
+    return replace(
+        furnished,
+        walls=motion(furnished.walls.reshape(-1, 2)).reshape(-1, 4),
+        posts=np.column_stack((motion(furnished.posts[:, :2]), furnished.posts[:, 2])),
+        places=motion(furnished.places),
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(rooms)
+def test_a_wall_more_takes_paths_away_and_adds_none_but_its_own(furnished: Furnished) -> None:
+    room = furnished.room
+    plate = len(furnished.walls) - 1
+    fewer = replace(
+        furnished,
+        walls=furnished.walls[:plate],
+        reflectances=np.delete(furnished.reflectances, plate),
+    )
+    paths = furnished.search()
+    own = [room.names[plate] in "/".join(paths.via(path, room)).split("/") for path in range(len(paths))]
+    others = paths.select(np.flatnonzero(~np.array(own, dtype=np.bool_) & ~by_posts(paths, furnished)))
+    assert lacking(ways(others), fewer.ways()) <= 3 + 0.05 * len(others)
+
+
+@settings(max_examples=10, deadline=None)
+@given(rooms, st.floats(0.1, 1.0))
+def test_duller_walls_dull_each_path_once_for_every_reflection(furnished: Furnished, duller: float) -> None:
+    unbent = replace(SEARCH, diffraction=False)
+    bright = furnished.search(unbent)
+    dull = replace(furnished, reflectances=duller * furnished.reflectances).search(unbent)
+    assert dull.lengths == pytest.approx(bright.lengths)
+    assert dull.gains == pytest.approx(bright.gains * duller**bright.bounces)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32), st.floats(-1, 1))
+def test_scan_from_the_axis_of_a_symmetric_room_is_symmetric(seed: int, x: float) -> None:
+    random = np.random.default_rng(seed)
+    upper = np.column_stack((np.sort(random.uniform(-2, 2, 4)), random.uniform(0.3, 2, 4)))
+    half = np.hstack((upper[:-1], upper[1:]))
+    both = np.vstack((half, half * (1, -1, 1, -1)))
+    room = room_of(both, reflectances=[0.9] * 6)
+    aside = np.radians(np.arange(2.5, 180, 5.0))
+    place = Place("axis", (x, 0.0))
+    left, right = (predict_scan(room, place, load_board("paper"), headings) for headings in (aside, -aside))
+    # where two paths are within rounding of the threshold or of each other, either may win
+    assert np.isclose(left.ranges, right.ranges, atol=1e-6, equal_nan=True).sum() >= len(aside) - 1
+
+
+def test_a_square_sounds_the_same_a_quarter_turn_on() -> None:
+    corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+    room = room_of([(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+    headings = np.radians(np.arange(0.5, 360, 5.0))
+    scans = [
+        predict_scan(room, Place("middle", (0.0, 0.0)), load_board("paper"), headings + k * math.pi / 2).ranges
+        for k in range(4)
+    ]
+    for scan in scans[1:]:
+        assert scan == pytest.approx(scans[0], abs=1e-9, nan_ok=True)

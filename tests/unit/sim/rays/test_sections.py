@@ -1,0 +1,416 @@
+"""What leaves the plane of the plan: held against exact images in three dimensions, closed forms and symmetry."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sonarhw_sim.air import Air
+from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Place, Room, load_room, parse_room
+from sonarhw_sim.vertical.sections import cut, paths_from, standing_at
+
+from sonarhw.echo_source import Ping
+from sonarhw.readings import FloatArray
+
+WAVELENGTH = 0.00696
+SEARCH = PathSearch(8.0, WAVELENGTH, diffraction=False)
+
+LEVELS = """
+[floor]
+height = 0.0
+material = "lino"
+[ceiling]
+height = 2.4
+material = "tiles"
+"""
+
+
+def room_of(walls: str, levels: str = LEVELS, places: str = "") -> Room:
+    return parse_room(
+        f"""
+        name = "room with heights"
+        {levels}
+        {walls}
+        {places}
+        [materials.lino]
+        reflectance = 0.8
+        [materials.tiles]
+        reflectance = 0.7
+        [materials.hard]
+        reflectance = 0.9
+        """,
+        "room with heights",
+    )
+
+
+def wall(
+    name: str, *points: tuple[float, float], height: tuple[float, float] | None = None, closed: bool = False
+) -> str:
+    lines = [
+        f'name = "{name}"',
+        f"points = [{', '.join(f'[{x!r}, {y!r}]' for x, y in points)}]",
+        f"closed = {str(closed).lower()}",
+        'material = "hard"',
+        f'edges = ["{name}"]' if len(points) == 2 else "",
+        "" if height is None else f"height = {list(height)}",
+    ]
+    return "\n".join(["[[walls]]", *lines, ""])
+
+
+def post(name: str, x: float, y: float, radius: float, height: tuple[float, float] | None = None) -> str:
+    span = "" if height is None else f"height = [{height[0]}, {height[1]}]"
+    return f'[[posts]]\nname = "{name}"\ncenter = [{x}, {y}]\nradius = {radius}\nmaterial = "hard"\n{span}\n'
+
+
+BOX = wall("w", (0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0), closed=True)
+HERE = Place("here", (1.1, 0.7), height=0.9)
+
+
+def from_above(room: Room, place: Place, search: PathSearch) -> list[tuple[float, float, tuple[str, ...]]]:
+    """Length, gain and via of every path that leaves the horizontal and goes somewhere."""
+    paths = paths_from(room, place, search)
+    aside = np.abs(np.cos(paths.elevations[:, 0])) > 1e-9
+    rows = np.flatnonzero((np.abs(paths.elevations).max(axis=1) > 1e-9) & aside)
+    return [(float(paths.lengths[k]), float(paths.gains[k]), paths.via(int(k), room)) for k in rows]
+
+
+def images_of_box(reach: float) -> list[tuple[float, ...]]:
+    """Length, gain, unit vectors of departure and arrival of what a box room's images say can be heard.
+
+    The images are those that lie straight out from a wall or corner, above or below; in the plan or not.
+    """
+    (x, y), z = HERE.position, 0.9
+    found = []
+    for i, j, k in itertools.product(range(-9, 10), repeat=3):
+        if (i, j, k) == (0, 0, 0) or not (i == 0 or j == 0 or (abs(i) == 1 and abs(j) == 1)):
+            continue
+        image = [_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z]
+        length = math.hypot(*image)
+        if length > reach:
+            continue
+        # seen from its image, every odd mirroring along an axis turns that component round
+        back = [-c if n % 2 == 0 else c for c, n in zip(image, (i, j, k), strict=True)]
+        found.append((length, _gain(i, j, k), *(c / length for c in image), *(c / length for c in back)))
+    return sorted(found)
+
+
+def _gain(i: int, j: int, k: int) -> float:
+    upward = (abs(k) + (1 if k > 0 else 0)) // 2
+    return float(0.9 ** (abs(i) + abs(j)) * 0.7**upward * 0.8 ** (abs(k) - upward))
+
+
+def _image(n: int, at: float, width: float) -> float:
+    return n * width + at if n % 2 == 0 else (n + 1) * width - at
+
+
+def as_rows(paths: Paths) -> list[tuple[float, ...]]:
+    rise, fall = np.sin(paths.elevations).T
+    columns = (paths.lengths, paths.gains, *paths.leaving.T, rise, *paths.arriving.T, fall)
+    return sorted(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def test_box_room_is_heard_as_its_images_in_three_dimensions_say() -> None:
+    paths = paths_from(room_of(BOX), HERE, SEARCH)
+    straight = [row for row in as_rows(paths) if _goes_straight_out(row)]
+    exact = images_of_box(8.0)
+    assert len(exact) > 60
+    assert len(straight) == len(exact)
+    for row, image in zip(_by_millimetre(straight), _by_millimetre(exact), strict=True):
+        assert row == pytest.approx(image, abs=1e-7)
+
+
+def _by_millimetre(rows: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    return sorted(rows, key=lambda row: tuple(round(value, 3) + 0.0 for value in row))
+
+
+def _goes_straight_out(row: tuple[float, ...]) -> bool:
+    """Whether a path of the box room leaves square to a wall, or towards a corner."""
+    leaving, x, y = np.array(row[2:4]), HERE.position[0], HERE.position[1]
+    size = float(np.hypot(*leaving))
+    if size < 1e-9 or min(abs(leaving)) < 1e-9 * size:
+        return True
+    corners = [np.array([cx - x, cy - y]) for cx, cy in itertools.product((0.0, 3.0), (0.0, 2.0))]
+    towards = any(leaving @ corner > size * np.hypot(*corner) * (1 - 1e-12) for corner in corners)
+    reaches = [2 * float(np.hypot(*corner)) for corner in corners]
+    return towards and any(abs(row[0] * size - reach) < 1e-6 for reach in reaches)
+
+
+def test_place_without_height_and_room_without_heights_stay_in_the_plan() -> None:
+    plain, tall = load_room("rooms/simple.toml"), room_of(BOX)
+    for room, place in ((plain, plain.places["figure9"]), (tall, replace(HERE, height=None))):
+        flat, all_of_them = find_paths(room, place.position, SEARCH), paths_from(room, place, SEARCH)
+        assert all_of_them.lengths.tolist() == flat.lengths.tolist()
+        assert all_of_them.gains.tolist() == flat.gains.tolist()
+        assert all_of_them.points.tobytes() == flat.points.tobytes()
+    lifted = paths_from(plain, replace(plain.places["figure9"], height=0.5), SEARCH)
+    assert lifted.lengths.tolist() == find_paths(plain, (0.774, 0.085), SEARCH).lengths.tolist()
+    assert not lifted.elevations.any()
+
+
+def test_low_wall_answers_from_its_foot_and_by_its_top_and_the_wall_behind_is_seen_over_it() -> None:
+    fence, back = wall("fence", (-2.0, 1.0), (2.0, 1.0), height=(0.0, 0.6)), wall("back", (-9.0, 3.0), (9.0, 3.0))
+    room = room_of(fence + back, LEVELS[: LEVELS.index("[ceiling]")])
+    place = Place("here", (0.0, 0.0), height=0.9)
+    flat = find_paths(room, place.position, SEARCH)
+    assert flat.via(0, room) == ("fence",)  # the plan alone would stop here
+    paths = paths_from(room, place, PathSearch(6.4, WAVELENGTH))
+    level = np.abs(paths.elevations).max(axis=1) < 1e-9
+    assert [paths.via(k, room) for k in np.flatnonzero(level) if paths.edges[k] < 0] == [("back",)]
+    heard = {via: (length, gain) for length, gain, via in from_above(room, place, PathSearch(6.4, WAVELENGTH))}
+    assert heard[("floor", "fence")] == pytest.approx((2 * math.hypot(1.0, 0.9), 0.72))
+    top = math.hypot(1.0, 0.3)
+    assert heard[("fence/",)] == pytest.approx((2 * top, 1 / (math.tau * math.sqrt(top / WAVELENGTH))), rel=1e-2)
+    # the foot of the wall behind is hidden: sound would have to pass 0.6 m at y = 1
+    assert ("floor", "back") not in heard
+
+
+def test_foot_of_the_wall_behind_is_heard_where_the_low_wall_leaves_its_way_free() -> None:
+    fence, back = wall("fence", (-2.0, 1.0), (2.0, 1.0), height=(0.0, 0.6)), wall("back", (-9.0, 3.0), (9.0, 3.0))
+    room = room_of(fence + back, LEVELS[: LEVELS.index("[ceiling]")])
+    for height, free in ((0.89, False), (0.91, True)):  # of the straight line to the foot at y = 3: 2/3 of it at y = 1
+        vias = {via for *_, via in from_above(room, Place("here", (0.0, 0.0), height=height), SEARCH)}
+        assert (("floor", "back") in vias) is free
+
+
+def test_hanging_panel_answers_by_its_lower_edge_alone() -> None:
+    room = room_of(wall("panel", (-2.0, 1.0), (2.0, 1.0), height=(1.5, 2.0)), levels="")
+    paths = paths_from(room, Place("here", (0.0, 0.0), height=1.0), PathSearch(3.0, WAVELENGTH))
+    assert [paths.via(k, room) for k in range(len(paths))] == [("panel/",), ("panel/",)]
+    assert paths.lengths == pytest.approx([2 * math.hypot(1.0, 0.5), 2 * math.hypot(1.0, 1.0)])
+    assert (paths.elevations > 0).all()
+
+
+def test_wall_met_at_a_slant_blocks_and_sends_nothing_straight_back() -> None:
+    slanted = wall("slanted", (-1.0, 0.5), (1.0, 1.5))
+    room = room_of(slanted + wall("back", (-9.0, 3.0), (9.0, 3.0)))
+    vias = {via for *_, via in from_above(room, Place("here", (0.0, 0.0), height=0.9), SEARCH)}
+    assert ("floor", "slanted") in vias
+    assert not any("back" in via for via in vias)
+    low = room_of(slanted + "height = [0.0, 0.95]\n" + wall("back", (-9.0, 3.0), (9.0, 3.0)))
+    vias = {via for *_, via in from_above(low, Place("here", (0.0, 0.0), height=1.0), SEARCH)}
+    assert ("ceiling", "back") in vias
+    assert ("floor", "back") not in vias
+
+
+def test_post_keeps_its_curvature_by_way_of_the_floor() -> None:
+    room = room_of(post("pillar", 1.0, 0.0, 0.05) + wall("far", (-9.0, -9.0), (-9.0, 9.0)))
+    heard = {via: (length, gain) for length, gain, via in from_above(room, replace(HERE, position=(0.0, 0.0)), SEARCH)}
+    curvature = math.sqrt(0.05 / (0.05 + 0.95))
+    assert heard[("floor", "pillar")] == pytest.approx((2 * math.hypot(0.95, 0.9), 0.8 * 0.9 * curvature))
+    assert heard[("ceiling", "pillar")] == pytest.approx((2 * math.hypot(0.95, 1.5), 0.7 * 0.9 * curvature))
+
+
+def test_sensor_above_a_low_post_hears_what_its_lid_leaves_free_and_inside_a_tall_one_nothing() -> None:
+    # on the straight line from 0.9 m down to the foot of the wall 1 m off, the post's rim at 0.2 m is passed at 0.72 m
+    walls, place = wall("far", (-9.0, 1.0), (9.0, 1.0)), Place("here", (0.0, 0.0), height=0.9)
+    for top, foot_is_free in ((0.71, True), (0.73, False)):
+        room = room_of(post("stool", 0.0, 0.0, 0.2, (0.0, top)) + walls)
+        vias = {via for *_, via in from_above(room, place, SEARCH)}
+        assert (("floor", "far") in vias) is foot_is_free
+        assert ("ceiling", "far") in vias
+        everything = paths_from(room, place, SEARCH)
+        assert ("floor",) not in [everything.via(k, room) for k in range(len(everything))]  # the lid is in between
+    assert len(paths_from(room_of(post("column", 0.0, 0.0, 0.2) + walls), place, SEARCH)) == 0
+
+
+def test_vertical_edge_bends_sound_that_comes_by_the_floor() -> None:
+    room = room_of(wall("end", (0.35, 0.0), (1.0, -0.4)))
+    place = Place("here", (0.0, 0.0), height=0.2)
+    search = PathSearch(1.0, WAVELENGTH)
+    in_plan = find_paths(room, place.position, search)
+    heard = [(length, gain) for length, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}]
+    length = math.hypot(0.7, 0.4)
+    assert len(heard) == 1  # equal legs: it meets the edge where that meets the floor
+    assert heard[0] == pytest.approx((length, 0.8 * in_plan.gains[0] * math.sqrt(length / 0.7)))
+
+
+def test_every_reversed_path_is_a_path() -> None:
+    room = room_of(BOX + wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.5)))
+    ways = [tuple(np.round(row, 6) + 0.0) for row in as_rows(paths_from(room, HERE, PathSearch(7.0, WAVELENGTH)))]
+    assert len(ways) > 60
+    turned = {(*row[:2], *row[5:], *row[2:5]) for row in ways}
+    assert {row[:8] for row in ways} == turned
+
+
+def test_moving_everything_changes_nothing() -> None:
+    def moved(x: float, y: float) -> tuple[float, float]:
+        turned = complex(x, y) * complex(math.cos(0.7), math.sin(0.7)) + complex(4.0, -2.5)
+        return turned.real, turned.imag
+
+    def scene(move: bool) -> Paths:
+        to = moved if move else (lambda x, y: (x, y))
+        corners = [to(x, y) for x, y in ((0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0))]
+        fence = [to(0.4, 0.3), to(0.4, 1.5)]
+        room = room_of(wall("w", *corners, closed=True) + wall("fence", *fence, height=(0.0, 0.5)))
+        return paths_from(room, Place("here", to(1.1, 0.7), height=0.9), PathSearch(6.0, WAVELENGTH))
+
+    still, turned = scene(False), scene(True)
+    assert turned.lengths == pytest.approx(still.lengths, abs=1e-9)
+    assert np.sort(turned.gains) == pytest.approx(np.sort(still.gains), abs=1e-9)
+
+
+def test_outlines_seen_from_above_end_where_they_start_and_have_a_corner_for_every_touch() -> None:
+    room = room_of(BOX + wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.5)))
+    paths = paths_from(room, HERE, PathSearch(7.0, WAVELENGTH))
+    for k in range(len(paths)):
+        corners = paths.outline(k)
+        assert len(corners) == 2 + len(paths.via(k, room))
+        assert corners[0] == pytest.approx(HERE.position)
+        assert corners[-1] == pytest.approx(HERE.position)
+        assert np.hypot(*np.diff(corners, axis=0).T).sum() <= paths.lengths[k] + 1e-9
+
+
+def test_parallel_sections_share_the_face_between_them() -> None:
+    # the top of the wall cuts through the transducer's face, 40 mm across, a quarter below its middle
+    room = room_of(wall("kerb", (-2.0, 1.0), (2.0, 1.0), height=(-1.0, 0.89)), levels="")
+    place, search = Place("here", (0.0, 0.0), height=0.9), PathSearch(3.0, WAVELENGTH, diffraction=False)
+    assert len(paths_from(room, place, search)) == 0
+    several = paths_from(room, place, search, face=0.02, sections=20)
+    half_chord = math.acos(0.5)
+    below = (half_chord - 0.5 * math.sin(half_chord)) / math.pi  # share of a disc beyond half its radius
+    assert several.lengths == pytest.approx([2.0])
+    assert several.gains == pytest.approx([0.9 * below], rel=0.05)
+    whole = paths_from(room_of(BOX), HERE, SEARCH, face=0.02, sections=3)
+    assert whole.gains == pytest.approx(paths_from(room_of(BOX), HERE, SEARCH).gains)
+
+
+def test_two_sections_hear_one_wall_once() -> None:
+    kerb, back = wall("kerb", (3.0, 1.0), (4.0, 1.0), height=(-1.0, 0.9)), wall("back", (-2.0, 2.0), (2.0, 2.0))
+    paths = paths_from(room_of(kerb + back, levels=""), replace(HERE, position=(0.0, 0.0)), SEARCH, None, 0.02, 2)
+    assert paths.gains[paths.lengths < 5] == pytest.approx([0.9])
+
+
+def test_sender_and_receiver_side_by_side_hear_the_floor_and_far_apart_only_the_plan() -> None:
+    room, place = room_of(BOX), replace(HERE, position=(1.1, 0.7))
+    for apart, heard in ((0.026, True), (0.3, False)):
+        paths = paths_from(room, place, SEARCH, receiver=(1.1 + apart, 0.7))
+        lengths = {paths.via(k, room): float(paths.lengths[k]) for k in range(len(paths))}
+        assert lengths[("w[2]",)] == pytest.approx(math.hypot(2.6, apart))
+        assert (("floor", "w[2]") in lengths) is heard
+        if heard:
+            assert lengths[("floor", "w[2]")] == pytest.approx(math.hypot(2.6, 1.8, apart), abs=2e-4)
+            assert ("floor", "w[2]", "w[3]") in lengths
+
+
+def test_edges_that_only_a_section_sees_have_names() -> None:
+    # the fence divides the outer corner of the box into wedges that bend nothing; above the fence there is no fence
+    box = wall("box", (1.0, -0.5), (1.0, 0.5), (2.0, 0.5))
+    fence = wall("fence", (1.0, 0.5), (1.0, 1.5), height=(0.0, 0.5))
+    room = room_of(box + fence, levels="")
+    place = Place("here", (0.0, 1.2), height=0.9)
+    vias = [
+        paths.via(k, room)
+        for paths in [paths_from(room, place, PathSearch(4.0, WAVELENGTH))]
+        for k in range(len(paths))
+    ]
+    assert ("box[0]/box[1]",) in vias
+    assert ("fence/",) in vias
+
+
+def test_reading_of_a_place_with_height_is_the_first_of_all_sections() -> None:
+    room = load_room("rooms/doorstep.toml")
+    board = load_board("polaroid-6500")
+    place = room.places["robot"]
+    scan = predict_scan(room, place, board, np.array([math.pi / 2]))
+    flat = predict_scan(room, replace(place, height=None), board, np.array([math.pi / 2]))
+    tall = cut(room, standing_at(room, 0.25))
+    over = predict_scan(tall, replace(place, height=None), board, np.array([math.pi / 2]))
+    assert scan.paths.via(int(scan.winners[0]), room) == ("floor", "step")
+    assert flat.ranges[0] < scan.ranges[0] < over.ranges[0]
+
+
+def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() -> None:
+    board, headings = replace(load_board("polaroid-6500"), max_range=5.0), np.radians(np.arange(0, 360, 2.0))
+    out_of_plan = 0
+    for position, height in (((1.53, 1.72), 0.3), ((2.67, 0.7), 0.69), ((1.06, 1.46), 0.52)):
+        place = Place("here", position, height=height)
+        options = PredictionOptions(diffraction=False)
+        scan = predict_scan(room_of(BOX), place, board, headings, options)
+        flat = predict_scan(room_of(BOX), replace(place, height=None), board, headings, options)
+        exact = first_images(place, board, headings)
+        assert scan.ranges == pytest.approx(exact, abs=1e-9, nan_ok=True)
+        out_of_plan += np.count_nonzero(~np.isclose(flat.ranges, exact, equal_nan=True))
+    assert out_of_plan > 10  # headings at which the plan alone would err
+
+
+def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray:
+    """Range at each heading by image sources in three dimensions of the box room, all of them, (n,) m."""
+    ka = board.wavenumber(room_of(BOX).air) * board.aperture_radius
+    axes = np.column_stack((np.cos(headings), np.sin(headings)))
+    first = np.full(len(headings), np.inf)
+    x, y, z = *place.position, place.height or 0.0
+    for i, j, k in itertools.product(range(-5, 6), range(-7, 8), range(-6, 7)):
+        image = np.array([_image(i, x, 3.0) - x, _image(j, y, 2.0) - y, _image(k, z, 2.4) - z])
+        length = float(np.hypot(np.hypot(*image[:2]), image[2]))
+        if (i, j, k) == (0, 0, 0) or not board.blanked_range(Air()) <= length / 2 <= board.max_range:
+            continue
+        back = np.where(np.array([i, j, k]) % 2 == 0, -image, image)
+        level = _gain(i, j, k)
+        for way in (image, back):
+            level = level * beam_gain(np.arccos(np.clip(axes @ way[:2] / length, -1, 1)), ka)
+        first = np.where(level >= 10 ** (board.threshold_db / 20), np.minimum(first, length / 2), first)
+    return np.where(np.isfinite(first), first, np.nan)
+
+
+def test_fake_scanner_hears_what_sections_hear() -> None:
+    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
+    heard = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).hear(Ping(math.pi / 2, 0, 0, 0.06, False))
+    assert heard.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
+
+
+def test_furniture_stands_before_floor_and_ceiling() -> None:
+    room = load_room("rooms/doorstep.toml")
+    furnished = with_furniture(room, (1.3, 0.9), np.random.default_rng(1))
+    assert furnished.names[-4:] == ("bin", "furniture", "floor", "ceiling")
+    assert len(furnished.heights) == len(furnished.scattered) == len(furnished.reflectances) == len(furnished.names)
+
+
+def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
+    # were it one, nothing could pass from the wall behind to the wall ahead by way of the floor
+    room, board = room_of(BOX), replace(load_board("paper"), max_range=4.0)
+    scan = predict_scan(
+        room, replace(HERE, height=0.15), board, np.array([math.pi / 2]), PredictionOptions(unit=Unit.REFLECT)
+    )
+    vias = [scan.paths.via(k, scan.room) for k in range(len(scan.paths))]
+    assert any({"floor", "w[0]", "w[2]"} <= set(via) for via in vias)
+    assert ("w[2]", "unit", "w[2]") in vias
+
+
+def test_nearest_wall_is_one_that_stands_at_the_height_of_the_transducer() -> None:
+    room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
+    for place, distance, via in (("robot", 2.3, ("north",)), ("plan", 1.4, ("step",))):
+        scan = predict_with(Model.NEAREST, room, room.places[place], board, np.array([math.pi / 2]))
+        assert scan.ranges[0] == pytest.approx(distance)
+        assert scan.paths.via(int(scan.winners[0]), room) == via
+
+
+@pytest.mark.parametrize("height", [0.9, 0.5, 1.4, 1e-7, 2.4 - 1e-7])
+@pytest.mark.parametrize(
+    "position", [(0.0, 0.0), (1.0, 0.0), (0.4, 0.9), (0.4, 1.5), (2.2, 1.0), (2.0, 1.0), (-1.0, 0.5), (3.0, 2.0)]
+)
+def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_is_answered(
+    position: tuple[float, float], height: float
+) -> None:
+    things = wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.9)) + post("post", 2.0, 1.0, 0.2, (0.0, 0.9))
+    room = room_of(BOX + things + wall("across", (0.2, 0.9), (0.9, 0.9), height=(0.5, 1.4)))
+    paths = paths_from(room, Place("here", position, height=height), PathSearch(5.0, WAVELENGTH))
+    assert np.isfinite(paths.leaving).all()
+    assert np.isfinite(paths.arriving).all()
+    assert (paths.gains > 0).all()
+    # no path is louder than what it reflects off leaves of it
+    for k in range(len(paths)):
+        assert paths.gains[k] <= room.reflectances[paths.surfaces[k][paths.surfaces[k] >= 0]].prod() + 1e-12
+
+
+def test_models_that_know_one_reflection_know_one_out_of_the_plan_as_well() -> None:
+    room = room_of(BOX)
+    scan = predict_scan(room, HERE, load_board("paper"), np.zeros(1), PredictionOptions(max_bounces=1))
+    assert scan.paths.bounces.max() == 1

@@ -1,0 +1,214 @@
+"""Corner cases give answers: never NaN, never a hang, never a path that is louder or shorter than one can be."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.rays.kernel import _hash, fan
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
+from sonarhw_sim.room.model import Place, Room, parse_room
+
+from tests.fixtures.rooms_for_tests import polygon_room, room_of
+from tests.oracles.image_sources import specular_lengths
+
+RAYS = 1440
+SEARCH = PathSearch(max_length=9.0, wavelength=0.00696, max_bounces=4, rays=RAYS)
+SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
+
+
+def assert_sane(paths: Paths) -> None:
+    for column in (paths.lengths, paths.departures, paths.arrivals, paths.gains):
+        assert np.isfinite(column).all()
+    assert (paths.gains > 0).all()
+    assert (paths.gains <= 1 + 1e-12).all()
+    assert (np.diff(paths.lengths) >= -1e-9).all()
+    for path in range(len(paths)):
+        legs = np.diff(paths.outline(path), axis=0)
+        assert np.hypot(*legs.T).sum() == pytest.approx(paths.lengths[path], abs=1e-8)
+
+
+def heard_from(room: Room, *position: float, search: PathSearch = SEARCH) -> Paths:
+    paths = find_paths(room, (position[0], position[1]), search)
+    assert_sane(paths)
+    return paths
+
+
+def lengths_of(paths: Paths) -> list[float]:
+    return sorted({round(float(length), 6) for length in paths.lengths})
+
+
+def test_sensor_on_a_wall_hears_the_walls_across() -> None:
+    assert {2.0, 4.0} <= set(lengths_of(heard_from(polygon_room(SQUARE), 1.0, 0.0)))
+
+
+def test_sensor_in_a_corner_hears_the_walls_across() -> None:
+    found = lengths_of(heard_from(polygon_room(SQUARE), 0.0, 0.0))
+    assert 4.0 in found
+    assert round(4 * math.sqrt(2), 6) in found
+
+
+def test_sensor_on_the_end_of_a_wall_is_answered() -> None:
+    heard_from(polygon_room([(0.0, 0.0), (2.0, 0.0), (3.0, 2.0)], closed=False), 0.0, 0.0)
+
+
+def test_sensor_inside_a_post_hears_nothing() -> None:
+    room = polygon_room(SQUARE, extra='[[posts]]\nname = "post"\ncenter = [1.0, 1.0]\nradius = 0.3\nmaterial = "hard"')
+    assert len(heard_from(room, 1.1, 1.0)) == 0
+    assert len(heard_from(room, 1.0, 1.0)) == 0
+
+
+def test_sensor_on_the_skin_of_a_post_is_answered() -> None:
+    room = polygon_room(SQUARE, extra='[[posts]]\nname = "post"\ncenter = [1.0, 1.0]\nradius = 0.3\nmaterial = "hard"')
+    assert 1.4 in lengths_of(heard_from(room, 1.3, 1.0))
+
+
+def test_sensor_outside_the_room_hears_its_outside() -> None:
+    assert lengths_of(heard_from(polygon_room(SQUARE), 3.0, 1.0))[0] == 2.0
+
+
+def test_sensor_far_from_everything_hears_nothing() -> None:
+    assert len(heard_from(polygon_room(SQUARE), 1e6, -1e6)) == 0
+
+
+def test_ray_down_a_walls_length_is_answered() -> None:
+    # the fin lies on a ray of the fan, from its near end to its far one
+    angle = float(fan(RAYS)[100])
+    along = np.array([math.cos(angle), math.sin(angle)])
+    room = room_of([(*(0.5 * along), *(1.5 * along)), (2.0, -3.0, 2.0, 3.0)])
+    found = heard_from(room, 0.0, 0.0)
+    assert 4.0 in lengths_of(found)
+    assert ("w0",) not in [found.via(path, room) for path in range(len(found))]
+
+
+@pytest.mark.parametrize("ray", [0, 100, 777])
+def test_ray_that_hits_a_vertex_exactly_invents_and_loses_nothing(ray: int) -> None:
+    angle = float(fan(RAYS)[ray])
+    ring = [(1.5 * math.cos(angle + k * 1.1), 1.5 * math.sin(angle + k * 1.1)) for k in range(6)]
+    room = polygon_room(ring)
+    found = heard_from(room, 0.0, 0.0, search=PathSearch(9.0, 0.00696, 3, diffraction=False, rays=RAYS))
+    assert lengths_of(found) == pytest.approx(sorted(set(np.round(specular_lengths(room, (0.0, 0.0), 3), 6))), abs=1e-6)
+
+
+def test_walls_that_cross_reflect_as_if_they_met() -> None:
+    room = room_of([(-2.0, 0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 2.0)])
+    found = find_paths(room, (0.7, 0.4), PathSearch(3.0, 0.00696, diffraction=False, rays=RAYS))
+    assert_sane(found)
+    assert found.lengths == pytest.approx([0.8, 1.4, 2 * math.hypot(0.7, 0.4)])
+
+
+def test_leaky_room_keeps_the_echoes_of_its_walls() -> None:
+    leaky = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 2e-5)], closed=False)
+    found = heard_from(leaky, 0.7, 0.6)
+    assert {1.2, 1.4, 2.6, 2.8, 4.0} <= set(lengths_of(found))
+
+
+def test_wall_that_reflects_nothing_answers_nothing_but_still_stands_in_the_way() -> None:
+    room = room_of(
+        [(1.0, -1.0, 1.0, 1.0), (2.0, -5.0, 2.0, 5.0), (-1.0, -5.0, -1.0, 5.0)], reflectances=[0.0, 1.0, 1.0]
+    )
+    found = heard_from(room, 0.0, 0.0, search=PathSearch(5.0, 0.00696, diffraction=False, rays=RAYS))
+    assert [found.via(path, room) for path in range(len(found))] == [("w2",)]
+
+
+def test_walls_that_reflect_all_take_nothing() -> None:
+    room = room_of([(0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 1.0, 1.0)])
+    found = heard_from(room, 0.3, 0.5, search=PathSearch(30.0, 0.00696, diffraction=False, rays=RAYS))
+    assert len(found) > 40
+    assert found.gains == pytest.approx(np.ones(len(found)))
+
+
+@pytest.mark.parametrize("threshold", ["-60.0", "-90.0", "-1e6"])
+def test_hardly_any_threshold_hears_what_there_is_and_no_silence(threshold: str) -> None:
+    board = parse_board(
+        f"""
+        name = "all ears"
+        aperture_radius = 0.0192
+        frequency = 49400.0
+        transmit_cycles = 16
+        blanking = 0.0
+        max_range = 3.0
+        threshold_db = {threshold}
+        """,
+        "all ears",
+    )
+    room = room_of([(1.0, -0.5, 1.0, 0.5)])
+    scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.radians([0.0, 20.0, 120.0, 180.0]))
+    assert scan.ranges[:2] == pytest.approx([1.0] * 2)
+    assert np.isnan(scan.ranges[2:]).all()
+    assert [len(scan.echoes(k)) > 0 for k in range(4)] == [True, True, False, False]
+    assert all(math.isfinite(echo.level_db) for k in range(4) for echo in scan.echoes(k))
+
+
+def test_room_of_a_hundred_thousand_walls_loads_and_answers() -> None:
+    # rows of little boxes round an open square
+    boxes = [
+        (x * 0.2, y * 0.2)
+        for x in range(-80, 80)
+        for y in range(-80, 80)
+        if max(abs(x), abs(y)) > 4 or (x, y) == (4, 0)
+    ][:25_000]
+    corners = ", ".join
+    chains = [
+        f'[[walls]]\nname = "b{k}"\nclosed = true\nmaterial = "hard"\npoints = ['
+        + corners(f"[{x + dx!r}, {y + dy!r}]" for dx, dy in ((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)))
+        + "]"
+        for k, (x, y) in enumerate(boxes)
+    ]
+    room = parse_room('name = "many"\n[materials.hard]\nreflectance = 0.9\n' + "\n".join(chains), "many")
+    assert len(room.walls) == 100_000
+    found = heard_from(room, 0.05, 0.05, search=PathSearch(4.0, 0.00696, 4, rays=RAYS))
+    assert found.lengths[0] == pytest.approx(2 * 0.75)
+    assert room.names[int(found.surfaces[0, 0])].startswith("b")
+
+
+def test_ways_by_one_wall_to_one_edge_each_have_a_slot_of_their_own() -> None:
+    # a round room drawn with 100 000 corners hung while they shared a few
+    count = 300
+    walls = np.arange(count, dtype=np.int32)[:, None]
+    slots = {_hash(np.array([wall, 1, edge], np.int32), walls) for wall in range(count) for edge in range(count)}
+    assert len(slots) > 0.99 * count**2
+
+
+_grid = st.integers(-2, 2).map(float)
+_wall = st.tuples(_grid, _grid, _grid, _grid).filter(lambda wall: wall[:2] != wall[2:])
+_post = st.tuples(_grid, _grid, st.sampled_from([0.1, 0.5, 1.0]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(_wall, min_size=1, max_size=8),
+    st.lists(_post, max_size=2),
+    st.tuples(_grid, _grid),
+    st.tuples(_grid, _grid),
+    st.sampled_from(EdgeStrength),
+)
+def test_things_that_meet_cross_and_lie_on_one_another_are_answered(
+    walls: list[tuple[float, float, float, float]],
+    posts: list[tuple[float, float, float]],
+    source: tuple[float, float],
+    receiver: tuple[float, float],
+    edge_strength: EdgeStrength,
+) -> None:
+    search = PathSearch(12.0, 0.00696, 4, rays=RAYS, edge_strength=edge_strength)
+    assert_sane(find_paths(room_of(walls, posts), source, search, receiver=receiver))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(_wall, min_size=1, max_size=6), st.lists(_post, max_size=1), st.tuples(_grid, _grid))
+def test_scans_from_anywhere_give_ranges_or_none(
+    walls: list[tuple[float, float, float, float]],
+    posts: list[tuple[float, float, float]],
+    position: tuple[float, float],
+) -> None:
+    board = load_board("polaroid-6500")
+    headings = np.radians(np.arange(0, 360, 15.0))
+    scan = predict_scan(room_of(walls, posts), Place("here", position), board, headings)
+    heard = scan.ranges[~np.isnan(scan.ranges)]
+    assert (heard >= board.blanked_range(scan.room.air)).all()
+    assert (heard <= board.max_range + 1e-6).all()
+    assert all(math.isfinite(echo.level_db) for k in range(len(headings)) for echo in scan.echoes(k))

@@ -1,0 +1,100 @@
+"""The edges of a room are those that every wall held against every vertex gives, however many walls there are."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.edges import edges_on_walls, find_edges
+from sonarhw_sim.room.grid import lay_grid
+from sonarhw_sim.room.model import parse_room
+
+from sonarhw.readings import FloatArray
+from tests.oracles import one_heading, reference
+
+NO_POSTS = np.empty((0, 3))
+Wedge = tuple[float, float, float, str]  # x and y of its vertex, m, opening, rad, and name
+_coordinate = st.integers(-2, 2).map(float)
+_wall = st.tuples(_coordinate, _coordinate, _coordinate, _coordinate).filter(lambda wall: wall[:2] != wall[2:])
+
+
+def names_of(walls: FloatArray) -> tuple[str, ...]:
+    return tuple(f"w{k}" for k in range(len(walls)))
+
+
+def faces_at(vertex: tuple[float, float], walls: FloatArray) -> list[tuple[float, int]]:
+    """Directions of the walls that leave a point, each direction once, with the first wall that has it."""
+    faces: dict[float, int] = {}
+    for k, (x0, y0, x1, y1) in enumerate(walls.tolist()):
+        ends = ((x0, y0), (x1, y1))
+        apart = math.dist(ends[0], vertex) + math.dist(vertex, ends[1]) - math.dist(*ends)
+        for end in ends:
+            if apart < 1e-9 and math.dist(vertex, end) > 1e-9:
+                turn = math.atan2(end[1] - vertex[1], end[0] - vertex[0]) % math.tau
+                faces.setdefault(round(turn, 9), k)
+    return sorted(faces.items())
+
+
+def wedges(walls: FloatArray) -> list[Wedge]:
+    """Every wedge of air that bends sound, found without a grid."""
+    found = []
+    for x, y in sorted({(x, y) for wall in walls.tolist() for x, y in (wall[:2], wall[2:])}):
+        faces = faces_at((x, y), walls)
+        for (start, one), (end, other) in zip(faces, faces[1:] + faces[:1], strict=True):
+            opening = (end - start) % math.tau or math.tau
+            if abs(math.pi / opening - round(math.pi / opening)) > 1e-6:
+                pair = sorted((one, other))
+                found.append((x, y, round(opening, 6), f"w{one}/" if one == other else f"w{pair[0]}/w{pair[1]}"))
+    return sorted(found)
+
+
+def found_wedges(walls: FloatArray) -> list[Wedge]:
+    edges = find_edges(walls, names_of(walls))
+    rows = zip(edges.points.tolist(), edges.openings.tolist(), edges.names, strict=True)
+    return sorted((x, y, round(opening, 6), name) for (x, y), opening, name in rows)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(_wall, min_size=1, max_size=9))
+def test_edges_are_those_that_every_wall_at_every_vertex_gives(drawn: list[tuple[float, ...]]) -> None:
+    walls = np.array(drawn)
+    assert found_wedges(walls) == wedges(walls)
+    edges = find_edges(walls, names_of(walls))
+    listing = edges_on_walls(edges, lay_grid(walls, NO_POSTS))
+    for k in range(len(walls)):
+        on = {
+            row
+            for row, (x, y) in enumerate(edges.points.tolist())
+            if k in {wall for _, wall in faces_at((x, y), walls)}
+        }
+        assert set(listing.numbers[listing.starts[k] : listing.starts[k + 1]].tolist()) == on
+
+
+def test_a_chain_of_thousands_has_an_edge_at_every_corner() -> None:
+    turns = np.arange(3000) * (math.tau / 3000)
+    corners = np.column_stack((np.cos(turns), np.sin(turns)))
+    walls = np.hstack((corners, np.roll(corners, -1, axis=0)))
+    edges = find_edges(walls, names_of(walls))
+    outside, inside = edges.openings > math.pi, edges.openings < math.pi
+    assert outside.sum() == inside.sum() == 3000
+    assert {name for name, out in zip(edges.names, outside, strict=True) if out} == {
+        f"w{min(k, (k + 1) % 3000)}/w{max(k, (k + 1) % 3000)}" for k in range(3000)
+    }
+
+
+def test_a_post_beside_the_end_of_a_wall_is_no_wall() -> None:
+    text = """
+        name = "Post at an end"
+        materials.hard = { reflectance = 0.9 }
+        places.here = { position = [0.0, 0.0] }
+        posts = [{ name = "post", center = [1.0, 0.52], radius = 0.01, material = "hard" }]
+        walls = [{ name = "panel", points = [[1.0, -0.5], [1.0, 0.5]], material = "hard" }]
+    """
+    room, board = parse_room(text, "room"), load_board("paper")
+    for degrees in (0, 20, 26):
+        heading = math.radians(degrees)
+        wanted = reference.range_at(room, room.places["here"], board, heading)
+        found = one_heading.range_at(room, room.places["here"], board, heading)
+        assert found == (None if wanted is None else pytest.approx(wanted, abs=1e-9))

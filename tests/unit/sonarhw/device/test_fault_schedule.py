@@ -1,0 +1,265 @@
+"""What goes wrong with a fake scanner is what was asked for: read as docs/faults.md says, and carried out."""
+
+import math
+import re
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from sonarhw.device.endpoint import Endpoint, serve
+from sonarhw.device.fault_schedule import KNOWN, AfterPings, At, Event, Faults, Kind, NowAndThen, read_faults
+from sonarhw.device.line_noise import Noise
+from sonarhw.errors import Incompatible, InputError, LinkError, LinkLost, SonarError
+from sonarhw.host.driver import Driver
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.serial_link import Link
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import AskStatistics, Hello, Home, Outcome, Refusal, Refused, StartScan, Statistics, Turn
+from tests.checkout import CHECKOUT
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.joined import Joined
+from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+
+DOCUMENT = (CHECKOUT / "docs" / "faults.md").read_text(encoding="utf-8")
+MICROSTEP = math.tau / 3200
+
+
+def joined_with(spec: str) -> Joined:
+    """A driver and a board under these faults."""
+    return Joined(board=faulty(spec))
+
+
+# the text
+
+
+def test_the_table_of_the_document_names_every_fault_and_the_size_it_has_where_none_is_said() -> None:
+    rows = re.findall(r"^\| `(\w+)=\w+[\w.]*` \|.*\| (.*?) ?\|$", DOCUMENT, flags=re.MULTILINE)
+    assert [name for name, _ in rows] == list(KNOWN)
+    for kind in Kind:
+        said = dict(rows)[kind.text]
+        assert kind.size == (math.inf if said == "for ever" else float(said))
+
+
+def test_every_example_of_the_document_is_a_schedule() -> None:
+    specs = re.findall(r'--faults (\S+)$|read_faults\("(.*?)"\)|`(\w+=\S+@\S+)`', DOCUMENT, flags=re.MULTILINE)
+    assert len(specs) == 3
+    assert all(read_faults("".join(groups)) != Faults() for groups in specs)
+
+
+def test_the_python_of_the_document_runs() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, flags=re.DOTALL)
+    exec(code, {"my_echoes": PlainEchoes()})
+
+
+def test_a_schedule_is_what_its_text_says() -> None:
+    assert read_faults("") == Faults()
+    assert read_faults("drop=1/5000, flip=1e-4,drift=-20,protocol=0.9,reset@r20,stall=0.4@12.5,unplug=2@~30,wedge") == (
+        Faults(
+            drop=1 / 5000,
+            flip=1e-4,
+            drift=-20,
+            protocol=(0, 9),
+            events=(
+                Event(Kind.RESET, 0.5, AfterPings(20)),
+                Event(Kind.STALL, 0.4, At(12.5)),
+                Event(Kind.UNPLUG, 2.0, NowAndThen(30)),
+                Event(Kind.WEDGE, math.inf, At(0)),
+            ),
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        *("rust=1", "Drop=0.1", "drop", "drop=x", "drop=2", "drop=-1", "drop=1/0", "drop=nan"),
+        *("flip=0.1@5", "drop=0,drop=0", "drift=1e9"),
+        *("protocol=1", "protocol=1.x", "protocol=1.300", "stall=-1", "reset=inf"),
+        *("reset@", "reset@never", "reset@-1", "reset@r", "reset@r1.5", "reset@~0", "reset@~-3"),
+    ],
+)  # fmt: skip
+def test_what_is_no_schedule_is_refused_in_one_line(spec: str) -> None:
+    with pytest.raises(InputError, match="fault ") as refused:
+        read_faults(spec)
+    assert "\n" not in str(refused.value)
+
+
+# the line
+
+
+@pytest.mark.parametrize("name", ["drop", "flip", "insert"])
+def test_a_share_of_the_bytes_is_damaged_as_asked(name: str) -> None:
+    sent = bytes(range(1, 251)) * 4000  # a million
+    arrived = Noise(Faults(**{name: 1 / 1000}), seed=4).damage(sent)
+    expected, spread = 1000, math.sqrt(1000)
+    if name == "drop":
+        assert len(sent) - len(arrived) == pytest.approx(expected, abs=5 * spread)
+    elif name == "insert":
+        assert len(arrived) - len(sent) == pytest.approx(expected, abs=5 * spread)
+    else:
+        flipped = [a ^ b for a, b in zip(sent, arrived, strict=True) if a != b]
+        assert len(flipped) == pytest.approx(expected, abs=5 * spread)
+        assert all(change.bit_count() == 1 for change in flipped)
+
+
+def test_damage_is_the_same_for_the_same_seed_however_the_stream_is_cut() -> None:
+    faults, sent = Faults(drop=0.01, flip=0.02, insert=0.01), bytes(range(250)) * 20
+    whole, in_pieces = Noise(faults, seed=9), Noise(faults, seed=9)
+    assert whole.damage(sent) == b"".join(in_pieces.damage(sent[at : at + 7]) for at in range(0, len(sent), 7))
+    assert Noise(faults, seed=10).damage(sent) != Noise(faults, seed=9).damage(sent)
+    assert Noise(Faults(drop=1.0), seed=0).damage(sent) == b""
+
+
+def test_a_stalled_line_loses_nothing_and_lets_all_go_at_once() -> None:
+    joined = joined_with("stall=0.4@r3")
+    joined.greet()
+    arrivals = {}
+    joined.ask(StartScan(0, 1_000_000, 12, 1, 1))
+    while len(joined.readings) < 12:
+        joined.step()
+        arrivals.update({reading.number: joined.now for reading in joined.readings if reading.number not in arrivals})
+    assert arrivals[4] == arrivals[5] == arrivals[6] == pytest.approx(arrivals[2] + 0.4, abs=0.01)
+    assert joined.driver.statistics.missing_frames == 0
+
+
+def test_a_clock_that_drifts_tells_other_times_than_the_hosts() -> None:
+    periods = []
+    for spec in ("drift=0", "drift=500"):
+        joined = joined_with(spec)
+        joined.greet()
+        times = [reading.time for reading in joined.scan(StartScan(0, 1_000_000, 50, 1, 1))]
+        periods.append(times[-1] - times[0])
+        began = joined.now
+        joined.scan(StartScan(0, 1_000_000, 50, 1, 1))
+        periods.append(joined.now - began)
+    # told by its own clock the pings are as far apart as ever; by the host's they are not
+    assert periods[2] == pytest.approx(periods[0], abs=2e-6)
+    assert periods[3] == pytest.approx(periods[1] / 1.0005, rel=1e-6)
+
+
+# the board
+
+
+def test_a_wedged_turntable_is_not_homed_and_says_so() -> None:
+    joined = joined_with("wedge=3")
+    joined.ask(Hello(1, 0))
+    finished = joined.act(Home()).finished
+    assert finished is not None
+    assert finished.outcome == Outcome.FAULT
+    assert "zero mark was not found" in finished.text
+    joined.until(lambda: joined.now > 4)
+    again = joined.act(Home()).finished
+    assert again is not None
+    assert again.outcome == Outcome.DONE
+
+
+def test_missed_steps_are_heard_although_the_board_does_not_know_of_them_until_it_is_homed() -> None:
+    joined = joined_with("slip=100@r5")
+    joined.greet()
+    readings = joined.scan(StartScan(0, 2_000_000, 10, 1, 1))
+    for reading in readings[:5]:
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=1e-9)
+    for reading in readings[6:]:
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle - 100 * MICROSTEP), abs=1e-9)
+    joined.act(Home())
+    for reading in joined.scan(StartScan(0, 2_000_000, 10, 1, 1)):
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("fault", ["slip=100@r5", "slip=-3@r5", "wedge=0.2@r5", "wedge@r5"])
+def test_missed_steps_are_found_at_the_zero_mark_and_the_scan_ends_there(fault: str) -> None:
+    joined = joined_with(fault)
+    joined.greet()
+    scan = joined.ask(StartScan(-10_000_000, 2_000_000, 12, 4, 1))
+    joined.until(lambda: scan.finished is not None)
+    assert scan.finished is not None
+    # each sweep passes the mark once; what came before is known to be right up to the mark passed before that
+    assert scan.finished.outcome == Outcome.LOST_STEPS
+    assert scan.finished.readings <= 5 + 12
+    assert "out of its place" in scan.finished.text
+    refused = joined.ask(Turn(0)).answer
+    assert isinstance(refused, Refused)
+    assert refused.code == Refusal.NOT_HOMED
+    statistics = joined.ask(AskStatistics()).answer
+    assert isinstance(statistics, Statistics)
+    assert statistics.lost_steps > 0
+
+
+def test_a_turntable_that_comes_loose_has_missed_the_steps_it_was_given() -> None:
+    joined = joined_with("wedge=0.5@r1")
+    joined.greet()
+    joined.act(Turn(90_000_000))
+    joined.scan(StartScan(90_000_000, 1, 1, 1, 1))
+    joined.act(Turn(120_000_000))  # 0.17 s, all of it wedged
+    joined.until(lambda end=joined.now + 1: joined.now > end)  # type: ignore[misc]
+    (reading,) = joined.scan(StartScan(120_000_000, 1, 1, 1, 1))
+    assert reading.echo_times[0] == pytest.approx(echo_time(math.radians(90)), abs=1e-8)
+
+
+def test_after_a_reset_the_board_has_forgotten_everything() -> None:
+    board = faulty("reset=0.5@r3")
+    joined = Joined(board=board)
+    joined.greet()
+    joined.ask(StartScan(0, 1_000_000, 20, 1, 1))
+    joined.until(lambda: len(joined.readings) == 3)
+    began = joined.now
+    assert not board.busy
+    assert board.advance(began + 0.4) == b""
+    hello = Driver(first_sequence=9)
+    hello.command(Hello(1, 0), began + 0.6)
+    board.receive(hello.outgoing(), began + 0.6)
+    (info,) = FrameDecoder().feed(board.advance(began + 0.61))
+    assert isinstance(info, Frame)
+    assert (info.sequence, info.time_us < 200_000) == (0, True)
+
+
+def test_nonsense_is_never_taken_for_a_reading_nor_for_a_scanner() -> None:
+    for seed in range(20):
+        joined = Joined(board=faulty("nonsense", seed))
+        with pytest.raises(SonarError):
+            joined.greet()
+        assert joined.readings == []
+        assert joined.driver.info is None
+
+
+# the cable
+
+
+@pytest.mark.parametrize("line", ["pty", "tcp"])
+@pytest.mark.parametrize("fault", ["unplug", "move"])
+def test_a_cable_that_was_out_comes_back_under_its_name_or_another(line: str, fault: str, tmp_path: Path) -> None:
+    where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
+    with serve(faulty(f"{fault}=5@20"), pace=20.0, **where) as endpoint:  # type: ignore[arg-type]
+        before = endpoint.url
+        with Link(before) as link, pytest.raises(LinkLost):
+            read_for_ever(link)
+        with opened_again(endpoint) as link:
+            assert (link.url == before) == (fault == "unplug")
+            link.write(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
+            assert link.read()
+        assert (tmp_path / "scanner").is_symlink() == (line == "pty" and fault == "unplug")
+        assert (tmp_path / "scanner-1").is_symlink() == (line == "pty" and fault == "move")
+
+
+def read_for_ever(link: Link) -> None:
+    """Ends with what `read` raises."""
+    while True:
+        link.read()
+
+
+def opened_again(endpoint: Endpoint) -> Link:
+    """A link to where the device is now, as soon as there is one."""
+    deadline = time.monotonic() + 10
+    while True:
+        try:
+            return Link(endpoint.url)
+        except LinkError:
+            assert time.monotonic() < deadline
+            threading.Event().wait(0.01)
+
+
+def test_another_protocol_version_is_refused_by_name() -> None:
+    with serve(faulty("protocol=0.9"), tcp="127.0.0.1:0") as endpoint, pytest.raises(Incompatible, match=r"0\.9"):
+        Scanner.open(endpoint.url)

@@ -1,0 +1,128 @@
+"""Laws of a session under every kind of fault: what can be mended is, what cannot is told, nothing wrong is shown."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
+from sonarhw.log import LogWriter, read_log
+from sonarhw.readings import Reading
+from sonarhw.wire.messages import Outcome, StartScan, Turn
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.plugged import Plugged
+
+SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
+MENDED = [
+    "",
+    "drop=1/2000",
+    "flip=1/2000",
+    "insert=1/2000",
+    "drop=1/3000,flip=1/3000,insert=1/3000",
+    "drift=200",
+    "drift=-5000",
+    "protocol=1.0",
+    "protocol=1.9",
+    "stall=0.4@r20",
+    "stall=0.7@~2",
+    "stall=2@r20",
+    "stall=6@~15",
+    "deaf=0.3@r20",
+    "deaf@~3",
+    "deaf=4@r20",
+    "mute=0.3@r20",
+    "mute@~5",
+    "mute=4@r20",
+    "reset=0.01@r20",
+    "reset@r1",
+    "reset@r20",
+    "reset=2@~8",
+    "reset@r20,drop=1/3000",
+    "nonsense=0.3@r20",
+    "nonsense=3@r20",
+    "unplug=0.2@r20",
+    "unplug@r20",
+    "unplug=8@r60",
+    "unplug@~5",
+    "unplug@r20,reset=1.5@r20",
+    "move@r20",
+    "move@~6,reset@~11",
+    "stall=0.5@~9,reset@~17,unplug@~13,drop=1/5000,flip=1/5000,drift=300",
+]
+TOLD = {
+    "wedge": (DeviceError, "zero mark was not found"),
+    "wedge@r20": (DeviceError, "zero mark"),
+    "slip=3@r20": (DeviceError, "3 microsteps out of its place"),
+    "protocol=0.9": (Incompatible, r"0\.9"),
+    "protocol=2.0": (Incompatible, r"2\.0"),
+    "nonsense": (NoAnswer, "no scanner answered"),
+    "nonsense@r20": (SonarError, "not back within 30 s"),
+    "unplug=1000@r20": (LinkLost, "not back within 30 s"),
+    "drop=1": (NoAnswer, "no scanner answered"),
+}
+
+
+def assert_right(readings: Sequence[Reading]) -> None:
+    """Each reading at its angle, with the echoes that are to be heard there; of its trace, what came."""
+    for reading in readings:
+        sweep, index = divmod(reading.number, 40)
+        angle = math.radians(10 + 2.5 * (39 - index if sweep else index))
+        assert (reading.sweep, reading.ping) == (sweep, 0)
+        assert reading.angle == pytest.approx(angle, abs=1e-8)
+        assert reading.echo_times == pytest.approx((echo_time(angle), 2 * echo_time(angle)), abs=2e-9)
+        samples = reading.trace.samples if reading.trace else np.full(3125, math.nan)
+        came = ~np.isnan(samples)
+        np.testing.assert_allclose(samples[came], np.linspace(0, 1, 3125)[came], atol=0.5 / 255 + 1e-12)
+
+
+@pytest.mark.parametrize("vanishes", [True, False], ids=["port vanishes", "port stays"])
+@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
+@pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
+def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace: bool, vanishes: bool) -> None:
+    plugged = Plugged(faulty(faults), vanishes)
+    readings = plugged.scan(SECTOR, trace)
+    assert sorted(reading.number for reading in readings) == list(range(80))
+    assert_right(readings)
+
+
+@pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
+def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
+    path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
+    with LogWriter(path, METADATA) as log:
+        plugged.session.record(log)
+        shown = plugged.scan(SECTOR, trace=True)
+    recorded = read_log(path)
+    assert recorded.torn is None
+    kept = {reading.number: reading for reading in recorded.readings}
+    assert len(kept) == len(recorded.readings) == len(shown) == 80
+    for reading in shown:
+        assert (kept[reading.number].angle, kept[reading.number].echo_times) == (reading.angle, reading.echo_times)
+        # over a reset the clock of the board is continued by what was heard, of which a log has a part
+        assert kept[reading.number].time == pytest.approx(reading.time, abs=0.01)
+
+
+@pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
+def test_a_turn_that_was_broken_off_is_made_all_the_same(faults: str) -> None:
+    plugged = Plugged(faulty(faults))
+    plugged.do(plugged.session.homing())
+    for angle in (700_000_000, 10_000_000):  # 4 s each
+        assert plugged.do(plugged.session.turning(Turn(angle))).result is Outcome.DONE
+    readings = plugged.scan(SECTOR)
+    assert len(readings) == 80
+    assert_right(readings)
+
+
+@pytest.mark.parametrize(("faults", "told"), TOLD.items(), ids=TOLD.keys())
+def test_what_cannot_be_mended_is_told_and_nothing_more_is_shown(
+    faults: str, told: tuple[type[SonarError], str]
+) -> None:
+    plugged = Plugged(faulty(faults))
+    order = StartScan(-10_000_000, 2_500_000, 10, 40, 1)
+    job = plugged.session.scanning(order)
+    with pytest.raises(told[0], match=told[1]) as error:
+        plugged.do(job, within=120)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,416 @@
+"""Laws of the conversation: whatever the cable does, each reading arrives once and at its angle."""
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from sonarhw.device.fake_board import Board
+from sonarhw.errors import LogError, NoAnswer
+from sonarhw.host.driver import NOTHING_SOUND, SIGN_OF_LIFE, SILENCE, TRIES, Driver
+from sonarhw.readings import Reading
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import (
+    Accepted,
+    Configure,
+    Finished,
+    Heartbeat,
+    Hello,
+    Home,
+    Info,
+    Outcome,
+    ReadingMessage,
+    Resend,
+    Settings,
+    Started,
+    StartScan,
+    State,
+    Stop,
+    Turn,
+)
+from tests.fixtures.joined import Cable, Joined, cut_every, dropping, flipping, sound, the_first, without
+from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+
+SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
+CABLES = {
+    "sound": lambda: sound,
+    "one byte in 2000 dropped": lambda: dropping(1, 1 / 2000),
+    "one byte in 300 dropped": lambda: dropping(2, 1 / 300),
+    "one byte in 2000 flipped": lambda: flipping(3, 1 / 2000),
+    "one byte in 300 flipped": lambda: flipping(4, 1 / 300),
+    "40 bytes in 1500 cut": lambda: cut_every(1500, 40),
+    "200 bytes in 5000 cut": lambda: cut_every(5000, 200),
+}
+
+
+@pytest.mark.parametrize("cable", CABLES.values(), ids=CABLES.keys())
+@pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
+def test_every_reading_arrives_exactly_once_at_its_angle(cable: "type[Cable]", trace: bool) -> None:
+    joined = Joined(down=cable(), up=cable())
+    joined.greet(trace=trace)
+    readings = joined.scan(SECTOR)
+    assert sorted(reading.number for reading in readings) == list(range(80))
+    for reading in readings:
+        index = reading.number if reading.number < 40 else 79 - reading.number
+        angle = math.radians(10 + 2.5 * index)
+        assert reading.angle == pytest.approx(angle, abs=1e-8)
+        assert reading.sweep == reading.number // 40
+        assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=1e-9)
+    assert joined.driver.statistics.lost_readings == 0
+    # the board pinged each of them once: nothing was measured again for a lost frame
+    assert len(joined.echoes.pings) == 80
+
+
+@pytest.mark.parametrize("cable", [dropping, flipping])
+def test_no_cable_that_lets_most_frames_through_loses_a_reading_or_hangs(cable: Callable[[int, float], Cable]) -> None:
+    for seed in range(15):
+        joined = Joined(down=cable(seed, 1 / 400), up=cable(1000 + seed, 1 / 400))
+        joined.greet(trace=seed % 3 == 0)
+        for headings in (1, 25):
+            readings = joined.scan(StartScan(0, 3_000_000, headings, 1, 1))
+            assert sorted(reading.number for reading in readings) == list(range(headings))
+        assert len(joined.echoes.pings) == 26
+
+
+def test_a_bad_cable_shows_in_the_statistics_and_a_sound_one_does_not() -> None:
+    good, bad = Joined(), Joined(up=dropping(5, 1 / 200))
+    for joined in (good, bad):
+        joined.greet()
+        joined.scan(SECTOR)
+    clean, poor = good.driver.statistics, bad.driver.statistics
+    assert (clean.rejected_blocks, clean.missing_frames, clean.resends, clean.repeated_commands) == (0, 0, 0, 0)
+    assert poor.rejected_blocks > 0
+    assert poor.missing_frames > 0
+    assert poor.resends > 0
+    signs_of_life = clean.frames_sent - 4
+    assert 0 < signs_of_life < good.now / SIGN_OF_LIFE
+
+
+def test_traces_arrive_whole_over_a_sound_cable() -> None:
+    joined = Joined()
+    joined.greet(trace=True)
+    for reading in joined.scan(SECTOR):
+        assert reading.trace is not None
+        assert reading.trace.rate == pytest.approx(50_000)
+        np.testing.assert_allclose(reading.trace.samples, np.linspace(0, 1, 3125), atol=0.5 / 255 + 1e-12)
+
+
+def test_a_lost_reading_sent_again_keeps_the_traces_of_its_neighbours() -> None:
+    # every third reading frame is lost, its trace is not
+    lost = 0
+
+    def cable(data: bytes) -> bytes:
+        nonlocal lost
+        frames = data.split(b"\0")
+        kept = []
+        for frame in frames:
+            if len(frame) in range(40, 60) and lost < 25:
+                lost += 1
+                if lost % 3 == 0:
+                    continue
+            kept.append(frame)
+        return b"\0".join(kept)
+
+    joined = Joined()
+    joined.greet(trace=True)
+    joined.up = cable
+    readings = joined.scan(SECTOR)
+    assert joined.driver.statistics.resends > 0
+    assert len(readings) == 80
+    for reading in readings:
+        assert reading.trace is not None
+        assert not np.isnan(reading.trace.samples).any()
+
+
+def test_readings_follow_each_other_as_fast_as_turning_and_listening_allow_but_no_faster_than_ten_a_second() -> None:
+    # 5 degrees at 180 degrees a second and 20 ms of settling, then 62.5 ms of listening: 110.3 ms
+    for step, period in ((1_000_000, 0.1), (5_000_000, 5 / 180 + 0.020 + 0.0625)):
+        joined = Joined()
+        joined.greet()
+        times = [reading.time for reading in joined.scan(StartScan(0, step, 72, 1, 1))]
+        assert times[-1] - times[1] == pytest.approx(70 * period, abs=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.5, 1, 2, 5, 10, 90])
+@pytest.mark.parametrize(("headings", "sweeps", "pings"), [(6, 1, 3), (6, 2, 1), (1, 3, 2)])
+@pytest.mark.parametrize("listen", [3_000, 30_000, 65_000])
+def test_no_two_pings_start_within_a_tenth_of_a_second(
+    step: float, headings: int, sweeps: int, pings: int, listen: int
+) -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(Configure(listen, 2_380, 0, 343_200))
+    order = StartScan(0, round(step * 1e6), headings, sweeps, pings)
+    times = [reading.time for _ in range(2) for reading in joined.scan(order)]
+    assert len(times) == 2 * headings * sweeps * pings
+    assert all(later - earlier > 0.1 - 1e-7 for earlier, later in itertools.pairwise(times))
+
+
+def test_a_move_between_two_pings_hides_inside_the_ping_period() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(Configure(30_000, 2_380, 0, 343_200))
+    # 5 degrees and settling take 48 ms, after 30 ms of listening; the first heading is where the turntable stands
+    times = [reading.time for reading in joined.scan(StartScan(0, 5_000_000, 10, 1, 2))]
+    assert np.diff(times) == pytest.approx([0.1] * 19, abs=2e-6)
+
+
+def test_a_stopped_scan_keeps_the_next_one_from_pinging_too_soon() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(StartScan(0, 1_000_000, 50, 1, 1))
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.ask(Stop())
+    last = joined.readings[-1].time
+    (first, *_) = joined.scan(StartScan(0, 1_000_000, 1, 1, 1))
+    assert first.time - last > 0.1 - 1e-7
+
+
+def test_thirty_six_headings_with_traces_take_less_than_twelve_seconds() -> None:
+    joined = Joined()
+    joined.greet(trace=True)
+    began = joined.now
+    joined.scan(StartScan(0, 10_000_000, 36, 1, 1))
+    assert joined.now - began < 12.0
+
+
+def test_heartbeats_come_every_quarter_second_while_homing_and_turning() -> None:
+    joined = Joined()
+    joined.ask(Hello(1, 1))
+    beats: list[tuple[float, int]] = []
+
+    seen: Heartbeat | None = None
+
+    def watch(done: bool) -> bool:
+        nonlocal seen
+        if joined.driver.heartbeat is not seen:
+            seen = joined.driver.heartbeat
+            assert seen is not None
+            beats.append((joined.now, seen.state))
+        return done
+
+    home = joined.ask(Home())
+    joined.until(lambda: watch(home.finished is not None))
+    turn = joined.ask(Turn(350_000_000))
+    joined.until(lambda: watch(turn.finished is not None))
+    assert {State.HOMING, State.TURNING} <= {state for _, state in beats}
+    assert all(0.24 < b[0] - a[0] < 0.26 for a, b in itertools.pairwise(beats))
+
+
+def test_homing_takes_less_than_three_seconds_from_any_angle() -> None:
+    for seed in range(20):
+        joined = Joined(board=Board(PlainEchoes(), seed=seed))
+        joined.ask(Hello(1, 1))
+        began = joined.now
+        assert joined.act(Home()).finished is not None
+        assert joined.now - began < 3.0
+
+
+def test_a_repeated_command_is_answered_again_and_not_carried_out_again() -> None:
+    joined = Joined()
+    joined.greet()
+    scan = joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 3)
+    joined.board.receive(scan.wire, joined.now)
+    joined.until(lambda: scan.finished is not None)
+    assert len(joined.echoes.pings) == 80
+    assert sorted(reading.number for reading in joined.readings) == list(range(80))
+    joined.board.receive(scan.wire, joined.now)  # and once more after its end
+    heard_again = joined.driver.statistics.frames_received
+    joined.until(lambda: joined.driver.statistics.frames_received >= heard_again + 4)
+    assert len(joined.echoes.pings) == 80
+
+
+def test_a_lost_finish_is_asked_for_by_repeating_the_command() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(the_first(Finished))
+    turn = joined.act(Turn(90_000_000))
+    assert turn.finished is not None
+    assert turn.finished.outcome == Outcome.DONE
+    assert joined.driver.statistics.repeated_commands == 1
+
+
+def test_an_answer_that_was_lost_is_asked_for_although_the_command_has_finished_meanwhile() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(the_first(Accepted))
+    turn = joined.act(Turn(1_000_000))  # done in 26 ms
+    assert isinstance(turn.answer, Accepted)
+    joined.up = without(the_first(Started))
+    assert len(joined.scan(StartScan(0, 1_000_000, 2, 1, 1))) == 2
+
+
+def test_a_lost_start_costs_no_reading() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.scan(SECTOR)
+    joined.up = without(the_first(Started))
+    readings = joined.scan(SECTOR)
+    assert [reading.number for reading in readings] == list(range(80))
+    assert joined.driver.statistics.repeated_commands == 1
+
+
+def test_a_lost_reading_is_asked_for_at_the_next_heartbeat_before_the_next_reading() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(the_first(ReadingMessage))
+    # 120 degrees apart: 0.75 s between readings
+    joined.ask(StartScan(0, 120_000_000, 3, 1, 1))
+    joined.until(lambda: len(joined.readings) == 1)
+    assert joined.readings[0].number == 0
+    assert len(joined.echoes.pings) == 1
+
+
+def test_a_reading_of_the_scan_before_is_not_taken_for_one_of_the_next() -> None:
+    joined = Joined()
+    joined.greet()
+    late: list[bytes] = []
+
+    def keeping(data: bytes) -> bytes:
+        late.extend(
+            encode_frame(frame)
+            for frame in FrameDecoder().feed(data)
+            if isinstance(frame, Frame) and frame.type == ReadingMessage.TYPE
+        )
+        return data
+
+    joined.up = without(lambda message: isinstance(message, ReadingMessage) and message.number == 3)
+    lost = joined.up
+    joined.driver.command(StartScan(0, 1_000_000, 5, 1, 1), joined.now)
+    joined.up = lambda data: lost(keeping(data))
+    joined.until(lambda: len(joined.readings) == 4)
+    joined.ask(Stop())
+    joined.up = sound
+    second = joined.driver.command(StartScan(90_000_000, 1_000_000, 5, 1, 1), joined.now)
+    joined.driver.receive(b"\0".join([b"", *late]), joined.now)  # answers to a Resend that came twice
+    joined.until(lambda: second.finished is not None and joined.driver.scan_complete)
+    angles = [math.degrees(reading.angle) for reading in joined.readings[4:]]
+    assert angles == pytest.approx([90, 91, 92, 93, 94])
+
+
+def test_answers_to_an_earlier_conversation_are_none() -> None:
+    joined = Joined()
+    joined.greet()
+    stale = Settings(command=4711, listen_us=1, blanking_us=0, trace=1, speed_of_sound=1)
+    joined.driver.receive(encode_frame(Frame(stale.TYPE, 0, 0, stale.pack())), joined.now)
+    (reading,) = joined.scan(StartScan(0, 1, 1, 1, 1))
+    assert reading.speed_of_sound == pytest.approx(343.2)
+    assert reading.trace is None
+
+
+def test_rubbish_on_the_line_before_a_command_does_not_spoil_it() -> None:
+    joined = Joined()
+    joined.board.receive(b"what the terminal program before us sent", 0.0)
+    joined.ask(Hello(1, 1))
+    assert joined.driver.statistics.repeated_commands == 0
+
+
+def test_readings_of_the_scan_before_are_not_sent_again_in_the_next() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.scan(SECTOR)
+    joined.ask(StartScan(0, 1_000_000, 50, 1, 1))
+    before = joined.driver.statistics.frames_received
+    joined.ask(Resend(0, 64))
+    end = joined.now + 0.02  # the first reading of this scan takes longer
+    joined.until(lambda: joined.now >= end)
+    assert joined.driver.statistics.frames_received == before + 1  # Accepted, and no reading
+
+
+def test_a_recorder_that_fails_is_let_go_and_the_device_can_still_be_stopped() -> None:
+    class FullDisk:
+        def frame(self, received: bool, time: float, wire: bytes) -> None:
+            pass
+
+        def reading(self, reading: Reading) -> None:
+            raise LogError("no space left")
+
+    joined = Joined()
+    joined.greet()
+    joined.driver.record(FullDisk())
+    scan = joined.ask(SECTOR)
+    with pytest.raises(LogError):
+        joined.until(lambda: scan.finished is not None)
+    joined.ask(Stop())
+    joined.until(lambda: scan.finished is not None)
+    assert not joined.board.busy
+
+
+def test_stop_in_the_middle_ends_the_scan_with_the_readings_made() -> None:
+    joined = Joined()
+    joined.greet()
+    scan = joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 10)
+    stop = joined.ask(Stop())
+    assert isinstance(stop.answer, Accepted)
+    assert scan.finished is not None
+    assert scan.finished.outcome == Outcome.STOPPED
+    assert [reading.number for reading in joined.readings] == list(range(scan.finished.readings))
+    assert not joined.board.busy
+
+
+def test_hello_stops_a_busy_board_and_a_new_conversation_begins() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.driver = Driver(first_sequence=4000)
+    joined.readings.clear()
+    assert isinstance(joined.ask(Hello(1, 1)).answer, Info)
+    assert not joined.board.busy
+    assert not joined.readings
+    assert len(joined.scan(SECTOR)) == 80
+
+
+def test_a_second_scan_is_not_mixed_with_the_first() -> None:
+    joined = Joined(down=dropping(11, 1 / 100), up=dropping(12, 1 / 100))
+    joined.greet()
+    for step in (2_500_000, -3_000_000, 1_000_000):
+        order = StartScan(20_000_000, step, 30, 1, 1)
+        readings = joined.scan(order)
+        assert sorted(reading.number for reading in readings) == list(range(30))
+        for reading in readings:
+            assert reading.angle == pytest.approx(math.radians(20 + step / 1e6 * reading.number), abs=1e-8)
+
+
+def test_silence_in_the_middle_of_a_scan_is_an_error_after_three_quarters_of_a_second() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.ask(SECTOR)
+    joined.until(lambda: len(joined.readings) == 5)
+    joined.up = lambda data: b""
+    began = joined.now
+    with pytest.raises(NoAnswer, match="not a byte"):
+        joined.until(lambda: False)
+    assert joined.now - began == pytest.approx(SILENCE, abs=0.26)
+
+
+def test_a_silent_device_is_told_after_three_seconds_of_asking() -> None:
+    joined = Joined(up=lambda data: b"")
+    with pytest.raises(NoAnswer, match="no answer to Hello after 6 tries"):
+        joined.ask(Hello(1, 1))
+    assert joined.now == pytest.approx(3.0)
+    assert joined.driver.statistics.frames_sent == TRIES
+
+
+def test_rubbish_alone_is_no_life() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = lambda data: b"rubbish" * 9
+    began = joined.now
+    with pytest.raises(NoAnswer, match="nothing sensible"):
+        joined.until(lambda: False)
+    assert joined.now - began == pytest.approx(NOTHING_SOUND, abs=0.3)
+
+
+def test_a_command_left_unanswered_by_a_living_device_is_told_after_the_last_try() -> None:
+    joined = Joined()
+    joined.greet()
+    joined.up = without(lambda message: isinstance(message, Accepted))
+    before = joined.driver.statistics.frames_sent
+    with pytest.raises(NoAnswer, match="no answer to Stop after 6 tries"):
+        joined.ask(Stop())
+    assert joined.driver.statistics.frames_sent == before + TRIES

@@ -1,0 +1,287 @@
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from sonarhw.errors import LogError, NotALog
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import LogMetadata, LogWriter, copy_log, read_log
+from sonarhw.readings import Reading
+from sonarhw.wire.frames import Frame, decode_block, encode_frame
+from sonarhw.wire.messages import Finished, Hello, Message, Started, StartScan
+from sonarhw.wire.reading_messages import reading_message
+from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
+
+
+def frame_of(message: Message, sequence: int = 0, time: float = 0.0) -> bytes:
+    return encode_frame(Frame(message.TYPE, sequence, round(time * 1e6), message.pack()))
+
+
+def reading_frame(number: int, began: float = 0.0) -> bytes:
+    reading = example_reading(number)
+    reading = replace(reading, time=began + reading.time)
+    return frame_of(reading_message(reading, round(SPEED * 1000)), time=reading.time + 0.06)
+
+
+@st.composite
+def scans(draw: st.DrawFn) -> list[Reading]:
+    speed = draw(st.floats(300, 360))
+    thermometer = draw(st.booleans())
+    gaps = draw(st.lists(st.floats(0, 100), min_size=1, max_size=8))
+    readings = []
+    for number, _ in enumerate(gaps):
+        echoes = sorted(draw(st.lists(st.floats(0, 0.5), max_size=5)))
+        reading = Reading(
+            number=number,
+            sweep=draw(st.integers(0, 65535)),
+            ping=draw(st.integers(0, 255)),
+            angle=draw(st.floats(-37, 37)),
+            time=sum(gaps[1 : number + 1]),
+            echo_times=tuple(echoes),
+            speed_of_sound=speed,
+            temperature_c=draw(st.floats(-40, 80)) if thermometer else None,
+        )
+        readings.append(reading)
+    return readings
+
+
+@settings(max_examples=60, deadline=None)
+@given(written=scans())
+def test_a_scan_comes_back_from_its_log_as_it_went_in(
+    tmp_path_factory: pytest.TempPathFactory, written: list[Reading]
+) -> None:
+    path = tmp_path_factory.mktemp("logs") / "scan.mcap"
+    write_scan(path, METADATA, written)
+    log = read_log(path)
+    assert log.torn is None
+    assert len(log.readings) == len(written)
+    fired = -1e-6
+    for got, wanted in zip(log.readings, written, strict=True):
+        fired = max(wanted.time, fired + 1e-6)
+        assert_readings_close(got, replace(wanted, time=fired))
+
+
+def test_traces_come_back_to_eight_bits(tmp_path: Path) -> None:
+    written = write_example(tmp_path / "scan.mcap", trace=True)
+    for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
+        assert_readings_close(got, wanted)
+
+
+def test_readings_at_different_speeds_of_sound_keep_their_ranges(tmp_path: Path) -> None:
+    written = [replace(example_reading(n), speed_of_sound=330.0 + 5 * n) for n in range(4)]
+    write_scan(tmp_path / "scan.mcap", METADATA, written)
+    for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
+        assert_readings_close(got, wanted)
+
+
+def test_metadata_comes_back(tmp_path: Path) -> None:
+    metadata = replace(METADATA, room_text='name = "Röhre"\n# ümläut\n', place="Ω")
+    with LogWriter(tmp_path / "scan.mcap", metadata):
+        pass
+    assert read_log(tmp_path / "scan.mcap").metadata == metadata
+
+
+def test_a_reading_that_no_frame_can_carry_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="i32"):
+        write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(0, angle=1e3)])
+    assert not (tmp_path / "scan.mcap").exists()
+
+
+def test_a_range_without_a_speed_of_sound_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="speed of sound"):
+        write_scan(tmp_path / "scan.mcap", METADATA, [replace(example_reading(0), speed_of_sound=math.nan)])
+    assert not (tmp_path / "scan.mcap").exists()
+
+
+def test_an_existing_file_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    path.write_text("mine")
+    with pytest.raises(LogError, match="exists already"):
+        LogWriter(path, METADATA)
+    assert path.read_text() == "mine"
+    LogWriter(path, METADATA, overwrite=True).close()
+    assert read_log(path).metadata == METADATA
+
+
+def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"gone.scan\.mcap: cannot be written: No such file") as told:
+        LogWriter(tmp_path / "gone" / "scan.mcap", METADATA)
+    assert "\n" not in str(told.value)
+
+
+def test_a_log_deleted_while_it_is_written_is_told_and_not_written_into_the_void(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as log:
+        path.unlink()
+        with pytest.raises(LogError, match="was deleted"):
+            log.frame(True, STARTED, reading_frame(0))
+
+
+def test_nothing_can_be_added_to_a_closed_log(tmp_path: Path) -> None:
+    log = LogWriter(tmp_path / "scan.mcap", METADATA)
+    log.close()
+    log.close()
+    with pytest.raises(LogError, match="closed"):
+        log.reading(example_reading(0))
+
+
+# what other tools see
+
+
+def test_other_tools_see_frames_readings_and_one_laser_scan_a_sweep(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    readings = [
+        example_reading(n, sweep=n // 4, angle=math.radians(10 * [0, 1, 2, 3, 3, 2, 1, 0][n])) for n in range(8)
+    ]
+    write_scan(path, METADATA, readings)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        decoded = [json.loads(message.data) for _, _, message in reader.iter_messages(topics=["/readings"])]
+        sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == 4 + 8 + 8 + 2
+    assert [one["angle_deg"] for one in decoded] == pytest.approx([0, 10, 20, 30, 30, 20, 10, 0])
+    assert decoded[2] | {"time": 0} == {
+        "time": 0,
+        "sweep": 0,
+        "ping": 0,
+        "number": 2,
+        "angle_deg": pytest.approx(20),
+        "range_m": None,
+        "echo_times_s": [],
+        "speed_of_sound": SPEED,
+        "temperature_c": 21.37,
+    }
+    assert len(sweeps) == 2
+    for scan, four in zip(sweeps, (readings[:4], readings[:3:-1]), strict=True):
+        assert (scan.start_angle, scan.end_angle) == pytest.approx((0.0, math.radians(30)))
+        assert [*scan.ranges] == pytest.approx([math.inf if r.range is None else r.range for r in four])
+
+
+def test_each_reading_is_a_chunk_of_its_own_and_uncompressed(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap", 5, trace=True)
+    with (tmp_path / "scan.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert {chunk.compression for chunk in summary.chunk_indexes} == {""}
+    channels = {channel.topic: number for number, channel in summary.channels.items()}
+    with_reading = [c for c in summary.chunk_indexes if channels["/readings"] in c.message_index_offsets]
+    assert len(with_reading) == 5
+
+
+def test_a_lost_reading_sent_again_after_its_sweep_still_joins_the_laser_scan(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA) as log:
+        for number in (0, 2, 3, 1):
+            log.reading(example_reading(number, sweep=number // 2, angle=math.radians(10 * (number % 2))))
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
+    assert [len(scan.ranges) for scan in sweeps] == [2, 2]
+
+
+# scans in a recorded conversation
+
+
+def record(path: Path, frames: list[tuple[bool, bytes]]) -> None:
+    with LogWriter(path, METADATA) as log:
+        for number, (received, wire) in enumerate(frames):
+            log.frame(received, STARTED + 0.01 * number, wire)
+
+
+ORDER = StartScan(0, 5_000_000, 2, 1, 1)
+
+
+def test_a_log_holds_several_scans(tmp_path: Path) -> None:
+    frames = []
+    for command, began in ((7, 1.0), (8, 2.0)):
+        frames += [(False, frame_of(ORDER, command)), (True, frame_of(Started(command, 2), time=began))]
+        frames += [(True, reading_frame(0, began)), (True, reading_frame(1, began))]
+        frames += [(True, frame_of(Finished(command, 0, 2, ""), time=began + 0.5))]
+    record(tmp_path / "scan.mcap", frames)
+    log = read_log(tmp_path / "scan.mcap")
+    assert [[r.number for r in scan.readings] for scan in log.scans] == [[0, 1], [0, 1]]
+    assert all(scan.finished and scan.expected == 2 for scan in log.scans)
+    assert [scan.began for scan in log.scans] == [1.0, 2.0]
+
+
+def test_a_reading_of_the_scan_before_that_was_still_under_way_is_not_taken_for_one_of_the_next(
+    tmp_path: Path,
+) -> None:
+    first = [(False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
+    heard = (True, frame_of(Finished(7, 1, 1, ""), time=1.5))
+    again = [(False, frame_of(ORDER, 8)), (True, frame_of(Started(8, 2), time=2.0))]
+    late = (True, reading_frame(1, 1.0))
+    record(tmp_path / "scan.mcap", [*first, heard, *again, late, (True, reading_frame(1, 2.0))])
+    scans = read_log(tmp_path / "scan.mcap").scans
+    assert [[round(r.time, 3) for r in scan.readings] for scan in scans] == [[1.0], [2.1]]
+
+
+def test_an_answer_given_twice_begins_no_second_scan(tmp_path: Path) -> None:
+    started = (True, frame_of(Started(7, 3)))
+    record(
+        tmp_path / "scan.mcap",
+        [
+            (False, frame_of(ORDER, 7)),
+            started,
+            (True, reading_frame(0)),
+            started,
+            (True, reading_frame(2)),
+            (True, reading_frame(1)),
+            (True, reading_frame(0)),
+            (True, frame_of(Finished(7, 0, 3, ""))),
+            started,
+        ],
+    )
+    log = read_log(tmp_path / "scan.mcap")
+    assert [[r.number for r in scan.readings] for scan in log.scans] == [[0, 1, 2]]
+
+
+def test_readings_before_a_started_that_was_lost_at_first_belong_to_its_scan(tmp_path: Path) -> None:
+    order, late = (False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=5.0))
+    record(tmp_path / "scan.mcap", [order, (True, reading_frame(0)), order, late, (True, reading_frame(1))])
+    (scan,) = read_log(tmp_path / "scan.mcap").scans
+    assert [r.number for r in scan.readings] == [0, 1]
+    assert scan.began == scan.readings[0].time
+
+
+def test_the_same_command_number_after_a_new_greeting_is_a_new_scan(tmp_path: Path) -> None:
+    once = [(False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2))), (True, reading_frame(0))]
+    record(tmp_path / "scan.mcap", [*once, (False, frame_of(Hello(1, 0), 6)), *once])
+    assert len(read_log(tmp_path / "scan.mcap").scans) == 2
+
+
+def test_a_copy_is_read_as_its_original(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap", trace=True)
+    original = read_log(tmp_path / "scan.mcap")
+    copy_log(original, tmp_path / "copy.mcap")
+    copy = read_log(tmp_path / "copy.mcap")
+    assert [frame.wire for frame in copy.frames] == [frame.wire for frame in original.frames]
+    assert copy.metadata == original.metadata
+    assert copy.scans[0].began == original.scans[0].began
+    for got, wanted in zip(copy.readings, original.readings, strict=True):
+        assert_readings_close(got, wanted)
+
+
+def test_every_frame_is_kept_as_it_was_on_the_wire(tmp_path: Path) -> None:
+    hello = frame_of(Hello(1, 0), 3)
+    record(tmp_path / "scan.mcap", [(False, hello), (True, reading_frame(4))])
+    frames = [*read_log(tmp_path / "scan.mcap").frames]
+    assert [(frame.received, frame.wire) for frame in frames] == [(False, hello), (True, reading_frame(4))]
+    assert isinstance(decode_block(frames[0].wire[:-1]), Frame)
+    assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)
+
+
+def test_a_newer_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "scan.mcap", LogMetadata("scan", STARTED, format_version=99)):
+        pass
+    with pytest.raises(NotALog, match=r"has format 99.*update"):
+        read_log(tmp_path / "scan.mcap")

@@ -1,0 +1,221 @@
+"""A log and the disk under it: warned of before it is full, cut clean when it is, sure of what a drive has taken."""
+
+import errno
+import os
+import queue
+from io import FileIO
+from pathlib import Path
+
+import pytest
+
+import sonarhw.disk_room
+import sonarhw.log.appended_file
+from sonarhw.disk_room import DiskRoom, log_size
+from sonarhw.errors import LogError
+from sonarhw.log import LogWriter, read_log
+from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
+from tests.unit.sonarhw.log.test_log import reading_frame
+
+
+class Disk:
+    """What is said of a disk; bytes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, free: float) -> None:
+        self.free = free
+        self.looks = 0
+        monkeypatch.setattr(sonarhw.disk_room, "free_bytes", self._look)
+
+    def _look(self, _: Path) -> int:
+        self.looks += 1
+        return round(self.free)
+
+
+def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    pace, lines = 1e6, []  # bytes a second
+    disk = Disk(monkeypatch, 3600 * pace)
+    room = DiskRoom(Path("scan.mcap"), lines.append)
+    told = []
+    for second in range(3600):
+        room.written(round(second * pace), STARTED + second)
+        disk.free -= pace
+        if len(lines) > len(told):
+            told.append(second)
+    assert told == pytest.approx([3000, 3540], abs=10)
+    assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for some 10 minutes of ")
+    assert " s of this scan; make room" in lines[1]
+
+
+def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    Disk(monkeypatch, 20e6)
+    room = DiskRoom(Path("scan.mcap"), lines.append)
+    room.written(1000, STARTED)
+    room.written(2000, STARTED + 2)
+    assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; make room"]
+
+
+def test_the_disk_is_looked_at_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk(monkeypatch, 1e12)
+    room = DiskRoom(Path("scan.mcap"), pytest.fail)
+    for tick in range(1000):
+        room.written(tick * 100, STARTED + tick * 0.01)
+    assert disk.looks == 10
+
+
+@pytest.mark.parametrize("trace", [False, True])
+def test_what_a_log_will_take_is_known_to_a_third(tmp_path: Path, trace: bool) -> None:
+    write_example(tmp_path / "scan.mcap", 200, trace=trace)
+    assert log_size(200, 600 if trace else 0) == pytest.approx((tmp_path / "scan.mcap").stat().st_size, rel=0.35)
+
+
+def test_a_log_tells_while_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    Disk(monkeypatch, 20e6)
+    with LogWriter(tmp_path / "scan.mcap", METADATA, warn=lines.append):
+        assert len(lines) == 1
+
+
+class Drive:
+    """A drive that can be pulled out: from then on nothing reaches it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
+        self.pulled = False
+        self._path = path
+        self._pushed = queue.Queue[int]()
+        self._fsync = os.fsync
+        monkeypatch.setattr(os, "fsync", self._push)
+
+    def _push(self, descriptor: int) -> None:
+        size = os.fstat(descriptor).st_size
+        if not self.pulled:
+            self._fsync(descriptor)
+        self._pushed.put(size)
+        if self.pulled:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    def wait(self) -> None:
+        """Until all that was written has been pushed, or once in vain."""
+        size = self._path.stat().st_size
+        while self._pushed.get(timeout=30) < size and not self.pulled:
+            pass
+
+
+def test_each_reading_of_a_live_log_is_pushed_to_its_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Drive(monkeypatch, tmp_path / "scan.mcap")
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        drive.wait()
+        for number in range(3):
+            log.reading(example_reading(number))
+            drive.wait()
+
+
+def record_one(log: LogWriter, number: int) -> None:
+    log.frame(True, STARTED, reading_frame(number))
+    log.reading(example_reading(number))
+
+
+def record_on(log: LogWriter, drive: Drive) -> None:
+    """Until it fails: the system takes the first for a drive that is gone."""
+    for number in range(3, 1000):
+        record_one(log, number)
+        drive.wait()
+
+
+def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Drive(monkeypatch, tmp_path / "scan.mcap")
+    log = LogWriter(tmp_path / "scan.mcap", METADATA)
+    drive.wait()
+    for number in range(3):
+        record_one(log, number)
+        drive.wait()
+    drive.pulled = True
+    with pytest.raises(LogError) as told:
+        record_on(log, drive)
+    assert str(told.value) == (
+        f"{tmp_path / 'scan.mcap'}: cannot be written any further: Input/output error; 3 readings are kept in it; "
+        "record to another disk"
+    )
+    log.close()
+
+
+def test_a_log_is_on_its_disk_when_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Drive(monkeypatch, tmp_path / "scan.mcap")
+    log = LogWriter(tmp_path / "scan.mcap", METADATA, live=False)
+    log.reading(example_reading(0))
+    drive.pulled = True
+    with pytest.raises(LogError, match="Input/output error"):
+        log.close()
+
+
+# in the place of an old log
+
+
+def old_log(path: Path) -> bytes:
+    write_example(path, 5)
+    return path.read_bytes()
+
+
+def test_an_old_log_is_there_until_the_first_reading_of_the_new_one(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    before = old_log(path)
+    path.chmod(0o640)
+    with LogWriter(path, METADATA, overwrite=True) as log:
+        log.frame(True, STARTED, b"\x01\x00")
+        assert path.read_bytes() == before
+        log.frame(True, STARTED, reading_frame(0))
+        log.reading(example_reading(0))
+        assert len(read_log(path).readings) == 1
+    assert read_log(path).torn is None
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@pytest.mark.parametrize("how", ["dropped", "failed"])
+def test_a_new_log_that_brought_nothing_leaves_the_old_one(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "scan.mcap"
+    before = old_log(path)
+    log = LogWriter(path, METADATA, overwrite=True)
+    log.frame(True, STARTED, b"\x01\x00")
+    if how == "dropped":
+        log.drop()
+    else:
+        with pytest.raises(KeyError), log:
+            raise KeyError
+    assert path.read_bytes() == before
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_link_to_an_old_log_stays_one(tmp_path: Path) -> None:
+    link, path = tmp_path / "link.mcap", tmp_path / "scan.mcap"
+    old_log(path)
+    link.symlink_to(path)
+    LogWriter(link, METADATA, overwrite=True).close()
+    assert link.is_symlink()
+    assert read_log(path).readings == ()
+
+
+def test_a_dropped_log_is_gone_but_never_a_device(tmp_path: Path) -> None:
+    log = LogWriter(tmp_path / "scan.mcap", METADATA)
+    log.drop()
+    assert not (tmp_path / "scan.mcap").exists()
+    null = tmp_path / "null"
+    os.mkfifo(null)
+    reader = os.open(null, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        LogWriter(null, METADATA).drop()
+    finally:
+        os.close(reader)
+    assert null.exists()
+
+
+def test_a_log_that_cannot_be_begun_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class FullDisk(FileIO):
+        def write(self, _: object) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(sonarhw.log.appended_file, "FileIO", FullDisk)
+    with pytest.raises(LogError, match="No space left on device; nothing is recorded"):
+        LogWriter(tmp_path / "scan.mcap", METADATA)
+    assert [*tmp_path.iterdir()] == []

@@ -1,0 +1,274 @@
+"""A closed log opened by its index says what going through its frames says, and its traces stay in the file."""
+
+import math
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.records import Attachment
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.decoder import DecoderFactory
+
+import sonarhw.log.reader
+from sonarhw.errors import NotALog
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import Log, LogWriter, RecordedFrame, copy_log, read_log
+from sonarhw.readings import Reading, Trace
+from sonarhw.wire.messages import Finished, Hello, Info, Settings, Started, StartScan, TraceChunk
+from sonarhw.wire.reading_messages import reading_message, trace_chunks
+from tests.fixtures.example_logs import METADATA, SPEED, STARTED, assert_readings_close, example_reading, write_example
+from tests.unit.sonarhw.log.test_log import frame_of
+
+Conversation = list[tuple[bool, bytes]]
+SOUND = round(SPEED * 1000)
+ORDER = StartScan(0, 5_000_000, 4, 1, 1)
+SETTINGS = (True, frame_of(Settings(1, 60_000, 0, 1, SOUND), time=0.1))
+
+
+def reading_frames(number: int, began: float = 0.0, *, leave_out: tuple[int, ...] = ()) -> Conversation:
+    reading = example_reading(number, trace=True)
+    reading = replace(reading, time=began + reading.time)
+    assert reading.trace is not None
+    chunks = [chunk for index, chunk in enumerate(trace_chunks(number, reading.trace)) if index not in leave_out]
+    messages = [reading_message(reading, SOUND), *chunks]
+    return [(True, frame_of(message, time=reading.time + 0.06)) for message in messages]
+
+
+def conversation(*, order: StartScan = ORDER, command: int = 7, began: float = 1.0) -> Conversation:
+    """A scan of four readings."""
+    readings = [frame for number in range(4) for frame in reading_frames(number, began)]
+    end = (True, frame_of(Finished(command, 0, 4, ""), time=began + 1))
+    return [(False, frame_of(order, command)), (True, frame_of(Started(command, 4), time=began)), *readings, end]
+
+
+def resent() -> Conversation:
+    """Reading 1 is lost, its trace is not; it is sent again after reading 2."""
+    first, *_ = [*reading_frames(1, 1.0)]
+    whole = conversation()
+    at = whole.index(first)
+    without = whole[:at] + whole[at + 1 :]
+    later = without.index(reading_frames(3, 1.0)[0])
+    return [SETTINGS, *without[:later], first, *without[later:]]
+
+
+def gone_on() -> Conversation:
+    """The board is reset after two readings; its clock begins anew and the scan goes on."""
+    whole = conversation(began=5.0)
+    third = whole.index(reading_frames(2, 5.0)[0])
+    rest = replace(ORDER, first=2)
+    again = [
+        (False, frame_of(Hello(1, 1), 20)),
+        (True, frame_of(Info(20, 1, 1, "fake", "", "", 2000, 50_000, 3200, boot=2), time=0.5)),
+        SETTINGS,
+        (False, frame_of(rest, 22)),
+        (True, frame_of(Started(22, 2, 2), time=1.0)),
+        *(frame for number in (2, 3) for frame in reading_frames(number, 1.0)),
+        (True, frame_of(Finished(22, 0, 4, ""), time=3.0)),
+    ]
+    return [SETTINGS, *whole[:third], *again]
+
+
+CONVERSATIONS: dict[str, Callable[[], Conversation]] = {
+    "one scan": lambda: [SETTINGS, *conversation()],
+    "two scans": lambda: [SETTINGS, *conversation(), *conversation(command=8, began=3.0)],
+    "no settings": conversation,
+    "no host": lambda: [SETTINGS, *conversation()[1:]],
+    "an answer given twice": lambda: [SETTINGS, *conversation(), *conversation()[1:]],
+    "a reading sent again": resent,
+    "a scan that went on after a reset": gone_on,
+    "nothing at all": list,
+    "an order that was never answered": lambda: [SETTINGS, (False, frame_of(ORDER, 7))],
+}
+
+
+def record(path: Path, frames: Conversation) -> None:
+    """As a driver does: the readings are handed over when they are whole."""
+    with LogWriter(path, METADATA, live=False) as log:
+        for number, (received, wire) in enumerate(frames):
+            log.frame(received, STARTED + 0.01 * number, wire)
+            if received and frames[number + 1 : number + 2] != [] and number % 4 == 3:
+                log.reading(example_reading(number))
+
+
+@pytest.fixture
+def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(sonarhw.log.reader, "_gone_through", refuse)
+
+
+def gone_through(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
+    with monkeypatch.context() as without:
+        without.setattr(sonarhw.log.reader, "_closed", lambda *_: None)
+        return read_log(path)
+
+
+def assert_alike(one: Log, other: Log) -> None:
+    assert (one.metadata, one.info, one.settings) == (other.metadata, other.info, other.settings)
+    assert len(one.frames) == len(other.frames) == len([*one.frames])
+    assert len(one.scans) == len(other.scans)
+    for mine, theirs in zip(one.scans, other.scans, strict=True):
+        assert (mine.began, mine.expected, mine.settings, mine.finished) == (
+            (theirs.began, theirs.expected, theirs.settings, theirs.finished)
+        )
+        for a, b in zip(mine.readings, theirs.readings, strict=True):
+            assert repr(replace(a, trace=None)) == repr(replace(b, trace=None))  # NaN is no NaN's equal
+            assert (a.trace is None) == (b.trace is None)
+            if a.trace and b.trace:
+                assert np.array_equal(a.trace.samples, b.trace.samples, equal_nan=True)
+
+
+@pytest.mark.parametrize("frames", CONVERSATIONS.values(), ids=CONVERSATIONS.keys())
+def test_the_index_says_what_the_frames_say(
+    frames: Callable[[], Conversation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "scan.mcap"
+    record(path, frames())
+    assert_alike(read_log(path), gone_through(path, monkeypatch))
+
+
+@pytest.mark.usefixtures("only_by_index")
+def test_a_closed_log_is_opened_without_going_through_its_frames(tmp_path: Path) -> None:
+    written = write_example(tmp_path / "scan.mcap", trace=True)
+    for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
+        assert_readings_close(got, wanted)
+
+
+@pytest.mark.usefixtures("only_by_index")
+def test_no_field_of_a_reading_is_forgotten_by_the_index(tmp_path: Path) -> None:
+    reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0)
+    write_scan(tmp_path / "scan.mcap", METADATA, [reading])
+    (read,) = read_log(tmp_path / "scan.mcap").readings
+    defaults = Reading(0, 0, 0, 0.0, 0.0, (), 0.0)
+    same = [field.name for field in fields(Reading) if getattr(read, field.name) == getattr(defaults, field.name)]
+    assert same == ["number", "time"]
+    assert read.host_time == pytest.approx(STARTED, abs=0.1)
+
+
+def test_a_scan_that_went_on_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
+    record(tmp_path / "scan.mcap", gone_on())
+    (scan,) = read_log(tmp_path / "scan.mcap").scans
+    assert [reading.number for reading in scan.readings] == [0, 1, 2, 3]
+    assert (scan.expected, scan.finished) == (4, Finished(22, 0, 4, ""))
+    times = [reading.time for reading in scan.readings]
+    assert times == sorted(times)
+    assert scan.began == pytest.approx(5.0)
+
+
+def test_a_sweep_that_broke_and_went_on_is_one_laser_scan(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    with LogWriter(path, METADATA, live=False) as log:
+        for received, wire in gone_on():
+            for reading in log.take(RecordedFrame(STARTED, received, wire)):
+                log.reading(reading)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        sweeps = [scan for _, _, _, scan in reader.iter_decoded_messages(topics=["/scan"])]
+    assert [len(sweep.ranges) for sweep in sweeps] == [4]
+
+
+def test_each_trace_is_the_one_that_was_recorded(tmp_path: Path) -> None:
+    for name, frames in CONVERSATIONS.items():
+        record(tmp_path / f"{name}.mcap", frames())
+        for reading in read_log(tmp_path / f"{name}.mcap").readings:
+            wanted = example_reading(reading.number, trace=True).trace
+            assert wanted is not None
+            assert reading.trace is not None, name
+            assert np.abs(reading.trace.samples - wanted.samples).max() <= 0.5 / 255 + 1e-12
+            assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
+
+
+def test_a_part_of_a_trace_that_was_lost_is_a_gap(tmp_path: Path) -> None:
+    frames = [SETTINGS, (True, frame_of(Started(7, 2))), *reading_frames(0, leave_out=(1,)), *reading_frames(1)]
+    record(tmp_path / "scan.mcap", frames)
+    gappy, whole = (reading.trace for reading in read_log(tmp_path / "scan.mcap").readings)
+    assert gappy is not None
+    assert whole is not None
+    assert [*np.flatnonzero(np.isnan(gappy.samples))] == [*range(256, 512)]
+    assert not np.isnan(whole.samples).any()
+
+
+def test_a_carrier_keeps_its_sign(tmp_path: Path) -> None:
+    chunk = TraceChunk(0, 0, 4, 13_000, 0, bytes([0, 128, 255, 128]), kind=2)
+    reading = frame_of(reading_message(example_reading(0), SOUND))
+    record(
+        tmp_path / "scan.mcap", [SETTINGS, (True, frame_of(Started(7, 1))), (True, reading), (True, frame_of(chunk))]
+    )
+    (read,) = read_log(tmp_path / "scan.mcap").readings
+    assert read.trace is not None
+    assert read.trace.carrier
+    assert read.trace.samples == pytest.approx([-1, 0, 1, 0], abs=0.01)
+
+
+def test_a_trace_is_not_read_before_it_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonarhw.log.mcap_records._WINDOW", 1)
+    path = tmp_path / "scan.mcap"
+    write_example(path, 4, trace=True)
+    reading = read_log(path).readings[2]
+    assert isinstance(reading.trace, Trace)
+    content = path.read_bytes()
+    path.write_bytes(bytes(len(content)))  # the same file, spoilt meanwhile
+    with pytest.raises(NotALog, match="the trace of reading 2 cannot be read"):
+        _ = reading.trace.samples
+
+
+def test_an_open_log_does_not_see_what_takes_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    write_example(path, 4, trace=True)
+    log = read_log(path)
+    write_scan(path, METADATA, [], overwrite=True)
+    assert log.readings[3].trace is not None
+    assert not np.isnan(log.readings[3].trace.samples).any()
+    copy_log(log, tmp_path / "copy.mcap")
+    assert len(read_log(tmp_path / "copy.mcap").readings) == 4
+
+
+def test_an_index_carried_into_another_file_is_not_believed(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap", 4, trace=True)
+    with (tmp_path / "scan.mcap").open("rb") as file:
+        (index,) = (record for record in StreamReader(file).records if isinstance(record, Attachment))
+    original = read_log(tmp_path / "scan.mcap")
+    moved = tmp_path / "moved.mcap"
+    writer = Writer(str(moved), compression=CompressionType.NONE, enable_data_crcs=True)
+    writer.start("sonarhw")
+    writer.add_metadata("of another tool", {"it": "shifts everything"})
+    writer.add_metadata("sonarhw", sonarhw.log.writer.metadata_record(METADATA))
+    channel = writer.register_channel("/frames/rx", "application/x-sonarhw-frame", 0)
+    for frame in original.frames:
+        time = round(frame.time * 1e9)
+        writer.add_message(channel, time, frame.wire, time)
+    writer.add_attachment(0, 0, index.name, index.media_type, index.data)
+    writer.finish()
+    for got, wanted in zip(read_log(moved).readings, original.readings, strict=True):
+        assert_readings_close(got, wanted)
+
+
+def test_a_flipped_bit_anywhere_in_a_closed_log_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    write_example(path, 4, trace=True)
+    content = path.read_bytes()
+    room = content.index(b"Simple")
+    index = content.index(b"sonarhw.index.npz")
+    for at in (room, index, index + 100, len(content) - 100, len(content) - 30):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+        log = read_log(path)
+        assert log.torn, at
+        assert len(log.readings) == 4
+
+
+def test_a_range_is_not_lost_with_the_settings(tmp_path: Path) -> None:
+    path = tmp_path / "scan.mcap"
+    written = [example_reading(number) for number in range(4)]
+    with LogWriter(path, METADATA, live=False) as log:
+        log.frame(True, STARTED, frame_of(Started(7, 4)))
+        for reading in written:
+            log.frame(True, STARTED + reading.time, frame_of(reading_message(reading, SOUND), time=reading.time + 0.06))
+            log.reading(reading)
+    for got, wanted in zip(read_log(path).readings, written, strict=True):
+        assert got.speed_of_sound == SPEED
+        assert got.range == wanted.range or math.isclose(got.range or 0, wanted.range or 0, abs_tol=1e-6)

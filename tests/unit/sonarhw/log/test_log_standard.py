@@ -1,0 +1,90 @@
+"""What other tools find in a log: a healthy MCAP file, with channels after the schemas that were published."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from foxglove_schemas_protobuf import LaserScan_pb2
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.reader import make_reader
+
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import LogWriter, copy_log, read_log
+from tests.fixtures.example_logs import METADATA, example_reading, write_example
+from tests.oracles.mcap_doctor import complaints
+from tests.unit.sonarhw.log.test_log_index import CONVERSATIONS, record
+
+
+def test_a_closed_log_is_a_healthy_mcap_file(tmp_path: Path) -> None:
+    for name, frames in CONVERSATIONS.items():
+        if frames():
+            record(tmp_path / f"{name}.mcap", frames())
+            assert complaints(tmp_path / f"{name}.mcap") == [], name
+
+
+def test_scans_with_many_sweeps_copies_and_mended_logs_are_healthy_too(tmp_path: Path) -> None:
+    readings = [example_reading(n, trace=True, sweep=n // 20, angle=math.radians(n % 20)) for n in range(200)]
+    write_scan(tmp_path / "scan.mcap", METADATA, readings)
+    (tmp_path / "torn.mcap").write_bytes((tmp_path / "scan.mcap").read_bytes()[:-20_000])
+    copy_log(read_log(tmp_path / "scan.mcap"), tmp_path / "copy.mcap")
+    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
+    for name in ("scan", "copy", "mended"):
+        assert complaints(tmp_path / f"{name}.mcap") == [], name
+
+
+def test_the_doctor_sees_what_is_wrong(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap")
+    content = (tmp_path / "scan.mcap").read_bytes()
+    room = content.index(b"Simple")
+    (tmp_path / "scan.mcap").write_bytes(content[:room] + b"S" + content[room + 1 :])
+    assert complaints(tmp_path / "scan.mcap") == []
+    (tmp_path / "scan.mcap").write_bytes(content[:room] + b"s" + content[room + 1 :])
+    (told,) = complaints(tmp_path / "scan.mcap")
+    assert "crc validation failed in DataEnd" in told
+
+
+def test_sweeps_have_the_published_schema(tmp_path: Path) -> None:
+    write_example(tmp_path / "scan.mcap")
+    with (tmp_path / "scan.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (channel,) = (channel for channel in summary.channels.values() if channel.topic == "/scan")
+    schema = summary.schemas[channel.schema_id]
+    assert (schema.name, schema.encoding, channel.message_encoding) == ("foxglove.LaserScan", "protobuf", "protobuf")
+    carried = {file.name: file for file in FileDescriptorSet.FromString(schema.data).file}
+    published = LaserScan_pb2.DESCRIPTOR
+    for file_descriptor in (published, *published.dependencies):
+        assert carried[file_descriptor.name].SerializeToString() == file_descriptor.serialized_pb
+    assert [(field.name, field.number) for field in carried[published.name].message_type[0].field] == [
+        ("timestamp", 1),
+        ("frame_id", 2),
+        ("pose", 3),
+        ("start_angle", 4),
+        ("end_angle", 5),
+        ("ranges", 6),
+        ("intensities", 7),
+    ]
+
+
+def test_decoded_readings_have_the_shape_that_their_schema_says(tmp_path: Path) -> None:
+    readings = [example_reading(number) for number in range(3)]
+    readings[1] = replace(readings[1], temperature_c=None)
+    with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
+        for reading in readings:
+            log.reading(reading)
+    kinds = {"number": (int, float), "integer": int, "array": list, "null": type(None)}
+    with (tmp_path / "scan.mcap").open("rb") as file:
+        messages = [*make_reader(file).iter_messages(topics=["/readings"])]
+    assert len(messages) == 3
+    for schema, channel, message in messages:
+        assert schema is not None
+        assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+        published = json.loads(schema.data)
+        told = json.loads(message.data)
+        assert published["type"] == "object"
+        assert told.keys() == published["properties"].keys()
+        for name, value in told.items():
+            wanted = published["properties"][name]["type"]
+            allowed = wanted if isinstance(wanted, list) else [wanted]
+            assert any(isinstance(value, kinds[kind]) for kind in allowed), name

@@ -1,0 +1,189 @@
+"""A log played back: any speed, steps, loops and jumps, always on the recorded schedule."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonarhw.export.encoded_log import write_scan
+from sonarhw.log import Log, read_log
+from sonarhw.replay.playback import Playback
+from tests.fixtures.example_logs import METADATA, example_reading
+
+COUNT = 12  # readings, three sweeps of four, at 0, 0.1, ... 1.1 s
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    """Two scans of the same readings."""
+    path = tmp_path_factory.mktemp("playback") / "scan.mcap"
+    write_scan(path, METADATA, [example_reading(number, sweep=number // 4) for number in range(COUNT)])
+    log = read_log(path)
+    return replace(log, scans=(*log.scans, *log.scans))
+
+
+def playing(log: Log, speed: float = 1.0) -> Playback:
+    playback = Playback(log)
+    playback.speed = speed
+    playback.play()
+    return playback
+
+
+def test_everything_is_seen_to_begin_with(log: Log) -> None:
+    playback = Playback(log)
+    assert (playback.count, playback.position) == (2 * COUNT, playback.duration)
+    assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, 3.0, 1000.0])
+def test_readings_come_at_their_recorded_times_by_the_speed(log: Log, speed: float) -> None:
+    for passed in (0.05, 0.15, 0.95, 1.15, 2.05, 2.15):
+        playback = playing(log, speed)
+        playback.advance(passed / speed)
+        times = [*(0.1 * n for n in range(COUNT)), *(2.1 + 0.1 * n for n in range(COUNT))]
+        assert playback.count == sum(time < passed for time in times)
+
+
+@settings(max_examples=50)
+@given(ticks=st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=60))
+def test_it_does_not_drift_however_the_clock_is_looked_at(log: Log, ticks: list[float]) -> None:
+    playback = playing(log, 0.7)
+    for tick in ticks:
+        playback.advance(tick)
+    assert playback.position == pytest.approx(min(0.7 * math.fsum(ticks), playback.duration), abs=1e-12)
+
+
+def test_all_at_once_is_a_speed_and_none_is_not(log: Log) -> None:
+    playback = playing(log, math.inf)
+    playback.advance(1e-3)
+    assert (playback.count, playback.playing) == (2 * COUNT, False)
+    for speed in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match="above 0"):
+            playback.speed = speed
+
+
+def test_a_change_of_speed_goes_on_from_where_it_is(log: Log) -> None:
+    playback = playing(log)
+    playback.advance(0.5)
+    playback.speed = 2.0
+    playback.advance(0.2)
+    assert playback.position == pytest.approx(0.9)
+
+
+def test_it_stands_still_when_paused_and_at_the_end(log: Log) -> None:
+    playback = playing(log)
+    playback.advance(0.25)
+    playback.pause()
+    assert not playback.advance(10.0)
+    assert playback.position == pytest.approx(0.25)
+    playback.play()
+    playback.advance(100.0)
+    assert (playback.position, playback.playing) == (playback.duration, False)
+    playback.play()
+    assert playback.position == 0.0
+
+
+def test_a_loop_starts_over_and_never_ends(log: Log) -> None:
+    playback = playing(log)
+    playback.loop = True
+    lap = playback.duration * (1 + 1 / (2 * COUNT - 1))
+    playback.advance(5 * lap + 0.35)
+    assert playback.playing
+    assert playback.position == pytest.approx(0.35)
+    assert playback.count == 4
+
+
+def test_it_goes_anywhere_backwards_too(log: Log) -> None:
+    playback = playing(log)
+    playback.advance(1.0)
+    playback.seek(0.35)
+    assert playback.count == 4
+    playback.advance(0.1)  # and plays on
+    assert playback.count == 5
+    playback.seek(-3.0)
+    assert playback.count == 1
+    playback.seek(99.0)
+    assert playback.count == 2 * COUNT
+
+
+def test_it_goes_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
+    playback = Playback(log)
+    for index in (0, 7, 2 * COUNT - 1, 3):
+        playback.seek_reading(index)
+        assert playback.count == index + 1
+    playback.seek_scan(1)
+    assert playback.count == COUNT + 1
+    playback.seek_sweep(1, 2)
+    assert playback.count == COUNT + 8 + 1
+    playback.seek_sweep(0, 1)
+    assert playback.count == 4 + 1
+    for nowhere in (lambda: playback.seek_reading(2 * COUNT), lambda: playback.seek_scan(2)):
+        with pytest.raises(IndexError):
+            nowhere()
+
+
+def test_a_sweep_that_a_scan_has_not_is_nowhere(log: Log) -> None:
+    with pytest.raises(IndexError):
+        Playback(log).seek_sweep(0, 3)
+
+
+def test_it_steps_reading_by_reading(log: Log) -> None:
+    playback = playing(log)
+    playback.advance(0.55)
+    playback.step(1)
+    assert (playback.count, playback.playing) == (7, False)
+    playback.step(-3)
+    assert playback.count == 4
+    playback.step(-10)
+    assert playback.count == 1
+    playback.loop = True
+    playback.step(-1)
+    assert playback.count == 2 * COUNT
+    playback.step(1)
+    assert playback.count == 1
+
+
+def test_a_log_without_readings_is_played_in_no_time(log: Log) -> None:
+    playback = playing(replace(log, scans=()))
+    playback.advance(1.0)
+    playback.step(1)
+    assert (playback.count, playback.position, playback.playing) == (0, 0.0, False)
+
+
+def waiting(log: Log, scan: int, number: int, wait: float) -> Log:
+    """The log with a wait before a reading of one scan."""
+    readings = log.scans[0].readings
+    late = tuple(replace(reading, time=reading.time + wait * (reading.number >= number)) for reading in readings)
+    return replace(log, scans=(replace(log.scans[scan], readings=late),))
+
+
+def test_gaps_are_left_out_and_all_else_keeps_its_pace(log: Log) -> None:
+    playback = Playback(waiting(log, 0, 6, 60.0))
+    assert playback.duration == pytest.approx(1.1 + 60.0)
+    playback.seek_reading(8)
+    playback.skip_gaps = True
+    assert (playback.count, playback.duration) == (9, pytest.approx(1.1))
+    assert playback.position == pytest.approx(0.8)
+    playback.skip_gaps = False
+    assert (playback.count, playback.position) == (9, pytest.approx(60.8))
+
+
+def test_the_pause_between_scans_is_no_gap_and_a_scan_of_slow_readings_has_none(log: Log) -> None:
+    playback = Playback(log)
+    playback.skip_gaps = True
+    assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
+    (scan, _) = log.scans
+    slow = tuple(replace(reading, time=scan.began + 4.0 * reading.number) for reading in scan.readings)
+    playback = Playback(replace(log, scans=(replace(scan, readings=slow),)))
+    playback.skip_gaps = True
+    assert playback.duration == pytest.approx(4.0 * (COUNT - 1))
+
+
+def test_scans_begin_where_their_first_reading_is(log: Log) -> None:
+    empty = replace(log.scans[0], readings=())
+    playback = Playback(replace(log, scans=(log.scans[0], empty, log.scans[1])))
+    first, second = playback.scan_starts
+    playback.seek(second)
+    assert (first, playback.count) == (pytest.approx(0.0), COUNT + 1)

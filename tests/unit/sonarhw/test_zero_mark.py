@@ -1,0 +1,191 @@
+"""Lost steps are told, and never a reading that stands wrong is among those said to be right."""
+
+import math
+import random
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sonarhw.errors import LostSteps
+from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.readings import Reading
+from sonarhw.wire.messages import Outcome, StartScan, Turn
+from sonarhw.zero_mark import first_in_doubt, legs, lost, nearest_mark, unchecked
+from tests.fixtures.example_logs import METADATA
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.plugged import Plugged
+
+WHOLE_TURN = StartScan(0, 5_000_000, 72, 1, 1)
+FAULTS = ["wedge@r5", "wedge=0.3@r30", "slip=40@r5", "slip=-3@r70", "slip@r72"]
+
+
+def scan_that_loses_steps(plugged: Plugged, order: StartScan) -> tuple[list[Reading], str]:
+    """The readings that came, and how it was told that steps were lost."""
+    job = plugged.session.scanning(order)
+    with pytest.raises(LostSteps) as told:
+        plugged.do(job, within=600)
+    return [*job.readings], str(told.value)
+
+
+def whole_torn_and_copied(log: Path) -> list[Path]:
+    """The log, the same torn, and that copied into a whole one."""
+    torn, copied = log.with_name("torn.mcap"), log.with_name("copied.mcap")
+    torn.write_bytes(log.read_bytes()[:-30])
+    copy_log(read_log(torn), copied)
+    return [log, torn, copied]
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+def test_steps_lost_in_a_single_sweep_are_told_behind_its_last_reading(faults: str) -> None:
+    readings, told = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
+    assert len(readings) == 72
+    assert "out of its place" in told
+    assert "72 readings are kept; all 72 angles may be off, from 0° on" in told
+    assert "\n" not in told
+
+
+@pytest.mark.parametrize("faults", FAULTS)
+def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(faults: str, tmp_path: Path) -> None:
+    path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
+    with LogWriter(path, METADATA) as log:
+        plugged.session.record(log)
+        scan_that_loses_steps(plugged, WHOLE_TURN)
+    for file in whole_torn_and_copied(path):
+        (scan,) = read_log(file).scans
+        assert len(scan.readings) == 72
+        assert scan.doubt == "the turntable lost steps; all 72 angles may be off, from 0° on"
+
+
+def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: Path) -> None:
+    path, plugged = tmp_path / "scan.mcap", Plugged(faulty("slip=40@r72"))
+    with LogWriter(path, METADATA) as log:
+        plugged.session.record(log)
+        plugged.scan(StartScan(0, 5_000_000, 71, 1, 1))
+        plugged.do(plugged.session.homing())
+        scan_that_loses_steps(plugged, StartScan(0, 5_000_000, 2, 1, 1))
+    first, second = read_log(path).scans
+    assert first.doubt is None
+    assert second.doubt is not None
+
+
+def test_a_scan_that_lost_no_steps_ends_done_near_the_mark_and_hardly_later() -> None:
+    plugged = Plugged(faulty(""))
+    readings = plugged.scan(WHOLE_TURN)
+    assert plugged.now - readings[-1].time < 0.4
+    assert plugged.do(plugged.session.turning(Turn(0))).result is Outcome.DONE
+
+
+def test_a_scan_that_is_stopped_is_not_turned_over_the_mark() -> None:
+    plugged = Plugged(faulty(""))
+    job = plugged.session.scanning(WHOLE_TURN)
+    plugged.session.start(job, plugged.now)
+    plugged.until(lambda: len(job.readings) == 10, within=30)
+    plugged.session.stop(job, plugged.now)
+    plugged.until(lambda: job.done, within=0.2)
+    assert job.result is Outcome.STOPPED
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_reading_that_is_said_to_be_right_stands_wrong(seed: int) -> None:
+    choice = random.Random(seed)
+    step = choice.choice([-1, 1]) * choice.choice([2, 5, 7.5])
+    order = StartScan(
+        start=choice.randrange(-400, 400) * 1_000_000,
+        step=round(step * 1e6),
+        headings=choice.randrange(2, 40),
+        sweeps=choice.randrange(1, 5),
+        pings=choice.randrange(1, 3),
+    )
+    total = order.headings * order.sweeps * order.pings
+    fault = choice.choice(["wedge=0.4", "wedge", "slip=3", "slip=-200"])
+    readings, told = scan_that_loses_steps(Plugged(faulty(f"{fault}@r{choice.randrange(1, total + 1)}")), order)
+    angles = np.array([reading.angle for reading in readings])
+    assert str(lost([angles])) in told
+    for reading in readings[: first_in_doubt(angles)]:
+        assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9)
+
+
+UNCHECKED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to find its zero anew"
+
+
+# a board that does not hear its host goes on for two seconds, then lets go of the motor
+@pytest.mark.parametrize(("faults", "count"), [("reset@r30", 30), ("slip=40@r5,reset@r30", 30), ("deaf=3@r30", 45)])
+def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_in_the_log(
+    faults: str, count: int, tmp_path: Path
+) -> None:
+    path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
+    with LogWriter(path, METADATA) as log:
+        plugged.session.record(log)
+        job = plugged.do(plugged.session.scanning(WHOLE_TURN), within=600)
+    assert len(job.readings) == 72
+    assert job.unchecked == f"{count} {UNCHECKED}"
+    for file in whole_torn_and_copied(path):
+        (scan,) = read_log(file).scans
+        assert len(scan.readings) == 72
+        assert scan.doubt == f"{count} {UNCHECKED}"
+
+
+def test_steps_lost_behind_a_zero_found_anew_cast_no_doubt_on_what_was_before_it_but_it_is_told_of() -> None:
+    _, told = scan_that_loses_steps(Plugged(faulty("reset@r30,slip=40@r50")), WHOLE_TURN)
+    assert f"72 readings are kept; the last 42 of 72 angles may be off, from 150° on; 30 {UNCHECKED}" in told
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_told_of(seed: int) -> None:
+    choice = random.Random(seed)
+    order = StartScan(choice.randrange(-400, 0) * 1_000_000, choice.choice([5, 7]) * 1_000_000, 40, 2, 1)
+    slip = choice.randrange(1, 40)
+    reset = slip + choice.randrange(1, 8)
+    plugged = Plugged(faulty(f"slip=30@r{slip},reset@r{reset}"))
+    job = plugged.session.scanning(order)
+    with suppress(LostSteps):  # where the mark came by before the reset
+        plugged.do(job, within=600)
+    times, angles = zip(*((reading.time, reading.angle) for reading in job.readings), strict=True)
+    right = [reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9) for reading in job.readings]
+    if job.error:
+        assert all(right[: first_in_doubt(np.array(angles))])
+        return
+    before, behind = legs(times, angles, [times[reset - 1]])
+    first = first_in_doubt(before)
+    assert (len(before), len(behind)) == (reset, 80 - reset)
+    assert str(job.unchecked).startswith(f"{reset - first} of 80 angles, from {math.degrees(before[first]):.6g}° on")
+    assert all(right[:first] + right[reset:])
+    assert not all(right)
+
+
+def test_what_was_made_before_a_zero_found_anew_is_no_part_of_what_was_made_behind_it() -> None:
+    times, angles = [0.0, 1.0, 2.0, 5.0, 3.0], np.radians([-20.0, -10.0, 0.0, 30.0, 20.0])
+    apart = legs(times, [*angles], [1.0])
+    assert [leg.tolist() for leg in apart] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
+    assert unchecked(apart[:1]) is None
+    assert "2 of 5 angles, from -20° on" in str(unchecked(apart))
+    assert lost(apart) == "the last 3 of 5 angles may be off, from 0° on"
+    assert lost([angles, angles[:0]]) is None
+
+
+def test_a_mark_turned_over_counter_clockwise_clears_what_was_before_it() -> None:
+    to_and_fro = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
+    assert first_in_doubt(to_and_fro) == 22
+    assert lost([to_and_fro]) == "the last 5 of 27 angles may be off, from 0° on"
+    assert first_in_doubt(to_and_fro[:9]) == 4
+    # of marks passed clockwise, or stood on, nothing is known
+    assert first_in_doubt(to_and_fro[:18]) == 4
+    assert first_in_doubt(np.radians([*range(0, 360, 10)])) == 0
+    assert first_in_doubt(np.radians([*range(0, 365, 10)])) == 0
+    assert first_in_doubt(np.radians([-5, 0, 5])) == 0
+    assert first_in_doubt(np.radians([*range(300, 800, 10)])) == 42
+
+
+@pytest.mark.parametrize(
+    ("angle", "lowest", "highest", "mark"),
+    [(355, -717, 714, 360), (175, -717, 714, 0), (-300, -717, 714, -360), (715, -717, 714, 360), (170, -180, 180, 0)],
+)
+def test_the_nearest_mark_is_one_that_the_cable_allows(angle: float, lowest: float, highest: float, mark: int) -> None:
+    assert nearest_mark(*map(math.radians, (angle, lowest, highest))) == pytest.approx(math.radians(mark))
+
+
+def test_a_table_that_reaches_no_mark_has_none() -> None:
+    assert nearest_mark(1.0, 0.5, 2.0) is None

@@ -1,0 +1,129 @@
+"""No message from a host ends a device: whatever it asks is answered, once, and the next question too."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from sonarhw.device.device_protocol import Conversation
+from sonarhw.device.fake_board import Board
+from sonarhw.log import Log, read_log
+from sonarhw.replay.replayed_log import ReplayDevice
+from sonarhw.wire.fields import Samples, Scalar
+from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import (
+    FROM_HOST,
+    Accepted,
+    Capabilities,
+    Configure,
+    Finished,
+    Hello,
+    Home,
+    Info,
+    LinkTested,
+    Message,
+    Outcome,
+    Refused,
+    Settings,
+    Started,
+    StartScan,
+    Statistics,
+    Stop,
+    TurntableSettings,
+    unpack_message,
+)
+from tests.fixtures.example_logs import write_example
+from tests.fixtures.plain_echoes import PlainEchoes
+
+ANSWERS = (Info, Accepted, Refused, Settings, Started, Capabilities, TurntableSettings, Statistics, LinkTested)
+LIMITS = {"u8": (0, 0xFF), "u16": (0, 0xFFFF), "u32": (0, 0xFFFF_FFFF), "i32": (-(2**31), 2**31 - 1)}
+
+
+def values(wire: Scalar | Samples) -> st.SearchStrategy[int] | st.SearchStrategy[bytes]:
+    """What a field may carry, its ends and small numbers above all."""
+    if isinstance(wire, Samples):
+        return st.binary(max_size=70)
+    lowest, highest = LIMITS[wire.name]
+    return st.sampled_from([lowest, 0, 1, highest]) | st.integers(lowest, highest)
+
+
+MESSAGES = st.one_of([st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in FROM_HOST])
+ANY_FRAMES = MESSAGES.map(lambda message: (message.TYPE, message.pack())) | st.tuples(
+    st.integers(0, 0xFF), st.binary(max_size=20)
+)
+
+
+class Host:
+    """Asks a device, with a virtual clock."""
+
+    def __init__(self, device: Conversation) -> None:
+        self.device = device
+        self.now = 0.0
+        self._sequence = 0
+
+    def ask(self, kind: int, payload: bytes) -> list[Message]:
+        """What the device says within two seconds of a frame."""
+        self._sequence += 1
+        self.device.receive(encode_frame(Frame(kind, self._sequence, 0, payload)), self.now)
+        self.now += 1.9  # no silence yet
+        frames = [frame for frame in FrameDecoder().feed(self.device.advance(self.now)) if isinstance(frame, Frame)]
+        said = [unpack_message(frame.type, frame.payload) for frame in frames]
+        return [message for message in said if message is not None]
+
+    def say(self, message: Message) -> list[Message]:
+        """The same for a message."""
+        return self.ask(message.TYPE, message.pack())
+
+    def answers(self, said: list[Message]) -> list[Message]:
+        """Those that answer the last frame."""
+        return [message for message in said if isinstance(message, ANSWERS) and message.command == self._sequence]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    path: Path = tmp_path_factory.mktemp("log") / "scan.mcap"
+    write_example(path, 12, trace=True)
+    return read_log(path)
+
+
+DEVICES: dict[str, Callable[[Log], Conversation]] = {
+    "board": lambda log: Board(PlainEchoes(), seed=2),
+    "replay": lambda log: ReplayDevice(log),
+    "looping replay": lambda log: ReplayDevice(log, loop=True),
+    "replay of a log without settings": lambda log: ReplayDevice(without_settings(log)),
+}
+
+
+def without_settings(log: Log) -> Log:
+    """The same log where its Settings did not arrive; then those count that the host wishes."""
+    return replace(log, settings=None, scans=tuple(replace(scan, settings=None) for scan in log.scans))
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES.keys())
+@given(frames=st.lists(ANY_FRAMES, max_size=8))
+@example(frames=[(StartScan.TYPE, StartScan(0, 1, 0xFFFF, 0xFFFF, 0xFF).pack())])
+@example(frames=[(kind.TYPE, kind.pack()) for kind in (Configure(65_000, 0, 1, 1), StartScan(0, 1, 1, 1, 1))])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_every_message_is_answered_once_and_the_next_one_too(
+    device: Callable[[Log], Conversation], log: Log, frames: list[tuple[int, bytes]]
+) -> None:
+    host = Host(device(log))
+    for message in (Hello(1, 0), Home()):
+        assert len(host.answers(host.say(message))) == 1
+    for kind, payload in frames:
+        assert len(host.answers(host.ask(kind, payload))) == 1
+    assert host.answers(host.say(Stop())) == [Accepted(host._sequence)]
+
+
+def test_a_reading_that_fits_no_message_ends_the_scan_with_its_reason(log: Log) -> None:
+    # at 1 mm/s the echo of a wall two metres away takes an hour: more nanoseconds than a reading carries
+    host = Host(ReplayDevice(without_settings(log)))
+    host.say(Hello(1, 0))
+    host.say(Configure(65_000, 0, 0, 1))
+    said = host.say(StartScan(0, 1_000_000, 12, 1, 1))
+    (finished,) = (message for message in said if isinstance(message, Finished))
+    assert (finished.outcome, finished.readings) == (Outcome.FAULT, 0)
+    assert "does not fit u32" in finished.text

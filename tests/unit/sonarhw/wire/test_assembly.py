@@ -1,0 +1,158 @@
+"""Laws of putting readings together: each once, each with its own trace, whatever was lost or came twice."""
+
+import numpy as np
+import pytest
+
+from sonarhw.readings import Reading, Trace
+from sonarhw.wire.assembly import ReadingAssembler
+from sonarhw.wire.messages import Finished, Heartbeat, Info, ReadingMessage, Settings, Started, TraceChunk
+from sonarhw.wire.reading_messages import trace_chunks
+
+
+def reading(number: int, fired_us: int | None = None) -> ReadingMessage:
+    """Reading `number` of a scan whose pings are 100 ms apart."""
+    return ReadingMessage(number, 0, 0, 0, 100_000 * (number + 1) if fired_us is None else fired_us, 2000, ())
+
+
+def chunks(number: int) -> list[TraceChunk]:
+    """A trace of two chunks, every sample `number`."""
+    return [TraceChunk(number, offset, 4, 20_000, 0, bytes([number, number])) for offset in (0, 2)]
+
+
+@pytest.fixture
+def assembler() -> ReadingAssembler:
+    """One that waits for traces."""
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, 1, 343_200))
+    assembler.feed(Started(2, 100))
+    return assembler
+
+
+def whole(reading: Reading) -> bool:
+    """Whether a reading has all samples of its own trace."""
+    return reading.trace is not None and bool((reading.trace.samples == reading.number / 255).all())
+
+
+def test_a_reading_is_handed_on_with_the_last_chunk_of_its_trace(assembler: ReadingAssembler) -> None:
+    first, second = chunks(5)
+    assert assembler.feed(reading(5)) == []
+    assert assembler.feed(first) == []
+    (done,) = assembler.feed(second)
+    assert whole(done)
+    assert done.time == pytest.approx(0.6)
+
+
+def test_a_reading_that_comes_twice_is_handed_on_once(assembler: ReadingAssembler) -> None:
+    out = [item for message in (reading(1), reading(1), *chunks(1), reading(1)) for item in assembler.feed(message)]
+    assert len(out + assembler.flush()) == 1
+
+
+def test_a_reading_sent_again_does_not_spoil_the_trace_being_put_together(assembler: ReadingAssembler) -> None:
+    first, second = chunks(7)
+    out = [item for message in (reading(7), first, reading(6), second) for item in assembler.feed(message)]
+    assert [item.number for item in out] == [6, 7]
+    assert out[0].trace is None
+    assert whole(out[1])
+
+
+def test_a_trace_whose_reading_was_lost_waits_for_it_to_be_sent_again(assembler: ReadingAssembler) -> None:
+    for chunk in chunks(6):
+        assert assembler.feed(chunk) == []
+    out = [item for message in (reading(7), reading(6), *chunks(7)) for item in assembler.feed(message)]
+    assert [item.number for item in out] == [6, 7]
+    assert all(map(whole, out))
+
+
+def test_the_last_reading_lost_and_sent_again_has_its_trace(assembler: ReadingAssembler) -> None:
+    for message in (*chunks(9), Finished(2, 0, 10, "")):
+        assert assembler.feed(message) == []
+    (done,) = assembler.feed(reading(9))
+    assert whole(done)
+
+
+@pytest.mark.parametrize(
+    "later",
+    [reading(4), Heartbeat(3, 0, 5, 2000), Finished(2, 0, 4, ""), Started(3, 10)],
+    ids=lambda m: type(m).__name__,
+)
+def test_a_trace_that_lost_a_chunk_is_given_up_when_something_later_comes(
+    assembler: ReadingAssembler, later: ReadingMessage | Heartbeat | Finished | Started
+) -> None:
+    assembler.feed(reading(3))
+    assembler.feed(chunks(3)[1])
+    (done,) = assembler.feed(later)
+    assert done.trace is not None
+    assert np.isnan(done.trace.samples).tolist() == [True, True, False, False]
+
+
+def test_a_heartbeat_between_two_chunks_gives_nothing_up(assembler: ReadingAssembler) -> None:
+    first, second = chunks(3)
+    out = [
+        item for message in (reading(3), first, Heartbeat(3, 0, 4, 2000), second) for item in assembler.feed(message)
+    ]
+    assert len(out) == 1
+    assert whole(out[0])
+
+
+def test_traces_without_readings_do_not_pile_up(assembler: ReadingAssembler) -> None:
+    for number in range(1000):
+        assembler.feed(TraceChunk(number, 0, 4, 20_000, 0, b"\1\1"))
+    assert len(assembler._traces) <= 4
+
+
+def test_the_same_numbers_in_the_next_scan_are_new_readings_even_where_its_start_was_lost(
+    assembler: ReadingAssembler,
+) -> None:
+    first = [item for n in range(3) for item in assembler.feed(reading(n))] + assembler.feed(Finished(2, 0, 3, ""))
+    second = [item for n in range(3) for item in assembler.feed(reading(n, 10_000_000 + n))] + assembler.flush()
+    assert [item.number for item in first] == [item.number for item in second] == [0, 1, 2]
+
+
+def test_a_repeated_start_changes_nothing(assembler: ReadingAssembler) -> None:
+    first, second = chunks(0)
+    out = [item for message in (reading(0), first, Started(2, 100), second) for item in assembler.feed(message)]
+    assert len(out) == 1
+    assert whole(out[0])
+
+
+def test_a_device_that_was_switched_off_and_greeted_anew_starts_its_clock_again(assembler: ReadingAssembler) -> None:
+    out = [item for n in range(3) for item in assembler.feed(reading(n))]
+    out += assembler.feed(Info(1, 1, 0, "", "", "", 2000, 0, 0))
+    assert [item.number for item in out] == [0, 1, 2]
+    again = [item for n in range(3) for item in assembler.feed(reading(n))]
+    assert [item.number for item in again + assembler.flush()] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    "chunk",
+    [TraceChunk(1, 0, 4, 0, 0, b"\1\1"), TraceChunk(1, 3, 4, 20_000, 0, b"\1\1"), TraceChunk(1, 0, 0, 20_000, 0, b"")],
+    ids=["no period", "beyond the end", "empty"],
+)
+def test_a_chunk_that_makes_no_sense_does_no_harm(assembler: ReadingAssembler, chunk: TraceChunk) -> None:
+    assembler.feed(reading(1))
+    out = assembler.feed(chunk) + assembler.flush()
+    assert [item.number for item in out] == [1]
+
+
+@pytest.mark.parametrize("carrier", [False, True], ids=["envelope", "carrier"])
+def test_a_trace_survives_the_line_to_eight_bits(carrier: bool) -> None:
+    samples = np.sin(np.linspace(0, 9, 700))
+    sent = Trace(samples if carrier else np.abs(samples), 76_900.0, 0.0004, carrier)
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, 2 if carrier else 1, 343_200))
+    assembler.feed(reading(0))
+    (whole,) = [item for chunk in trace_chunks(0, sent) for item in assembler.feed(chunk)]
+    assert whole.trace is not None
+    assert whole.trace.carrier == carrier
+    assert whole.trace.start == pytest.approx(sent.start)
+    np.testing.assert_allclose(whole.trace.samples, sent.samples, atol=(1.01 if carrier else 0.51) / 255)
+
+
+def test_samples_of_sixteen_bits_are_read_to_their_last_bit() -> None:
+    levels = np.array([0, 1, 32768, 65534, 65535], dtype="<u2")
+    assembler = ReadingAssembler()
+    assembler.feed(Settings(1, 62_500, 2380, 1, 343_200))
+    assembler.feed(reading(0))
+    (whole,) = assembler.feed(TraceChunk(0, 0, 5, 13_000, 0, levels.tobytes(), 1, 16))
+    assert whole.trace is not None
+    np.testing.assert_allclose(whole.trace.samples, levels / 65535, atol=1e-12)

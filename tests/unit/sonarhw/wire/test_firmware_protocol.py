@@ -1,0 +1,286 @@
+"""The protocol document is executed: its tables are the code's, its bytes decode, its conversation happens."""
+
+import importlib
+import re
+import zlib
+from dataclasses import Field, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import pytest
+from cobs import cobs
+
+from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.echo_source import Heard, Ping
+from sonarhw.readings import Trace
+from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+from sonarhw.wire.messages import (
+    BY_TYPE,
+    FROM_DEVICE,
+    FROM_HOST,
+    MAX_TEST,
+    Approach,
+    AskCapabilities,
+    AskStatistics,
+    Configure,
+    ConfigureTurntable,
+    Feature,
+    Finished,
+    Heartbeat,
+    Hello,
+    Home,
+    Message,
+    Outcome,
+    Refusal,
+    Refused,
+    Resend,
+    ResetCause,
+    SetBaud,
+    Started,
+    StartScan,
+    State,
+    Stop,
+    TestLink,
+    TraceKind,
+    Turn,
+    unpack_message,
+)
+from tests.checkout import CHECKOUT
+from tests.fixtures.joined import Joined
+from tests.fixtures.plain_echoes import PlainEchoes
+
+DOCUMENT = (CHECKOUT / "firmware_protocol.md").read_text(encoding="utf-8")
+TRANSCRIPT_SEED = 31  # a turntable that stands close to its zero
+
+
+class DocumentedRoom:
+    """The room of the document's conversation: one wall, and a trace of eight samples."""
+
+    temperature_c = 21.5
+
+    def hear(self, ping: Ping) -> Heard:
+        """A wall at 1.2 m."""
+        samples = np.array([0.0, 0.0, 1.0, 0.5, 0.2, 0.1, 0.0, 0.0])
+        return Heard((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
+
+
+def rows(title: str) -> list[list[str]]:
+    """The cells of the table under a heading, without its head."""
+    section = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#|\Z)", DOCUMENT, re.M | re.S)
+    assert section, f"no heading {title!r}"
+    lines = [line for line in section[1].splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+@pytest.mark.parametrize("kind", FROM_HOST + FROM_DEVICE, ids=lambda kind: kind.__name__)
+def test_every_message_has_its_table(kind: type[Message]) -> None:
+    way = "host to device" if kind in FROM_HOST else "device to host"
+    table = rows(f"{kind.__name__} · 0x{kind.TYPE:02X} · {way}") if fields(kind) else []
+    assert table == [[item.name, item.metadata["wire"].name, item.metadata["meaning"]] for item in fields(kind)]
+    assert f"### {kind.__name__} · 0x{kind.TYPE:02X} · {way}\n\n{kind.__doc__}" in DOCUMENT
+
+
+def test_no_message_is_documented_that_is_not_spoken() -> None:
+    documented = re.findall(r"^### (\w+) · 0x(..) ·", DOCUMENT, re.M)
+    assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in BY_TYPE.items()}
+
+
+@pytest.mark.parametrize(
+    ("title", "codes"),
+    [
+        ("State codes", State),
+        ("Outcome codes", Outcome),
+        ("Refusal codes", Refusal),
+        ("Trace codes", TraceKind),
+        ("Approach codes", Approach),
+        ("Reset codes", ResetCause),
+        ("Feature codes", Feature),
+    ],
+)
+def test_every_code_is_in_its_table(title: str, codes: type[IntEnum]) -> None:
+    assert [(int(row[0]), row[1]) for row in rows(title)] == [(code.value, code.name) for code in codes]
+
+
+@pytest.mark.parametrize("row", rows("Times and sizes"), ids=lambda row: row[0])
+def test_every_time_and_size_is_the_one_the_code_keeps(row: list[str]) -> None:
+    _, value, held_by = row
+    number = float(re.match(r"[\d ]+(\.\d+)?", value)[0].replace(" ", ""))  # type: ignore[index]
+    module, _, name = held_by.rpartition(".")
+    kept = getattr(importlib.import_module(module), name)
+    scale = 1000 if re.search(r"\bms\b", value) else 1
+    assert number == pytest.approx(kept * scale)
+
+
+def test_the_checksum_is_the_one_described() -> None:
+    assert f"{zlib.crc32(b'123456789'):08X}" == "CBF43926"
+    assert "`CBF43926`" in DOCUMENT
+    table = [int(word, 16) for word in re.findall(r"0x([0-9A-F]{8})\b", rows_of_code("crc table"))]
+    crc = 0xFFFFFFFF
+    for byte in b"123456789":
+        crc ^= byte
+        crc = (crc >> 4) ^ table[crc & 15]
+        crc = (crc >> 4) ^ table[crc & 15]
+    assert crc ^ 0xFFFFFFFF == 0xCBF43926
+
+
+def rows_of_code(label: str) -> str:
+    """The fenced block with this label."""
+    block = re.search(rf"^```{re.escape(label)}\n(.*?)^```$", DOCUMENT, re.M | re.S)
+    assert block, f"no block {label!r}"
+    return block[1]
+
+
+def test_the_worked_example_is_right_at_every_step() -> None:
+    steps = dict(re.findall(r"^(\w+) +((?:[0-9A-F]{2} ?)+)", rows_of_code("worked example"), re.M))
+    body, crc, stuffed, wire = (bytes.fromhex(steps[name]) for name in ("body", "crc", "stuffed", "wire"))
+    parts = [bytes.fromhex(steps[name]) for name in ("type", "sequence", "time", "payload")]
+    assert b"".join(parts) == body
+    assert zlib.crc32(body).to_bytes(4, "little") == crc
+    assert cobs.encode(body + crc) == stuffed
+    assert stuffed + DELIMITER == wire
+    (frame,) = FrameDecoder().feed(wire)
+    assert isinstance(frame, Frame)
+    assert unpack_message(frame.type, frame.payload) == Hello(1, 1)
+
+
+def test_a_last_piece_of_254_bytes_needs_nothing_behind_it_and_may_have_it() -> None:
+    piece = bytes([7]) * 254
+    assert cobs.encode(piece) == b"\xff" + piece
+    assert cobs.decode(b"\xff" + piece) == cobs.decode(b"\xff" + piece + b"\x01") == piece
+
+
+@pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
+def test_what_is_documented_as_refused_is(row: list[str]) -> None:
+    command, code = row
+    name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
+    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
+    given = dict(re.findall(r"(\w+)=(-?\w*)", values))
+    message = kind(**{key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given.items()})
+    joined = Joined(board=Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000))))
+    joined.greet()
+    answer = joined.ask(message).answer
+    assert isinstance(answer, Refused)
+    assert Refusal(answer.code).name == code
+
+
+EXAMPLES: dict[type[Message], Message] = {
+    Hello: Hello(1, 1),
+    Configure: Configure(20_000, 2_380, 0, 343_200),
+    Home: Home(),
+    Turn: Turn(0),
+    StartScan: StartScan(0, 1_000_000, 50, 1, 1),
+    Stop: Stop(),
+    Resend: Resend(0, 1),
+    AskCapabilities: AskCapabilities(),
+    ConfigureTurntable: ConfigureTurntable(0, 0, 20_000, 0),
+    AskStatistics: AskStatistics(),
+    SetBaud: SetBaud(1_000_000),
+    TestLink: TestLink(3, b"ab"),
+}
+
+
+@pytest.mark.parametrize("row", rows("Commands at a glance"), ids=lambda row: row[0])
+def test_a_busy_board_does_with_a_command_what_the_table_says(row: list[str]) -> None:
+    name, answer, busy, _ = row
+    kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
+    device = Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
+    for sequence, message in enumerate((Hello(1, 1), Home())):
+        device.receive(encode_frame(Frame(message.TYPE, sequence, 0, message.pack())), 0.0)
+    ready = device_messages(device, 1.9)
+    assert isinstance(ready[-1], Heartbeat)
+    scan = EXAMPLES[StartScan]
+    device.receive(encode_frame(Frame(scan.TYPE, 2, 0, scan.pack())), 1.9)
+    assert [type(message) for message in device_messages(device, 1.95)] == [Started]
+    device.receive(encode_frame(Frame(kind.TYPE, 3, 0, EXAMPLES[kind].pack())), 1.95)
+    said = [message for message in device_messages(device, 1.96) if not isinstance(message, Heartbeat)]
+    if busy == "BUSY":
+        (refused,) = said
+        assert isinstance(refused, Refused)
+        assert refused.code == Refusal.BUSY
+    else:
+        assert type(said[-1]).__name__ == answer
+        assert isinstance(said[0], Finished) == (busy == "stops it")
+        assert device.busy == (busy == "answered")
+
+
+def test_the_table_of_commands_has_them_all() -> None:
+    assert (
+        [row[0] for row in rows("Commands at a glance")]
+        == [kind.__name__ for kind in FROM_HOST]
+        == [kind.__name__ for kind in EXAMPLES]
+    )
+
+
+def test_no_command_needs_more_than_the_documented_buffer() -> None:
+    longest = [kind(**{item.name: widest(item) for item in fields(kind)}) for kind in FROM_HOST]
+    assert max(len(message.pack()) for message in longest) <= 80
+    blocks = [encode_frame(Frame(message.TYPE, 0xFFFF, 2**64 - 1, message.pack())) for message in longest]
+    assert max(map(len, blocks)) <= 96
+
+
+def widest(item: Field[Any]) -> int | bytes:
+    """A value of a command's field that takes most bytes."""
+    return bytes(MAX_TEST) if item.metadata["wire"].name == "u8[]" else 1
+
+
+def device_messages(board: Board, until: float) -> list[Message | None]:
+    """What a board says up to a time."""
+    frames = FrameDecoder().feed(board.advance(until))
+    return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
+
+
+def test_every_frame_in_the_conversation_decodes_to_what_stands_above_it() -> None:
+    entries = re.findall(
+        r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)",
+        rows_of_code("conversation"),
+        re.M,
+    )
+    assert len(entries) == rows_of_code("conversation").count(" at ")
+    for side, sequence, time, said, wire in entries:
+        (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
+        assert isinstance(frame, Frame)
+        assert (frame.sequence, frame.time_us) == (int(sequence), int(time))
+        assert repr(unpack_message(frame.type, frame.payload)) == said
+        assert (frame.type < 0x80) == (side == "host  ")
+
+
+def test_the_fake_board_holds_the_documented_conversation_byte_for_byte() -> None:
+    assert rows_of_code("conversation") == conversation()
+
+
+def conversation() -> str:
+    """The document's conversation as the fake board holds it now; paste it in where the protocol has changed."""
+    said = [
+        (0.000, Hello(1, 1)),
+        (0.001, AskCapabilities()),
+        (0.002, Configure(20_000, 2_380, 1, 343_200)),
+        (0.004, Home()),
+        (0.100, StartScan(0, 10_000_000, 2, 1, 1)),
+        (0.340, Resend(1, 1)),
+        (0.342, Turn(800_000_000)),
+        (0.344, AskStatistics()),
+        (0.346, Stop()),
+    ]
+    board = Board(DocumentedRoom(), seed=TRANSCRIPT_SEED)
+    lines = []
+    for sequence, (time, message) in enumerate(said, start=1):
+        lines += device_says(board, time)
+        frame = Frame(message.TYPE, sequence, round(time * 1e6), message.pack())
+        lines += written("host  ", frame)
+        board.receive(encode_frame(frame), time)
+    return "".join([*lines, *device_says(board, 0.355)])
+
+
+def device_says(board: Board, until: float) -> list[str]:
+    """What the board sends up to a time."""
+    frames = FrameDecoder().feed(board.advance(until))
+    return [line for frame in frames if isinstance(frame, Frame) for line in written("device", frame)]
+
+
+def written(side: str, frame: Frame) -> list[str]:
+    """A frame as the document writes it."""
+    wire = encode_frame(frame).hex(" ").upper().split()
+    message = unpack_message(frame.type, frame.payload)
+    hex_lines = [f"        {' '.join(wire[at : at + 24])}\n" for at in range(0, len(wire), 24)]
+    return [f"{side}  #{frame.sequence} at {frame.time_us} us  {message}\n", *hex_lines]

@@ -1,0 +1,114 @@
+"""Laws of messages: every message survives packing, fits a frame, and no payload brings the decoder down."""
+
+from dataclasses import MISSING, fields
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sonarhw.wire.fields import Numbers, Samples, Scalar, Text, Wire
+from sonarhw.wire.frames import MAX_PAYLOAD
+from sonarhw.wire.messages import (
+    BY_TYPE,
+    FROM_DEVICE,
+    FROM_HOST,
+    MAX_ECHOES,
+    Message,
+    MessageError,
+    ReadingMessage,
+    Turn,
+    unpack_message,
+)
+
+RANGES = {
+    "B": (0, 2**8),
+    "H": (0, 2**16),
+    "I": (0, 2**32),
+    "Q": (0, 2**64),
+    "h": (-(2**15), 2**15),
+    "i": (-(2**31), 2**31),
+}
+
+
+def values(wire: Wire) -> st.SearchStrategy[Any]:
+    """What a field can hold."""
+    match wire:
+        case Scalar(code=code):
+            return st.integers(RANGES[code][0], RANGES[code][1] - 1)
+        case Text():
+            return st.text(st.characters(exclude_categories=["Cs"]), max_size=60)
+        case Numbers():
+            return st.lists(st.integers(0, 2**32 - 1), max_size=MAX_ECHOES).map(tuple)
+        case Samples():
+            return st.binary(max_size=256)
+
+
+messages = st.one_of(
+    [st.builds(kind, *(values(item.metadata["wire"]) for item in fields(kind))) for kind in FROM_HOST + FROM_DEVICE]
+)
+
+
+@given(messages)
+def test_every_message_survives_packing_and_fits_a_frame_when_within_bounds(message: Message) -> None:
+    payload = message.pack()
+    assert unpack_message(message.TYPE, payload) == message
+    assert len(payload) <= MAX_PAYLOAD or not isinstance(message, ReadingMessage)
+
+
+@given(messages, st.binary(max_size=20))
+def test_bytes_behind_the_last_field_belong_to_a_newer_version_and_are_ignored(message: Message, more: bytes) -> None:
+    assert unpack_message(message.TYPE, message.pack() + more) == message
+
+
+@given(messages, st.integers(1, 40))
+def test_a_payload_cut_short_is_refused_unless_an_older_version_ends_there(message: Message, missing: int) -> None:
+    payload = message.pack()
+    cut = payload[: max(0, len(payload) - missing)]
+    if not payload:
+        return
+    try:
+        taken = unpack_message(message.TYPE, cut)
+    except MessageError:
+        return
+    # what is left out is what came last, whole fields of it, and it has its default
+    assert taken is not None
+    assert len(cut) >= len(message.pack(minor=0))
+    assert taken.pack()[: len(cut)] == cut
+    left_out = [item for item in fields(message) if getattr(taken, item.name) != getattr(message, item.name)]
+    assert all(getattr(taken, item.name) == item.default for item in left_out)
+
+
+@given(messages)
+def test_what_an_older_version_sends_is_read_with_defaults_for_what_it_did_not_know(message: Message) -> None:
+    older = unpack_message(message.TYPE, message.pack(minor=0))
+    for item in fields(message):
+        expected = getattr(message, item.name) if item.default is MISSING else item.default
+        assert getattr(older, item.name) == expected
+
+
+@given(st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
+def test_any_payload_gives_a_message_nothing_or_a_message_error(kind: int, payload: bytes) -> None:
+    try:
+        message = unpack_message(kind, payload)
+    except MessageError:
+        return
+    assert (message is None) == (kind not in BY_TYPE)
+
+
+def test_host_and_device_types_do_not_overlap_and_the_top_bit_tells_them_apart() -> None:
+    assert len(BY_TYPE) == len(FROM_HOST) + len(FROM_DEVICE)
+    assert all(kind.TYPE < 0x80 for kind in FROM_HOST)
+    assert all(kind.TYPE >= 0x80 for kind in FROM_DEVICE)
+
+
+def test_a_value_that_does_not_fit_its_field_is_refused_when_packed() -> None:
+    with pytest.raises(MessageError, match="does not fit i32"):
+        Turn(angle=2**31).pack()
+
+
+def test_one_echo_more_than_the_bound_would_burst_the_frame() -> None:
+    def size(echoes: int) -> int:
+        return len(ReadingMessage(0, 0, 0, 0, 0, 0, (0,) * echoes).pack())
+
+    assert size(MAX_ECHOES) <= MAX_PAYLOAD < size(MAX_ECHOES + 1)
