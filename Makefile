@@ -6,7 +6,6 @@ export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # tests wait half the time, so several files run at once; wheel and notebook take longest, and begin
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
-WITHOUT_WINDOWS = $(wildcard tests/test_*.py) $(filter-out %/gui/ %/__pycache__/,$(wildcard tests/*/))
 # -noreset: a screen whose last window closes begins anew, and turns away whoever comes meanwhile
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
 # a window wants the keys for itself, so each of those processes has a screen of its own
@@ -16,7 +15,7 @@ TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
 setup: .venv/installed
 
-.venv/installed: pyproject.toml constraints.txt setup/debian_packages.sh
+.venv/installed: pyproject.toml setup.py constraints.txt setup/debian_packages.sh
 	setup/debian_packages.sh
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
@@ -39,8 +38,8 @@ test: setup firmware
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
-	$(BIN)/pytest tests/gui $(AT_ONCE) $(TWO_SCREENS)
-	$(IN_XVFB) $(BIN)/pytest $(WITHOUT_WINDOWS) $(AT_ONCE) --numprocesses 3
+	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
+	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3
 
 # the long tests in full, and the figures that name seconds: some hours
 soak: setup firmware
