@@ -1,4 +1,4 @@
-# make setup | demo | test | soak | firmware | board: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | check | test | soak | firmware | board: each does all the set-up it needs, and is quick the second time.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -11,7 +11,7 @@ IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -nore
 # a window wants the keys for itself, so each of those processes has a screen of its own
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
-.PHONY: setup demo test soak firmware board clean
+.PHONY: setup demo check lint test soak firmware board clean
 
 setup: .venv/installed
 
@@ -33,11 +33,17 @@ firmware: setup
 board: firmware
 	$(BIN)/python -m sonarhw_cli.instrument.board_command
 
-test: setup firmware
+# lint, layers, types and the tests without ports, processes and windows
+check: lint
+	$(BIN)/pytest tests/unit $(AT_ONCE) --numprocesses 2
+
+lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+
+test: lint firmware
 	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
 	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3
 

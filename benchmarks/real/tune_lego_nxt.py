@@ -9,6 +9,7 @@ standard error of the best, the one is taken that best says which headings are s
 of a thousand readings are jagged, those of a candidate are averaged with its neighbours' on the grid.
 """
 
+import csv
 import hashlib
 import math
 import sys
@@ -197,9 +198,11 @@ own_burst_db = -40.0         # its ear is a second transducer; a guess that keep
 
 
 def fingerprint_of(folder: Path) -> str:
-    """The first 16 digits of the SHA-256 of all scans of a folder, in order of their names."""
+    """The first 16 digits of the SHA-256 of scans.csv and of the scans that it lists, in order of their names."""
     together = hashlib.sha256()
-    for path in sorted(folder.glob("*.csv")):
+    listed = folder / "scans.csv"
+    scans = [folder / f"{row['scan']}.csv" for row in csv.DictReader(listed.read_text().splitlines())]
+    for path in sorted([listed, *scans]):
         together.update(path.read_bytes())
     return together.hexdigest()[:16]
 
