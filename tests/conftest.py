@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
+pytest_plugins = ["tests.fixtures.window_scene"]
+
 Count = Callable[[int, int], int]
 
 

@@ -1,6 +1,7 @@
 """Tune the profile `lego-nxt` on real scans: `python -m benchmarks.real.tune_lego_nxt [FOLDER]`.
 
-Takes the folder of real scans; tries apertures and thresholds on a grid, writes the best into sim/boards/lego-nxt.toml
+Takes the folder of real scans; tries apertures and thresholds on a grid, writes the best into
+sim/sonarhw_sim/board/shipped/lego-nxt.toml
 with where it comes from, and prints what it explains, also of places and recordings that it was not tuned on.
 
 Two numbers are tuned, everything else of the profile is what is known of the sensor. Of each scan only heading, range
@@ -43,7 +44,7 @@ from sonarhw.readings import FloatArray
 
 APERTURES = np.arange(3.0, 4.76, 0.25) / 1000  # m
 THRESHOLDS = np.arange(-22.0, -13.9, 0.5)  # dB
-PROFILE = Path("sim/boards/lego-nxt.toml")
+PROFILE = Path("sim/sonarhw_sim/board/shipped/lego-nxt.toml")
 
 Known = Mapping[str, Sequence[tuple[Place, Paths]]]  # by spot: the places near it, and the paths of each
 

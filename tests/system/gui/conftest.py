@@ -4,7 +4,6 @@ import gc
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -16,36 +15,17 @@ from sonarhw_gui.live.live_scan import ScanErrand, ScannerOpener, ScanWish
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import WindowStart, open_application, open_window
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
-from sonarhw_sim.room.model import load_room
+from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import Board
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import ScanOrder
-from tests.checkout import CHECKOUT
 from tests.system.gui.driving import PATIENCE
 
-ROOM = CHECKOUT / "rooms" / "simple.toml"
 OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
 ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
-
-
-@pytest.fixture(scope="session")
-def scene() -> Scene:
-    room = load_room(ROOM)
-    # two metres keep the paths few and the tests quick
-    board = replace(load_board("polaroid-6500"), max_range=2.0, blanking=0.0006)
-    return Scene(room, room.place("figure9"), board, ROOM.name)
-
-
-@pytest.fixture(scope="session")
-def echoes(scene: Scene) -> RoomEchoes:
-    echoes = RoomEchoes(scene.room, scene.place, scene.board, 1, EXACT)
-    echoes.prepare()
-    return echoes
 
 
 @pytest.fixture

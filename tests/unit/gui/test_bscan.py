@@ -43,7 +43,7 @@ from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.errors import NotALog
 from sonarhw.readings import FloatArray, Reading, Trace
-from tests.system.gui.conftest import ROOM
+from tests.fixtures.window_scene import ROOM
 
 SPEED = 343.2
 RATE = 50_000.0

@@ -14,7 +14,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, load_room
 
 from sonarhw.readings import Reading, Trace
-from tests.system.gui.conftest import ROOM
+from tests.fixtures.window_scene import ROOM
 
 SPEED = 343.2
 DISTANCE = 0.9  # m: its echo comes just after a step of the gain, where that is farthest from the ideal one

@@ -20,7 +20,7 @@ from sonarhw_sim.room.model import Place, Room, load_room
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
-from tests.system.gui.conftest import ROOM
+from tests.fixtures.window_scene import ROOM
 
 PIXEL = 0.002  # m
 

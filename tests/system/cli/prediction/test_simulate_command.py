@@ -84,7 +84,7 @@ def test_board_receiver_reads_a_little_long_by_the_same_paths(capsys: pytest.Cap
 
 def changed_board(path: Path, line: str) -> str:
     """A profile file: the 6500 with one line more."""
-    path.write_text(line + "\n" + Path("sim/boards/polaroid-6500.toml").read_text())
+    path.write_text(line + "\n" + Path("sim/sonarhw_sim/board/shipped/polaroid-6500.toml").read_text())
     return str(path)
 
 
@@ -153,7 +153,7 @@ def test_compare_takes_the_receiver_too(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     far = tmp_path / "far.toml"
-    far.write_text(Path("sim/boards/polaroid-6500.toml").read_text().replace("10.7 ", "20.0 "))
+    far.write_text(Path("sim/sonarhw_sim/board/shipped/polaroid-6500.toml").read_text().replace("10.7 ", "20.0 "))
     out = tmp_path / "scan.mcap"
     few = ["simulate", *FIGURE_9, "--board", str(far), "--from", "90", "--to", "91"]
     assert run([*few, "--traces", "envelope", "--rate", "1e6", "--out", str(out)]) == 2

@@ -22,7 +22,8 @@ from sonarhw_sim.room.model import load_room
 from sonarhw_sim.room.room_writing import materials, with_air
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import ROOM, OpenWith
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until
 
 

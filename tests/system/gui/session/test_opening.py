@@ -12,7 +12,8 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import ORDER, ROOM, OpenWith
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import until
 
 LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier

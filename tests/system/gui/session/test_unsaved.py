@@ -18,7 +18,8 @@ from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.room.model import parse_room
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import ROOM, OpenWith
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import until
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier

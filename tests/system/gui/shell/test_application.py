@@ -12,7 +12,7 @@ from sonarhw_cli.app import run
 from sonarhw_gui.shell.application import WindowStart
 
 from sonarhw.log import read_log
-from tests.system.gui.conftest import ROOM
+from tests.fixtures.window_scene import ROOM
 
 MEANT = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
 SONARHW = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]

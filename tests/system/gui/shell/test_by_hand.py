@@ -8,7 +8,7 @@ import pytest
 from sonarhw_gui.look.palette import DARK, LIGHT
 
 from sonarhw.log import Log, read_log
-from tests.system.gui.conftest import ROOM
+from tests.fixtures.window_scene import ROOM
 from tests.system.gui.outside import Outside, awaited
 
 DEMO = "Laboratory · place bench"

@@ -35,7 +35,8 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.link.ports import Port, Usb
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
-from tests.system.gui.conftest import ROOM, OpenWith
+from tests.fixtures.window_scene import ROOM
+from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import click, ended, place_of, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")

@@ -71,7 +71,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw.echo_source import Ping
 
 def compiled():
-    ours = [module for name, module in sys.modules.items() if name.startswith("sim.")]
+    ours = [module for name, module in sys.modules.items() if name.startswith("sonarhw_sim.")]
     return {key: len(kernel.signatures) for module in ours for key, kernel in vars(module).items()
             if hasattr(kernel, "signatures")}
 
