@@ -15,12 +15,9 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any
 
-from sonarhw.device.device_protocol import HEARTBEAT, HOST_SILENCE, UNHEARD
-from sonarhw.link.serial_link import BAUD
-from sonarhw.wire import messages
+from sonarhw.wire import limits, messages, units
 from sonarhw.wire.fields import Numbers, Samples, Scalar, Text
 from sonarhw.wire.messages import FROM_DEVICE, FROM_HOST, Message
-from sonarhw.wire.reading_messages import CHUNK
 
 CORE = Path(__file__).parent / "core"
 BORN = "/* Written by generate.py; change that, not this. */\n"
@@ -44,26 +41,18 @@ def enumerations() -> list[type[IntEnum] | type[IntFlag]]:
 
 
 def constants() -> dict[str, int]:
-    """Numbers the protocol fixes."""
-    return {
-        "PROTOCOL_MAJOR": messages.PROTOCOL_MAJOR,
-        "PROTOCOL_MINOR": messages.PROTOCOL_MINOR,
-        "NO_TEMPERATURE": messages.NO_TEMPERATURE,
-        "MAX_ECHOES": messages.MAX_ECHOES,
-        "MAX_TEST": messages.MAX_TEST,
-        "MAX_TESTED": messages.MAX_TESTED,
-        "CHUNK": CHUNK,
-        "FIRST_BAUD": BAUD,
-        "HEARTBEAT_US": round(HEARTBEAT * 1e6),
-        "HOST_SILENCE_US": round(HOST_SILENCE * 1e6),
-        "UNHEARD_US": round(UNHEARD * 1e6),
-    }
+    """The numbers that the protocol fixes; times in µs."""
+    found = {"NO_TEMPERATURE": units.NO_TEMPERATURE}
+    for name, value in vars(limits).items():
+        if name.isupper():
+            found |= {f"{name}_US": round(value * 1e6)} if isinstance(value, float) else {name: value}
+    return found
 
 
 def header() -> str:
     """messages.h."""
     lines = [BORN, "#ifndef MESSAGES_H", "#define MESSAGES_H\n", '#include "fields.h" // struct payload', ""]
-    lines += [f"#define {name} {value}" for name, value in constants().items()] + [""]
+    lines += [f"#define {name} {value}{'u' * (value > 0x7FFFFFFF)}" for name, value in constants().items()] + [""]
     lines.append("enum message_type {")
     lines += [f"    {snake(kind.__name__).upper()} = 0x{kind.TYPE:02x}," for kind in FROM_HOST + FROM_DEVICE] + ["};\n"]
     for codes in enumerations():

@@ -5,14 +5,18 @@
 
 #include "fields.h" // struct payload
 
+#define NO_TEMPERATURE -32768
 #define PROTOCOL_MAJOR 1
 #define PROTOCOL_MINOR 1
-#define NO_TEMPERATURE -32768
+#define FIRST_BAUD 250000
+#define MAX_PAYLOAD 512
 #define MAX_ECHOES 122
+#define MAX_TEXT 60
 #define MAX_TEST 64
 #define MAX_TESTED 480
 #define CHUNK 256
-#define FIRST_BAUD 250000
+#define MOST_READINGS 4294967295u
+#define KEPT_READINGS 64
 #define HEARTBEAT_US 250000
 #define HOST_SILENCE_US 2000000
 #define UNHEARD_US 500000

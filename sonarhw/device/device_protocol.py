@@ -12,13 +12,20 @@ from dataclasses import dataclass
 
 from sonarhw.device.paced_line import Line
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected
+from sonarhw.wire.limits import (
+    HEARTBEAT,
+    HOST_SILENCE,
+    KEPT_READINGS,
+    MAX_ECHOES,
+    MAX_TEST,
+    MAX_TESTED,
+    MOST_READINGS,
+    UNHEARD,
+)
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_HOST,
     FROM_HOST_1_0,
-    MAX_ECHOES,
-    MAX_TEST,
-    MAX_TESTED,
     Accepted,
     Approach,
     AskCapabilities,
@@ -54,11 +61,6 @@ from sonarhw.wire.messages import (
     TurntableSettings,
 )
 
-HEARTBEAT = 0.250  # s
-HOST_SILENCE = 2.0  # s without a sound frame; then the device lets go of the motor and the conversation
-UNHEARD = 0.5  # s without a sound frame at a new speed of the line; then it goes back to the one before
-KEPT_READINGS = 64
-MOST_READINGS = 0xFFFF_FFFF  # of one scan: Started and Finished count in u32
 BACKLOG = 65_536  # bytes waiting for the line; commands that come on top of that are dropped
 
 

@@ -9,16 +9,13 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import KEPT_READINGS, Conversation, Failing, Refusing
+from sonarhw.device.device_protocol import Conversation, Failing, Refusing
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.echo_source import EchoSource, Ping
 from sonarhw.readings import ScanOrder
-from sonarhw.wire.assembly import microdegrees_of, radians_of, scan_order
+from sonarhw.wire.limits import KEPT_READINGS, MAX_ECHOES, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Capabilities,
     Configure,
     ConfigureTurntable,
@@ -35,7 +32,8 @@ from sonarhw.wire.messages import (
     Turn,
     TurntableSettings,
 )
-from sonarhw.wire.reading_messages import centidegrees_of, trace_chunks
+from sonarhw.wire.reading_messages import scan_order, trace_chunks
+from sonarhw.wire.units import centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of, seconds_of
 
 PING_PERIOD = 0.100  # s from start to start; turning and settling within
 MAX_LISTEN = 0.065  # s
@@ -80,7 +78,7 @@ class Board(Conversation):
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         self._lost_steps = 0  # microsteps
         self._next_ping = 0.0  # s; not before that, so that the echoes of the last one have died
-        self._settings = Settings(0, round(MAX_LISTEN * 1e6), round(blanking * 1e6), 0, 343_200)
+        self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
 
     @property
     def busy(self) -> bool:
@@ -128,12 +126,12 @@ class Board(Conversation):
             fastest=microdegrees_of(SPEED),
             hardest=0,
             backlash=0,
-            longest_listen_us=round(MAX_LISTEN * 1e6),
+            longest_listen_us=microseconds_of(MAX_LISTEN),
             shortest_blanking_us=0,
             shortest_rearm_us=0,
             most_pulses=0,
             most_echoes=MAX_ECHOES,
-            ping_period_us=round(PING_PERIOD * 1e6),
+            ping_period_us=microseconds_of(PING_PERIOD),
             fastest_trace=rate,
             longest_trace=round(MAX_LISTEN * rate),
             fastest_baud=max(self.line.bauds, default=0),
@@ -157,7 +155,7 @@ class Board(Conversation):
 
     def configure(self, wish: Configure, sequence: int) -> Settings:
         """The settings from now on in force: no longer than it can listen, no traces it has not. Raises Refusing."""
-        listen = min(wish.listen_us, round(MAX_LISTEN * 1e6))
+        listen = min(wish.listen_us, microseconds_of(MAX_LISTEN))
         if listen <= wish.blanking_us:
             raise Refusing(
                 Refusal.OUT_OF_RANGE,
@@ -180,7 +178,7 @@ class Board(Conversation):
     def configure_turntable(self, wish: ConfigureTurntable, sequence: int) -> TurntableSettings:
         """How it turns from now on: no faster than it can, at once as fast as that, and without play."""
         self._turntable.speed = min(radians_of(wish.speed) or SPEED, SPEED)
-        self._turntable.settling = wish.settle_us * 1e-6
+        self._turntable.settling = seconds_of(wish.settle_us)
         return TurntableSettings(sequence, microdegrees_of(self._turntable.speed), 0, wish.settle_us, wish.approach)
 
     def homing(self, now: float) -> Iterator[float]:
@@ -250,7 +248,7 @@ class Board(Conversation):
         while not self._ready():
             now += _PATIENCE
             yield now
-        listen = self._settings.listen_us * 1e-6
+        listen = seconds_of(self._settings.listen_us)
         for number in numbers:
             sweep, angle, ping = scan.ping_at(number)
             fire = max(self._turntable.turn(angle, now), self._next_ping)
@@ -264,17 +262,17 @@ class Board(Conversation):
 
     def _hear(self, number: int, ping: Ping, fired: float, now: float) -> None:
         heard = self._echoes.hear(replace(ping, angle=ping.angle + self._turntable.error(fired)))
-        blanking = self._settings.blanking_us * 1e-6
+        blanking = seconds_of(self._settings.blanking_us)
         times = [time for time in heard.echo_times if blanking <= time <= ping.listen]
-        echoes = rearmed(times, self._settings.rearm_us * 1e-6)[: self._settings.echoes]
+        echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]
         reading = ReadingMessage(
             number=number,
             sweep=ping.sweep,
             ping=ping.index,
             angle=microdegrees_of(ping.angle),
-            fired_us=round(fired * 1e6),
+            fired_us=microseconds_of(fired),
             temperature=self.temperature(),
-            echoes=tuple(round(time * 1e9) for time in echoes),
+            echoes=tuple(nanoseconds_of(time) for time in echoes),
         )
         self.report(reading, trace_chunks(number, heard.trace) if heard.trace is not None and ping.trace else (), now)
 

@@ -6,7 +6,9 @@ Takes messages with the time they were made; hands on the bytes that have left b
 from collections import deque
 
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import PROTOCOL_MINOR, Message
+from sonarhw.wire.limits import PROTOCOL_MINOR
+from sonarhw.wire.messages import Message
+from sonarhw.wire.units import microseconds_of
 
 BITS = 10  # of a byte on the line: eight, start and stop
 BYTE_TIME = BITS / 1_000_000  # s
@@ -30,7 +32,7 @@ class Line:
 
     def send(self, message: Message, now: float) -> None:
         """Queue a message; its frame carries the time it was made."""
-        wire = encode_frame(Frame(message.TYPE, self._sequence, round(now * 1e6), message.pack(self.minor)))
+        wire = encode_frame(Frame(message.TYPE, self._sequence, microseconds_of(now), message.pack(self.minor)))
         self._sequence = (self._sequence + 1) % 0x10000
         self.free = max(now, self.free) + len(wire) * (BITS / self._ahead if self._ahead else self._byte_time)
         self._queue.append((self.free, wire))

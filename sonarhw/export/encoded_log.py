@@ -13,8 +13,10 @@ from sonarhw.log.contents import LogMetadata
 from sonarhw.log.writer import LogWriter
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, encode_frame
-from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Finished, Info, Message, Outcome, Settings, Started
-from sonarhw.wire.reading_messages import centidegrees_of, reading_message, trace_chunks
+from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
+from sonarhw.wire.messages import Finished, Info, Message, Outcome, Settings, Started
+from sonarhw.wire.reading_messages import reading_message, trace_chunks
+from sonarhw.wire.units import centidegrees_of, microseconds_of, millimetres_per_second_of, seconds_of
 
 _TICK = 1e-6  # s
 _HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the commands that nobody sent
@@ -53,7 +55,7 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
         # a ping is known by when it was fired; two at one time would be taken for one sent twice
         fired = max(reading.time - first, fired + _TICK)
         reading = replace(reading, number=number, time=fired)
-        time = max(time, reading.time + settings.listen_us * 1e-6)
+        time = max(time, reading.time + seconds_of(settings.listen_us))
         frames = [sender.send(reading_message(reading, settings.speed_of_sound), time)]
         if reading.trace is not None:
             frames += [sender.send(chunk, time) for chunk in trace_chunks(number, reading.trace)]
@@ -70,7 +72,7 @@ class _Sender:
 
     def send(self, message: Message, time: float) -> _Stamped:
         """The frame of a message sent `time` seconds after the scan began, with that time."""
-        frame = Frame(message.TYPE, self._sequence, round(time * 1e6), message.pack())
+        frame = Frame(message.TYPE, self._sequence, microseconds_of(time), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
         return time, encode_frame(frame)
 
@@ -79,7 +81,7 @@ def _speed_of_sound(readings: Sequence[Reading]) -> int:
     speed = readings[0].speed_of_sound if readings else 0.0
     if readings and not (math.isfinite(speed) and speed >= 1):
         raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; ranges cannot be kept without one")
-    return round(speed * 1000)
+    return millimetres_per_second_of(speed)
 
 
 def _info(metadata: LogMetadata, readings: Sequence[Reading]) -> Info:

@@ -5,8 +5,8 @@ Takes the messages; hands on frozen values for whoever uses a `Scanner`.
 
 from dataclasses import dataclass
 
-from sonarhw.wire.assembly import degrees_c, radians_of
 from sonarhw.wire.messages import Approach, Capabilities, Feature, Info, Settings, TraceKind, TurntableSettings
+from sonarhw.wire.units import degrees_c, radians_of, seconds_of, sound_speed_of
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,14 @@ def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
 def ping_settings(settings: Settings) -> PingSettings:
     """Settings in SI units."""
     return PingSettings(
-        listen=settings.listen_us * 1e-6,
-        blanking=settings.blanking_us * 1e-6,
+        listen=seconds_of(settings.listen_us),
+        blanking=seconds_of(settings.blanking_us),
         trace=bool(settings.trace),
-        speed_of_sound=settings.speed_of_sound / 1000,
+        speed_of_sound=sound_speed_of(settings.speed_of_sound),
         carrier=settings.trace == TraceKind.CARRIER,
         pulses=settings.pulses,
         echoes=settings.echoes,
-        rearm=settings.rearm_us * 1e-6,
+        rearm=seconds_of(settings.rearm_us),
         trace_rate=float(settings.trace_rate),
         trace_bits=settings.trace_bits,
     )
@@ -109,7 +109,7 @@ def turn_settings(settings: TurntableSettings) -> TurnSettings:
     return TurnSettings(
         speed=radians_of(settings.speed),
         acceleration=radians_of(settings.acceleration),
-        settling=settings.settle_us * 1e-6,
+        settling=seconds_of(settings.settle_us),
         approach=Approach(settings.approach),
     )
 
@@ -123,12 +123,12 @@ def _capabilities(said: Capabilities) -> DeviceCapabilities:
         fastest=radians_of(said.fastest),
         hardest=radians_of(said.hardest),
         backlash=radians_of(said.backlash),
-        longest_listen=said.longest_listen_us * 1e-6,
-        shortest_blanking=said.shortest_blanking_us * 1e-6,
-        shortest_rearm=said.shortest_rearm_us * 1e-6,
+        longest_listen=seconds_of(said.longest_listen_us),
+        shortest_blanking=seconds_of(said.shortest_blanking_us),
+        shortest_rearm=seconds_of(said.shortest_rearm_us),
         most_pulses=said.most_pulses,
         most_echoes=said.most_echoes,
-        ping_period=said.ping_period_us * 1e-6,
+        ping_period=seconds_of(said.ping_period_us),
         fastest_trace=float(said.fastest_trace),
         longest_trace=said.longest_trace,
         fastest_baud=said.fastest_baud,

@@ -14,12 +14,12 @@ from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
 from sonarhw.host.recorder import Recorder
 from sonarhw.link.link_statistics import LinkStatistics, smoothed
 from sonarhw.readings import Reading
-from sonarhw.wire.arrivals import KEPT, Arrivals
+from sonarhw.wire.arrivals import Arrivals
 from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    PROTOCOL_MAJOR,
     Accepted,
     AskStatistics,
     Capabilities,
@@ -44,6 +44,7 @@ from sonarhw.wire.messages import (
     TurntableSettings,
     unpack_message,
 )
+from sonarhw.wire.units import microseconds_of, seconds_of
 
 ANSWER_WITHIN = 0.5  # s, then the command is sent again
 TRIES = 6
@@ -96,7 +97,7 @@ class Driver:
         """`clock` maps the device's time to the host's and may have known the device before."""
         self.where = where  # for messages
         self.info: Info | None = None
-        self.kept = KEPT  # readings the device holds ready to be sent again
+        self.kept = KEPT_READINGS  # readings the device holds ready to be sent again
         self.device_statistics: Statistics | None = None
         self._counted: Counter[str] = Counter()
         self._round_trip: float | None = None  # s, smoothed
@@ -134,7 +135,7 @@ class Driver:
         usual it is `given_up` where no answer comes; otherwise that is an error. Raises MessageError where a value does
         not fit the message.
         """
-        frame = Frame(message.TYPE, self._sequence, max(0, round(now * 1e6)), message.pack())
+        frame = Frame(message.TYPE, self._sequence, max(0, microseconds_of(now)), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
         command = Command(frame.sequence, message, encode_frame(frame), now, tries)
         self._open[command.sequence] = command
@@ -289,12 +290,12 @@ class Driver:
         if command is None or not isinstance(message, Answer):
             return False
         self._sound = now
-        command.answer, command.answered_at = message, self._device_time * 1e-6
+        command.answer, command.answered_at = message, seconds_of(self._device_time)
         match message:
             case Info():
                 self.info = message
             case Capabilities():
-                self.kept = max(1, min(message.readings_kept, KEPT))
+                self.kept = max(1, min(message.readings_kept, KEPT_READINGS))
             case Statistics():
                 self.device_statistics = message
                 self._round_trip = smoothed(self._round_trip, now - command.sent_at)

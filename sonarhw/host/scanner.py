@@ -27,22 +27,22 @@ from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.link.ports import Whereabouts
 from sonarhw.link.serial_link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder, sector
-from sonarhw.wire.assembly import microdegrees_of
+from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
     Approach,
     AskStatistics,
     Configure,
     ConfigureTurntable,
     Outcome,
     Settings,
-    StartScan,
     Statistics,
     Stop,
     TraceKind,
     Turn,
     TurntableSettings,
 )
+from sonarhw.wire.reading_messages import start_scan
+from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
 
 MOST_WAITING = 1024  # readings; over a minute of the fastest board
 _STOP_WITHIN = 1.5  # s
@@ -196,13 +196,13 @@ class Scanner:
         where a value does not fit the protocol, NoAnswer, LinkLost.
         """
         wish = Configure(
-            listen_us=round(listen * 1e6),
-            blanking_us=round(blanking * 1e6),
+            listen_us=microseconds_of(listen),
+            blanking_us=microseconds_of(blanking),
             trace=int(trace),
-            speed_of_sound=round(speed_of_sound * 1000),
+            speed_of_sound=millimetres_per_second_of(speed_of_sound),
             pulses=pulses,
             echoes=echoes,
-            rearm_us=round(rearm * 1e6),
+            rearm_us=microseconds_of(rearm),
             trace_rate=round(trace_rate),
             trace_bits=trace_bits,
         )
@@ -220,7 +220,7 @@ class Scanner:
         Returns what is in force. Raises what `configure` does.
         """
         wish = ConfigureTurntable(
-            microdegrees_of(speed), microdegrees_of(acceleration), round(settling * 1e6), int(approach)
+            microdegrees_of(speed), microdegrees_of(acceleration), microseconds_of(settling), int(approach)
         )
         return turn_settings(self._answer(self._session.configuring_turntable(wish), TurntableSettings))
 
@@ -247,7 +247,7 @@ class Scanner:
         what `home` does, and LostSteps, after all readings, where the mark was out of its place.
         """
         with self._using():
-            self._scan = job = self._begin(self._session.scanning(_start_scan(order or sector())))
+            self._scan = job = self._begin(self._session.scanning(start_scan(order or sector())))
             try:
                 while ready := self._next_readings(job):
                     yield from ready
@@ -450,13 +450,3 @@ class Scanner:
 def _raise_error(job: Job) -> None:
     if job.error is not None:
         raise job.error
-
-
-def _start_scan(order: ScanOrder) -> StartScan:
-    return StartScan(
-        start=microdegrees_of(order.start),
-        step=microdegrees_of(order.step),
-        headings=order.headings,
-        sweeps=order.sweeps,
-        pings=order.pings,
-    )

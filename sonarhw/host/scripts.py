@@ -14,19 +14,13 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
-from sonarhw.device.device_protocol import UNHEARD
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkLost, LostSteps, NoAnswer, WrongDevice
 from sonarhw.host.driver import TRIES, Answer, Command, Driver, raise_if_refused
-from sonarhw.link.serial_link import BAUD
 from sonarhw.readings import FloatArray, Reading
 from sonarhw.wire.arrivals import Progress
-from sonarhw.wire.assembly import microdegrees_of, radians_of, scan_order
 from sonarhw.wire.device_clock import DeviceClock
+from sonarhw.wire.limits import FIRST_BAUD, MAX_TEST, MAX_TESTED, PROTOCOL_MAJOR, PROTOCOL_MINOR, UNHEARD
 from sonarhw.wire.messages import (
-    MAX_TEST,
-    MAX_TESTED,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
     Accepted,
     AskCapabilities,
     Capabilities,
@@ -48,9 +42,11 @@ from sonarhw.wire.messages import (
     TestLink,
     Turn,
 )
+from sonarhw.wire.reading_messages import scan_order
+from sonarhw.wire.units import microdegrees_of, microseconds_of, radians_of
 from sonarhw.zero_mark import BEFORE, BEHIND, legs, lost, nearest_mark, unchecked
 
-SEEK_BAUDS = (BAUD, 1_000_000, 500_000)  # where a device may be: fresh, of version 1.0, or left at a higher speed
+SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # where a device may be: fresh, of version 1.0, or left at a higher speed
 LINK_TESTS = 32
 MOVE_WITHIN = 120.0  # s for a home or a turn; the slowest turntable needs less
 _BACK_AT_OLD_BAUD = UNHEARD + 0.1  # s
@@ -126,7 +122,7 @@ class Dialogue:
         self.now = 0.0  # s, kept by the session
         self.driver: Driver | None = None  # conversation of now, kept by the session
         self.bauds = False  # whether the speed of the line can be set, kept by the session
-        self.baud = BAUD  # the speed that the line is to have now
+        self.baud = FIRST_BAUD  # the speed that the line is to have now
         self.info: Info | None = None
         self.capabilities: Capabilities | None = None
         self.settings: Settings | None = None
@@ -142,7 +138,7 @@ class Dialogue:
         # a bootloader would listen; whoever speaks already is none
         yield Wait(lambda: driver.statistics.frames_received > 0, self.now + quiet)
         deadline = self.now + patience
-        for baud in itertools.cycle(SEEK_BAUDS if self.bauds else (BAUD,)):
+        for baud in itertools.cycle(SEEK_BAUDS if self.bauds else (FIRST_BAUD,)):
             self.baud = baud
             hello = self._send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), tries=2)
             yield Wait(_settled(hello), deadline)
@@ -373,7 +369,7 @@ class Dialogue:
         if command is None or not isinstance(command.answer, Started):
             return
         if job.began is None:
-            job.began = self.clock.continued(round(command.answered_at * 1e6))
+            job.began = self.clock.continued(microseconds_of(command.answered_at))
         if not job.progress.received:
             # a replayed log plays what it holds, whatever was ordered
             job.progress.total = command.answer.first + command.answer.readings

@@ -19,8 +19,8 @@ from serial.serialutil import SerialException
 from sonarhw.errors import InputError, LinkBusy, LinkError, LinkForbidden, LinkLost
 from sonarhw.link.ports import holders
 from sonarhw.link.rfc2217_port import Rfc2217Port
+from sonarhw.wire.limits import FIRST_BAUD
 
-BAUD = 250_000  # after every start of a device; exact on a chip of 16 MHz
 BOOTLOADER = 2.0  # s in which a board that opening the port has reset listens for a new program
 WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
@@ -49,7 +49,7 @@ class Link:
         self._selectable = os.name == "posix" and _has_descriptor(self._port)
         self._woken, self._waker = socket.socketpair()
         self._waker.setblocking(False)
-        self._baud = BAUD
+        self._baud = FIRST_BAUD
         if "://" not in url:
             _keep_dtr_when_closed(self._port)
 
@@ -134,10 +134,10 @@ class Link:
 
 def _closed_port(url: str) -> serial.Serial:
     if url.startswith("rfc2217://"):
-        port = cast(serial.Serial, Rfc2217Port(None, baudrate=BAUD, timeout=0))  # it knows no timeout of writing
+        port = cast(serial.Serial, Rfc2217Port(None, baudrate=FIRST_BAUD, timeout=0))  # it knows no timeout of writing
         port.port = url
         return port
-    return serial.serial_for_url(url, do_not_open=True, baudrate=BAUD, timeout=0, write_timeout=WRITE_WITHIN)
+    return serial.serial_for_url(url, do_not_open=True, baudrate=FIRST_BAUD, timeout=0, write_timeout=WRITE_WITHIN)
 
 
 def _check_url(url: str) -> None:

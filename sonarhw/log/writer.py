@@ -38,8 +38,8 @@ from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
 from sonarhw.log.laser_scan import laser_scan
 from sonarhw.log.recorded_scans import Follower
 from sonarhw.readings import Reading
-from sonarhw.wire.arrivals import KEPT
 from sonarhw.wire.frames import frame_type
+from sonarhw.wire.limits import KEPT_READINGS
 from sonarhw.wire.messages import Finished, Info, Started
 
 _READING_SCHEMA = {
@@ -144,7 +144,7 @@ class LogWriter:
         self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
         for sweep, readings in [*self._sweeps.items()]:
             # until then the device may send one of them again
-            if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT:
+            if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT_READINGS:
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
         self._file.take_place()

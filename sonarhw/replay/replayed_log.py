@@ -8,22 +8,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import MOST_READINGS, Conversation
+from sonarhw.device.device_protocol import Conversation
 from sonarhw.device.paced_line import BYTE_TIME, Line
 from sonarhw.errors import InputError
 from sonarhw.log.contents import Log
 from sonarhw.readings import Reading
-from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
-    PROTOCOL_MINOR,
-    Configure,
-    Info,
-    Settings,
-    StartScan,
-    Turn,
-)
+from sonarhw.wire.limits import MOST_READINGS, PROTOCOL_MAJOR, PROTOCOL_MINOR
+from sonarhw.wire.messages import Configure, Info, Settings, StartScan, Turn
 from sonarhw.wire.reading_messages import reading_message, trace_chunks
+from sonarhw.wire.units import NO_TEMPERATURE, millimetres_per_second_of, seconds_of
 
 _FASTEST_LINE = 1000  # times the recorded one; beyond that a long log would leave in one piece
 _TICK = 1e-6  # s
@@ -135,8 +128,10 @@ class ReplayDevice(Conversation):
 
     def _play(self, recording: _Recording, numbers: range, start: float) -> Iterator[float]:
         settings = self._settings or recording.settings
-        speed_of_sound = settings.speed_of_sound if settings else round(recording.readings[0].speed_of_sound * 1000)
-        listen = settings.listen_us * 1e-6 if settings else 0.0
+        speed_of_sound = (
+            settings.speed_of_sound if settings else millimetres_per_second_of(recording.readings[0].speed_of_sound)
+        )
+        listen = seconds_of(settings.listen_us) if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
         # what comes first in a part comes at once
         skipped = recording.offset(numbers[0]) if numbers and numbers[0] else 0.0

@@ -5,13 +5,13 @@ heartbeats tell; hands on the next stretch to ask for. `Progress` is the book of
 orders: it hands on the next stretch to be made.
 """
 
-KEPT = 64  # readings that a device of version 1.0 holds ready to be sent again
+from sonarhw.wire.limits import KEPT_READINGS
 
 
 class Arrivals:
     """Books of readings `first` to `total` − 1; holds only what is missing."""
 
-    def __init__(self, total: int, first: int = 0, kept: int = KEPT) -> None:
+    def __init__(self, total: int, first: int = 0, kept: int = KEPT_READINGS) -> None:
         self.total = total
         self.made = first  # readings before this one are known to have been made
         self.lost = 0  # readings the device no longer has

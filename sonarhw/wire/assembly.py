@@ -8,10 +8,9 @@ from collections import deque
 
 import numpy as np
 
-from sonarhw.readings import FloatArray, Reading, ScanOrder, Trace
+from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
     Finished,
     Heartbeat,
     Info,
@@ -19,42 +18,21 @@ from sonarhw.wire.messages import (
     ReadingMessage,
     Settings,
     Started,
-    StartScan,
     TraceChunk,
     TraceKind,
 )
+from sonarhw.wire.units import FULL_SCALE, degrees_c, fine_seconds_of, radians_of, sound_speed_of
 
-FULL_SCALE = 255
-WIDE = 16  # bits of a sample that takes two bytes; all set is 257 × 255
+_WIDE = 16  # bits of a sample that takes two bytes; all set is 257 × 255
 _REMEMBERED = 256  # pings known by their time; a device sends none again that is older than 64
 _TRACES_HELD = 4  # traces whose reading may still be sent again
-
-
-def degrees_c(centidegrees: int) -> float | None:
-    """Temperature of a message in °C; None where the device has no thermometer."""
-    return None if centidegrees == NO_TEMPERATURE else centidegrees / 100
-
-
-def radians_of(microdegrees: int) -> float:
-    """Angle of a message in rad."""
-    return math.radians(microdegrees / 1e6)
-
-
-def microdegrees_of(angle: float) -> int:
-    """Angle for a message, µdeg."""
-    return round(math.degrees(angle) * 1e6)
-
-
-def scan_order(order: StartScan) -> ScanOrder:
-    """The scan of which an order asks for the whole or a part."""
-    return ScanOrder(radians_of(order.start), radians_of(order.step), order.headings, order.sweeps, order.pings)
 
 
 class _PartialTrace:
     """The chunks of one trace that have come so far."""
 
     def __init__(self, chunk: TraceChunk) -> None:
-        self._period, self._start = chunk.period_ns * 1e-9, chunk.start_ns * 1e-9
+        self._period, self._start = fine_seconds_of(chunk.period_ns), fine_seconds_of(chunk.start_ns)
         self._carrier = chunk.kind == TraceKind.CARRIER
         self._samples: FloatArray = np.full(chunk.total, np.nan)
 
@@ -73,7 +51,7 @@ class _PartialTrace:
 
 def _sample_values(chunk: TraceChunk) -> FloatArray:
     """Samples of a chunk: an envelope from 0 to 1, a carrier from −1 to 1."""
-    wide = chunk.bits == WIDE
+    wide = chunk.bits == _WIDE
     whole = len(chunk.samples) // 2 * 2 if wide else len(chunk.samples)
     levels = np.frombuffer(chunk.samples[:whole], "<u2" if wide else "u1").astype(np.float64)
     values: FloatArray = levels / (FULL_SCALE * 257 if wide else FULL_SCALE)
@@ -178,8 +156,8 @@ class ReadingAssembler:
             ping=message.ping,
             angle=radians_of(message.angle),
             time=time,
-            echo_times=tuple(nanoseconds * 1e-9 for nanoseconds in message.echoes),
-            speed_of_sound=self.settings.speed_of_sound / 1000 if self.settings else math.nan,
+            echo_times=tuple(map(fine_seconds_of, message.echoes)),
+            speed_of_sound=sound_speed_of(self.settings.speed_of_sound) if self.settings else math.nan,
             temperature_c=degrees_c(message.temperature),
             trace=partial.trace() if partial else None,
             host_time=self._clock.host_time(time),

@@ -9,6 +9,8 @@ from collections import deque
 
 import numpy as np
 
+from sonarhw.wire.units import seconds_of
+
 _BUCKET = 1.0  # s
 _BUCKETS = 60  # what a line goes through; a minute shows a drift of 1 in 10⁵ under 0.5 ms of jitter
 _FEWEST = 5  # buckets; before that the clocks are taken to run alike
@@ -43,7 +45,7 @@ class DeviceClock:
 
     def heard(self, device_us: int, arrived: float) -> None:
         """A frame of that device time has come at `arrived` on the host's clock."""
-        device = device_us * 1e-6
+        device = seconds_of(device_us)
         if self._restarted or (self.known and self._before + device < self._newest - _RAN_BACK):
             self._restart(device, arrived)
         device += self._before
@@ -58,7 +60,7 @@ class DeviceClock:
 
     def continued(self, device_us: int) -> float:
         """Device time as if it had never been reset, s."""
-        return self._before + device_us * 1e-6
+        return self._before + seconds_of(device_us)
 
     def host_time(self, continued: float) -> float | None:
         """The host's time at a continued device time; None before anything was heard."""

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 from cobs import cobs
 
+from sonarhw.wire.limits import MAX_PAYLOAD
+
 DELIMITER = b"\0"
-MAX_PAYLOAD = 512
 _HEADER = struct.Struct("<BHQ")
 _CRC = struct.Struct("<I")
 _SHORTEST = _HEADER.size + _CRC.size

@@ -11,15 +11,7 @@ from typing import Any, ClassVar, TypeVar
 
 from sonarhw.wire.fields import I16, I32, U8, U16, U32, U64, Numbers, Samples, Text, Wire
 from sonarhw.wire.fields import MessageError as MessageError  # what packing and unpacking raise
-
-PROTOCOL_MAJOR = 1
-PROTOCOL_MINOR = 1
-
-NO_TEMPERATURE = -32768  # centidegrees that mean: no thermometer
-MAX_ECHOES = 122  # of one reading; more do not fit a payload of 512 bytes
-MAX_TEXT = 60  # bytes of each text in Info
-MAX_TEST = 64  # bytes of a TestLink
-MAX_TESTED = 480  # bytes of a LinkTested
+from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
 
 
 def _on_wire(wire: Wire, meaning: str) -> Any:

@@ -1,17 +1,13 @@
-"""Readings and traces as the messages that carry them; `assembly` does the reverse.
-
-Takes the plain values; hands on messages, rounded to what the wire carries.
-"""
+"""Readings, traces and scan orders as the messages that carry them; `assembly` decodes the first two again."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from sonarhw.readings import Reading, Trace
-from sonarhw.wire.assembly import FULL_SCALE, microdegrees_of
-from sonarhw.wire.messages import MAX_ECHOES, NO_TEMPERATURE, ReadingMessage, TraceChunk, TraceKind
-
-CHUNK = 256  # samples
+from sonarhw.readings import Reading, ScanOrder, Trace
+from sonarhw.wire.limits import CHUNK, MAX_ECHOES
+from sonarhw.wire.messages import ReadingMessage, StartScan, TraceChunk, TraceKind
+from sonarhw.wire.units import FULL_SCALE, centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of
 
 
 def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
@@ -25,7 +21,7 @@ def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
         sweep=reading.sweep,
         ping=reading.ping,
         angle=microdegrees_of(reading.angle),
-        fired_us=round(reading.time * 1e6),
+        fired_us=microseconds_of(reading.time),
         temperature=centidegrees_of(reading.temperature_c),
         echoes=tuple(round(time * scale) for time in reading.echo_times[:MAX_ECHOES]),
     )
@@ -39,13 +35,26 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
     samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
     levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
     kind = TraceKind.CARRIER if trace.carrier else TraceKind.ENVELOPE
-    period, start = round(1e9 / trace.rate), round(trace.start * 1e9)
+    period, start = round(1e9 / trace.rate), nanoseconds_of(trace.start)
     for offset in range(0, len(levels), CHUNK):
         stretch = levels[offset : offset + CHUNK]
         if not np.isnan(stretch).any():
             yield TraceChunk(number, offset, len(levels), period, start, stretch.astype(np.uint8).tobytes(), kind)
 
 
-def centidegrees_of(temperature_c: float | None) -> int:
-    """Temperature for a message."""
-    return NO_TEMPERATURE if temperature_c is None else round(temperature_c * 100)
+def scan_order(message: StartScan) -> ScanOrder:
+    """The whole scan of which `message` orders all or a part."""
+    return ScanOrder(
+        radians_of(message.start), radians_of(message.step), message.headings, message.sweeps, message.pings
+    )
+
+
+def start_scan(order: ScanOrder) -> StartScan:
+    """The message that orders the whole scan. Packing it raises MessageError where a value does not fit."""
+    return StartScan(
+        start=microdegrees_of(order.start),
+        step=microdegrees_of(order.step),
+        headings=order.headings,
+        sweeps=order.sweeps,
+        pings=order.pings,
+    )

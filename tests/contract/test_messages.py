@@ -11,10 +11,8 @@ import pytest
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import ScanOrder
 from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    MAX_ECHOES,
-    NO_TEMPERATURE,
-    PROTOCOL_MAJOR,
     Accepted,
     AskStatistics,
     Configure,
@@ -41,6 +39,7 @@ from sonarhw.wire.messages import (
     TraceChunk,
     Turn,
 )
+from sonarhw.wire.units import NO_TEMPERATURE
 from tests.contract.talk import PATIENCE, Talk, readings
 
 DEGREE = 1_000_000  # µdeg

@@ -52,7 +52,8 @@ def monitor(url: ScannerUrl) -> None:
 def _show(link: "Link") -> NoReturn:
     from sonarhw.host.driver import SIGN_OF_LIFE
     from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
-    from sonarhw.wire.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, AskStatistics, Hello, Info, Message
+    from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
+    from sonarhw.wire.messages import AskStatistics, Hello, Info, Message
 
     decoder, began = FrameDecoder(), time.monotonic()
     sequence, next_word, greeted = 0, began + link.quiet, False

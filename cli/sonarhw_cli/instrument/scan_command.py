@@ -101,8 +101,8 @@ def _check(wish: _Wish) -> None:
 
 def _check_order(order: ScanOrder) -> None:
     """Raise InputError for an order that no frame carries; whether the turntable goes there only the scanner knows."""
-    from sonarhw.device.device_protocol import MOST_READINGS
-    from sonarhw.wire.assembly import microdegrees_of
+    from sonarhw.wire.limits import MOST_READINGS
+    from sonarhw.wire.units import microdegrees_of
 
     if microdegrees_of(order.step) == 0:
         raise InputError(f"--step {math.degrees(order.step):g}: too fine; expected 0.000001 degrees or more")

@@ -5,11 +5,11 @@ Takes the connection as it was seen and what is wanted; hands on lines. No widge
 
 import math
 
-from sonarhw.device.device_protocol import MOST_READINGS
 from sonarhw.host.device_info import DeviceInfo
 from sonarhw.readings import ScanOrder, headings_between
-from sonarhw.wire.assembly import microdegrees_of
 from sonarhw.wire.device_clock import MOST_DRIFT
+from sonarhw.wire.limits import MOST_READINGS
+from sonarhw.wire.units import microdegrees_of
 from sonarhw_gui.live.live_status import LinkSeen
 from sonarhw_gui.live.status import Source, Status
 

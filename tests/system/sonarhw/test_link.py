@@ -9,7 +9,8 @@ import pytest
 import serial
 
 from sonarhw.errors import LinkLost
-from sonarhw.link.serial_link import BAUD, BOOTLOADER, Link
+from sonarhw.link.serial_link import BOOTLOADER, Link
+from sonarhw.wire.limits import FIRST_BAUD
 
 
 class SpiedPort(serial.SerialBase):  # type: ignore[misc]
@@ -77,7 +78,7 @@ def test_a_port_with_modem_lines_may_have_reset_its_board_and_a_pseudo_terminal_
 def test_the_speed_is_changed_once_what_was_written_has_gone(spied: SpiedPort) -> None:
     with Link("/dev/ttyUSB0") as link:
         spied.done.clear()
-        link.set_baud(BAUD)
+        link.set_baud(FIRST_BAUD)
         assert spied.done == []
         link.set_baud(1_000_000)
         assert spied.done == [("flush", None), ("baudrate", 1_000_000)]

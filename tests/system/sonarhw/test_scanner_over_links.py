@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.device_protocol import HOST_SILENCE
 from sonarhw.device.endpoint import Endpoint, Pace, serve
 from sonarhw.device.fake_board import Board, BoardIdentity
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
@@ -24,6 +23,7 @@ from sonarhw.host.session import Connection
 from sonarhw.link.serial_link import MOST
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.wire.frames import Frame, FrameDecoder
+from sonarhw.wire.limits import HOST_SILENCE
 from sonarhw.wire.messages import Outcome
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time

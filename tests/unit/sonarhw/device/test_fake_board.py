@@ -10,7 +10,6 @@ from sonarhw.device.paced_line import Line
 from sonarhw.host.driver import Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
-    NO_TEMPERATURE,
     Accepted,
     Configure,
     Finished,
@@ -31,6 +30,7 @@ from sonarhw.wire.messages import (
     Turn,
     unpack_message,
 )
+from sonarhw.wire.units import NO_TEMPERATURE
 from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 

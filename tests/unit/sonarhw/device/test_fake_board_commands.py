@@ -2,9 +2,9 @@
 
 import pytest
 
-from sonarhw.device.device_protocol import HOST_SILENCE, UNHEARD
 from sonarhw.device.fake_board import Board, BoardIdentity, rearmed
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
+from sonarhw.wire.limits import HOST_SILENCE, UNHEARD
 from sonarhw.wire.messages import (
     Accepted,
     AskCapabilities,

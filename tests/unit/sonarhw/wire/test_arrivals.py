@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.wire.arrivals import KEPT, Arrivals, Progress
+from sonarhw.wire.arrivals import Arrivals, Progress
+from sonarhw.wire.limits import KEPT_READINGS
 
 
 @given(st.integers(1, 300), st.lists(st.tuples(st.booleans(), st.integers(0, 320)), max_size=100))
@@ -19,8 +20,8 @@ def test_every_reading_made_is_here_missing_or_lost(total: int, events: list[tup
         if wanted:
             first, count = wanted
             assert first not in here
-            assert 1 <= count <= KEPT
-            assert first >= arrivals.made - KEPT
+            assert 1 <= count <= KEPT_READINGS
+            assert first >= arrivals.made - KEPT_READINGS
         assert len(here) + len(arrivals._missing) + arrivals.lost == arrivals.made
 
 
@@ -37,7 +38,7 @@ def test_what_the_device_no_longer_keeps_is_lost_and_not_asked_for() -> None:
 def test_a_count_beyond_all_sense_costs_nothing() -> None:
     arrivals = Arrivals(2**32 - 1)
     arrivals.device_made(2**32 - 1)
-    assert arrivals.wanted() == (2**32 - 1 - KEPT, KEPT)
+    assert arrivals.wanted() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
 
 
 def test_a_reading_beyond_the_order_is_none() -> None:

@@ -15,11 +15,11 @@ from sonarhw.device.fake_board import Board, BoardIdentity
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
+from sonarhw.wire.limits import MAX_TEST
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
-    MAX_TEST,
     Approach,
     AskCapabilities,
     AskStatistics,

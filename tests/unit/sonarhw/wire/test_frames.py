@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from sonarhw.wire.frames import (
     DELIMITER,
-    MAX_PAYLOAD,
     Frame,
     FrameDecoder,
     Rejected,
@@ -15,6 +14,7 @@ from sonarhw.wire.frames import (
     frame_payload,
     frame_type,
 )
+from sonarhw.wire.limits import MAX_PAYLOAD
 
 frames = st.builds(
     Frame,

@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonarhw.wire.fields import Numbers, Samples, Scalar, Text, Wire
-from sonarhw.wire.frames import MAX_PAYLOAD
+from sonarhw.wire.limits import MAX_ECHOES, MAX_PAYLOAD
 from sonarhw.wire.messages import (
     BY_TYPE,
     FROM_DEVICE,
     FROM_HOST,
-    MAX_ECHOES,
     Message,
     MessageError,
     ReadingMessage,
