@@ -1,4 +1,4 @@
-# make setup | demo | check | test | soak | firmware | board: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | check | test | soak | firmware | board | docs: each does all the set-up it needs, and is quick the second time.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -11,7 +11,7 @@ IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -nore
 # a window wants the keys for itself, so each of those processes has a screen of its own
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
-.PHONY: setup demo check lint test soak firmware board clean
+.PHONY: setup demo check lint test soak firmware board docs clean
 
 setup: .venv/installed
 
@@ -56,6 +56,11 @@ soak: setup firmware
 	$(BIN)/python -m benchmarks.wire
 	$(BIN)/python -m benchmarks.live 600
 	$(BIN)/python -m benchmarks.window --full
+
+# the documentation site, in build/site; fails on a broken link
+docs: setup
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 clean:
 	rm -rf .venv build dist *.egg-info demo-result firmware/build

@@ -1,4 +1,4 @@
-"""The README's words are true: its example prints what it says, its pictures are there, no command is left out."""
+"""README and tutorial are true: examples print what they show, pictures exist, no command is missing."""
 
 import re
 import shlex
@@ -13,7 +13,9 @@ from sonarhw_sim.board.profile import parse_board
 README = Path("README.md").read_text()
 
 
-BLOCKS = re.findall(r"```\n\$ sonarhw (simulate .*?)\n(.*?)```", README, flags=re.DOTALL)
+TUTORIAL = Path("docs/tutorial.md").read_text()
+PRINTING = re.compile(r"```\n\$ sonarhw ((?:simulate|paths) .*?)\n(.*?)```", flags=re.DOTALL)
+BLOCKS = PRINTING.findall(README)
 EXAMPLES = [(command, printed) for command, printed in BLOCKS if "--out" not in command]
 
 
@@ -21,8 +23,8 @@ def test_examples_are_figure_9_and_the_step() -> None:
     assert [shlex.split(command)[1] for command, _ in EXAMPLES] == ["rooms/simple.toml", "rooms/doorstep.toml"]
 
 
-@pytest.mark.parametrize(("command", "printed"), EXAMPLES)
-def test_example_prints_what_the_readme_shows(command: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("command", "printed"), EXAMPLES + PRINTING.findall(TUTORIAL))
+def test_example_prints_what_the_page_shows(command: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(shlex.split(command)) == 0
     assert capsys.readouterr().out == printed
 

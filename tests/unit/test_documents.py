@@ -1,0 +1,38 @@
+"""Files and Python names that the documents mention exist."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.checkout import CHECKOUT
+
+PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").glob("*.md")])
+FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
+NAME = re.compile(r"`((?:sonarhw|sonarhw_\w+|benchmarks|tests)(?:\.\w+)+)(?<!\.npz)`")  # index.npz is a file in a log
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    named = FILE.findall(page.read_text(encoding="utf-8"))
+    assert [name for name in named if not any((start / name).exists() for start in (CHECKOUT, page.parent))] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_names_of_a_page_resolve(page: Path) -> None:
+    assert [name for name in NAME.findall(page.read_text(encoding="utf-8")) if not resolves(name)] == []
+
+
+def resolves(name: str) -> bool:
+    """Whether a dotted name is a module, or something defined in one (perhaps in a class)."""
+    parts = name.split(".")
+    for end in range(len(parts), 0, -1):
+        try:
+            spec = importlib.util.find_spec(".".join(parts[:end]))
+        except ModuleNotFoundError:
+            continue
+        if spec is not None:
+            text = Path(spec.origin or "").read_text(encoding="utf-8")
+            return all(re.search(rf"\b{part}\b", text) for part in parts[end:])
+    return False
