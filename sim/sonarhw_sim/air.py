@@ -18,7 +18,11 @@ class Air:
     @property
     def speed_of_sound(self) -> float:
         """Speed of sound, m/s."""
-        return speed_of_sound(self.temperature_c, self.relative_humidity, self.pressure_kpa)
+        return self.speed_at(self.temperature_c)
+
+    def speed_at(self, temperature_c: float) -> float:
+        """Speed of sound, m/s, in this air at another temperature."""
+        return speed_of_sound(temperature_c, self.relative_humidity, self.pressure_kpa)
 
 
 def speed_of_sound(

@@ -5,9 +5,12 @@ Takes readings; hands on text without line ends, degrees and metres for a person
 
 import math
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
-from sonarhw.log.contents import RecordedScan
 from sonarhw.readings import Reading
+
+if TYPE_CHECKING:
+    from sonarhw.log import RecordedScan
 
 HEADER = "time_s,heading_deg,range_m,echoes_s"
 
@@ -23,7 +26,7 @@ def row(reading: Reading, began: float) -> str:
     return f"{number(reading.time - began)},{number(math.degrees(reading.angle))},{distance},{echoes}"
 
 
-def lines(scans: Iterable[RecordedScan]) -> Iterator[str]:
+def lines(scans: "Iterable[RecordedScan]") -> Iterator[str]:
     """The file that `log export` writes of those scans, line by line, with line ends."""
     yield HEADER + "\n"
     for scan in scans:

@@ -95,6 +95,11 @@ class LogWriter:
             self.drop()
             raise
 
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
     def __enter__(self) -> Self:
         return self
 

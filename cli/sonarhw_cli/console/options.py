@@ -56,7 +56,6 @@ ReceiverChoice = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 DEFAULT_BOARD = "polaroid-6500"
-DEFAULT_TEMPERATURE = 20.0  # °C
 STDOUT = "-"
 LOG = ".mcap"
 MOST_DEGREES = 2147.0  # what the angle of a frame can carry
@@ -103,13 +102,6 @@ def check_temperature(temperature: float | None) -> None:
     """Raises InputError where --temperature (°C) is none that air has in a room."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
-
-
-def speed_of_air(temperature: float | None, measured: float | None) -> float:
-    """Speed of sound, m/s: by --temperature (°C), else by what the scanner measures, else at 20 °C."""
-    from sonarhw_sim.air import speed_of_sound
-
-    return speed_of_sound(next(value for value in (temperature, measured, DEFAULT_TEMPERATURE) if value is not None))
 
 
 def checked_out(

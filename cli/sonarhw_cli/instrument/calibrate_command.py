@@ -18,7 +18,6 @@ from sonarhw_cli.console.options import (
     check_temperature,
     checked_out,
     scan_order,
-    speed_of_air,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +77,11 @@ def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
-    speed = speed_of_air(temperature, scanner.info.temperature_c)
+    from sonarhw_sim.air import Air
+
+    from sonarhw.scan_recording import ScanAir
+
+    speed = ScanAir(Air().speed_at, Air().temperature_c, temperature).speed_of_sound(scanner)
     scanner.configure(2 * board.max_range / speed, board.listens_from, False, speed)
     with interruption(scanner.stop):
         return list(scanner.scan(order))

@@ -3,7 +3,7 @@
 Takes the way to a scanner; hands on readings, how things stand, and once, when an errand has failed, what to tell.
 """
 
-from sonarhw.errors import LogError, SonarError
+from sonarhw.errors import SonarError
 from sonarhw.readings import Reading
 from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.live_scan import (
@@ -152,6 +152,4 @@ def _told(status: LiveStatus) -> str:
         return ""
     if not isinstance(status.error, SonarError | OSError):
         raise status.error
-    told = status.recording is None or isinstance(status.error, LogError)
-    kept = "" if told else f"; {status.made} readings are kept in {status.recording}"
-    return f"{status.error}{kept}"
+    return str(status.error)

@@ -10,17 +10,17 @@ from math import radians
 from pathlib import Path
 from typing import Any, Protocol
 
-from sonarhw_sim.air import speed_of_sound
+from sonarhw_sim.air import Air
 
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder
+from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
 from sonarhw.wire.messages import Outcome
 from sonarhw_gui.live.live_status import LiveStatus, Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.store.recording import start_recording
 
 ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
-DEFAULT_TEMPERATURE = 20.0  # °C
 WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
 
 
@@ -117,42 +117,48 @@ class ScanErrand:
     def run(self, scanner: Scanner, report: Report) -> Outcome:
         """Scan into a new log. Raises LogError where none can be made, too."""
         log, path = start_recording(self.wish.folder, self.scene, report.warn)
-        with log:
-            report.advance(Phase.HOMING, recording=path)
-            scanner.record(log)
-            try:
-                return self._scan(scanner, report)
-            finally:
-                scanner.record(None)
+        report.advance(Phase.HOMING, recording=path)
+        try:
+            return record_scan(scanner, self._plan(), log, _ScanReport(report, scanner))
+        finally:
+            if not path.exists():
+                report.advance(report.status.phase, recording=None)
 
-    def _scan(self, scanner: Scanner, report: Report) -> Outcome:
-        speed = speed_of_sound(self._temperature(scanner))
+    def _plan(self) -> ScanPlan:
         board = self.scene.board
-        reach = board.max_range if self.wish.max_range is None else self.wish.max_range
-        scanner.configure(2 * reach / speed, board.listens_from, self.wish.traces, speed)
-        if report.stop_wanted or scanner.home() is Outcome.STOPPED:
-            return Outcome.STOPPED
-        report.advance(Phase.SCANNING)
-        if not report.stop_wanted:
-            self._take(scanner, report)
-        return Outcome.STOPPED if report.stop_wanted else Outcome.DONE
+        air = self.scene.room.air if self.scene.room else Air()
+        return ScanPlan(
+            self.wish.order,
+            reach=board.max_range if self.wish.max_range is None else self.wish.max_range,
+            blanking=board.listens_from,
+            air=ScanAir(air.speed_at, air.temperature_c),
+            traces=self.wish.traces,
+        )
 
-    def _take(self, scanner: Scanner, report: Report) -> None:
-        lost_before = scanner.statistics.lost_readings
-        for reading in scanner.scan(self.wish.order):
-            report.take_in(reading)
-            lost = scanner.statistics.lost_readings - lost_before
-            report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
-            if reading.temperature_c is not None:
-                report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
-        if scanner.unchecked:
-            report.warn(scanner.unchecked)
 
-    def _temperature(self, scanner: Scanner) -> float:
-        own = scanner.info.temperature_c
-        if own is not None:
-            return own
-        return self.scene.room.air.temperature_c if self.scene.room else DEFAULT_TEMPERATURE
+class _ScanReport:
+    """Passes the progress of a scan to a report."""
+
+    def __init__(self, report: Report, scanner: Scanner) -> None:
+        self.warn = report.warn
+        self._report = report
+        self._scanner = scanner
+        self._lost_before = scanner.statistics.lost_readings
+
+    @property
+    def stop_wanted(self) -> bool:
+        return self._report.stop_wanted
+
+    def homed(self) -> None:
+        self._report.advance(Phase.SCANNING)
+
+    def reading(self, reading: Reading) -> None:
+        report = self._report
+        report.take_in(reading)
+        lost = self._scanner.statistics.lost_readings - self._lost_before
+        report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
+        if reading.temperature_c is not None:
+            report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
 
 
 def _at(angle: float, outcome: Outcome, report: Report) -> Outcome:

@@ -1,0 +1,127 @@
+"""Scan a room and record it: the one use case behind `sonarhw scan` and the window's Scan button.
+
+from sonarhw.log import LogMetadata, LogWriter
+from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
+
+plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir(Air().speed_at))
+record_scan(scanner, plan, LogWriter(path, LogMetadata("scan", time.time())), watcher)
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from sonarhw import disk_room
+from sonarhw.errors import Incompatible, LinkError, NoAnswer, WrongDevice
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import LogWriter
+from sonarhw.readings import Reading, ScanOrder
+from sonarhw.wire.messages import Outcome
+
+
+@dataclass(frozen=True)
+class ScanAir:
+    """The air that a scan is made in, as far as ranges depend on it."""
+
+    speed_at: Callable[[float], float]  # speed of sound in m/s at a temperature in °C
+    room_temperature: float  # °C; used if neither the caller nor a thermometer gives one
+    chosen_temperature: float | None = None  # °C; given by the caller, before all others
+
+    def speed_of_sound(self, scanner: Scanner) -> float:
+        """Return the speed of sound in m/s: at the chosen temperature, else the scanner's own, else the room's."""
+        known = (self.chosen_temperature, scanner.info.temperature_c, self.room_temperature)
+        return self.speed_at(next(temperature for temperature in known if temperature is not None))
+
+
+@dataclass(frozen=True)
+class ScanPlan:
+    """What to scan, and how to listen."""
+
+    order: ScanOrder
+    reach: float  # m; listen no further than this
+    blanking: float  # s; ignore echoes before this
+    air: ScanAir
+    traces: bool = False
+
+
+class ScanWatcher(Protocol):
+    """Receives the progress of a scan, in the thread that called `record_scan`."""
+
+    @property
+    def stop_wanted(self) -> bool:
+        """Whether the scan is to end before its next step; `Scanner.stop` ends the step itself."""
+
+    def homed(self) -> None:
+        """The turntable has found its zero; readings follow."""
+
+    def reading(self, reading: Reading) -> None:
+        """A reading was made."""
+
+    def warn(self, message: str) -> None:
+        """Something is wrong that does not end the scan."""
+
+
+def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
+    """Set up the scanner, home, scan, and record all of it in `log`, which is closed at the end.
+
+    Returns DONE or STOPPED. A scan that ends before its first reading leaves no log, and a log that was to be
+    overwritten stays as it was. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the message
+    says how many readings are kept.
+    """
+    progress = _Progress(watcher)
+    outcome = Outcome.STOPPED
+    with log:
+        scanner.record(log)
+        try:
+            outcome = _scan(scanner, plan, log.path, progress)
+        except (LinkError, NoAnswer, WrongDevice, Incompatible) as error:
+            kept = f"; {_readings_are(progress.count)} kept in {log.path}" if progress.count else ""
+            raise type(error)(f"{error}{kept}") from error
+        finally:
+            scanner.record(None)
+            if outcome is Outcome.STOPPED and not progress.count:
+                log.drop()
+    return outcome
+
+
+@dataclass
+class _Progress:
+    """The watcher, and how many readings it has received."""
+
+    watcher: ScanWatcher
+    count: int = 0
+
+    def reading(self, reading: Reading) -> None:
+        self.count += 1
+        self.watcher.reading(reading)
+
+
+def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> Outcome:
+    watcher = progress.watcher
+    speed = plan.air.speed_of_sound(scanner)
+    scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
+    _warn_if_disk_is_small(scanner, plan, path, watcher)
+    if watcher.stop_wanted or scanner.home() is Outcome.STOPPED or watcher.stop_wanted:
+        return Outcome.STOPPED
+    watcher.homed()
+    for reading in scanner.scan(plan.order):
+        progress.reading(reading)
+    if scanner.unchecked:
+        watcher.warn(scanner.unchecked)
+    return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
+
+
+def _warn_if_disk_is_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+    settings = scanner.settings
+    samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
+    need, free = disk_room.log_size(plan.order.readings, samples), disk_room.free_bytes(path)
+    if free is not None and free < need:
+        watcher.warn(
+            f"{path}: the scan takes some {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
+            f"enough for {free / need:.0%} of it; make room"
+        )
+
+
+def _readings_are(count: int) -> str:
+    return "1 reading is" if count == 1 else f"{count} readings are"

@@ -1,0 +1,92 @@
+"""`sonarhw scan` and the window's Scan record alike: the same ranges, and no log without readings."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from sonarhw_cli.app import run
+from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.live_scan import WHOLE_TURN, ScanErrand, ScanWish
+from sonarhw_gui.scene.scene import scene_with
+from sonarhw_sim.air import speed_of_sound
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+
+from sonarhw.device.endpoint import serve
+from sonarhw.device.fake_board import Board
+from sonarhw.host.scanner import Scanner
+from sonarhw.log import read_log
+from sonarhw.readings import ScanOrder
+from tests.checkout import CHECKOUT
+from tests.fixtures.plain_echoes import PlainEchoes
+
+ROOM = CHECKOUT / "rooms" / "simple.toml"
+FOUR = replace(WHOLE_TURN, step=WHOLE_TURN.step * 18, headings=4)
+
+
+@pytest.fixture
+def hot_room(tmp_path: Path) -> Path:
+    hot = tmp_path / "hot.toml"
+    hot.write_text(ROOM.read_text(encoding="utf-8") + "\n[air]\ntemperature_c = 35.0\n", encoding="utf-8")
+    return hot
+
+
+def scanned(log: Path, thermometer: float | None, *options: str | Path) -> list[float | None]:
+    """The ranges that `sonarhw scan` records."""
+    with serve(Board(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
+        assert run(["scan", endpoint.url, "--out", str(log), "--step", "90", *map(str, options)]) == 0
+    return [reading.range for reading in read_log(log).readings]
+
+
+def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path | None) -> list[float | None]:
+    """The ranges that the window records."""
+    board = load_board("polaroid-6500")
+    room = load_room(room_file) if room_file else None
+    scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
+    with serve(Board(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(folder, FOUR, traces=False)))
+        live.start()
+        live.hang_up()
+        live.join()
+    assert live.status.error is None
+    assert live.status.recording is not None
+    return [reading.range for reading in read_log(live.status.recording).readings]
+
+
+@pytest.mark.parametrize(
+    ("thermometer", "in_room", "temperature"),
+    [(10.0, True, 10.0), (None, True, 35.0), (None, False, 20.0)],
+    ids=["thermometer first", "then the air of the room", "then 20"],
+)
+def test_command_and_window_compute_ranges_in_the_same_air(
+    thermometer: float | None, in_room: bool, temperature: float, hot_room: Path, tmp_path: Path
+) -> None:
+    room = hot_room if in_room else None
+    options = ["--room", hot_room, "--place", "figure9"] if in_room else []
+    log = tmp_path / "command.mcap"
+    by_command = scanned(log, thermometer, *options)
+    assert by_command == scanned_by_window(tmp_path, thermometer, room)
+    (first, *_), settings = read_log(log).readings, read_log(log).settings
+    assert settings is not None
+    assert settings.speed_of_sound / 1000 == pytest.approx(speed_of_sound(temperature), abs=0.001)
+    assert first.range == pytest.approx(speed_of_sound(temperature) * 0.015 / 2, rel=1e-4)
+
+
+def test_the_temperature_of_the_command_line_comes_before_thermometer_and_room(hot_room: Path, tmp_path: Path) -> None:
+    options = ["--room", hot_room, "--place", "figure9", "--temperature", "0"]
+    first, *_ = scanned(tmp_path / "scan.mcap", 21.3, *options)
+    assert first == pytest.approx(speed_of_sound(0.0) * 0.015 / 2, rel=1e-4)
+
+
+def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: Path) -> None:
+    beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
+    scene = scene_with(load_board("polaroid-6500"))
+    with serve(Board(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(tmp_path, beyond_the_cable)))
+        live.start()
+        live.hang_up()
+        live.join()
+    assert "the cable winds from -720 to 720 degrees" in str(live.status.error)
+    assert live.status.recording is None
+    assert list(tmp_path.iterdir()) == []
