@@ -18,7 +18,8 @@ from multiprocessing import get_context
 import numpy as np
 from sonarhw_compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.values.parameters import OF_PLACE
-from sonarhw_sim.board.profile import Board, Receiver, load_board
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
 from sonarhw_sim.room.enclosures import inside

@@ -8,7 +8,7 @@ that length.
 import math
 from collections.abc import Iterable, Sequence
 
-from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.choices import EdgeStrength
 
 from tests.oracles.wave_equation import FLAT_WALL, WAVELENGTH, Scene, arrival_near
 from tests.oracles.wave_scenes import DIFFRACTED, REFLECTED, Difference, abreast_of_an_end, differences, unexplained

@@ -25,10 +25,9 @@ from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, compare_readings
 from sonarhw_compare.matching.silence import roc_area
-from sonarhw_sim.board.profile import Board, Receiver, load_board
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.rays.diffraction import EdgeStrength
 from sonarhw_sim.room.model import Room, load_room
 from sonarhw_sim.room.room_writing import with_material
 

@@ -19,9 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from sonarhw_sim.board.gain import lost_db
-from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, ON_AXIS, Unit, with_faces
+from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, ON_AXIS, with_faces
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.choices import Unit
 from sonarhw_sim.room.edges import inside_wedge
 from sonarhw_sim.room.model import Place, Room
 

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Room
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 from sonarhw_compare.headings import heading_text
+from sonarhw_sim.choices import Model, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
@@ -16,7 +17,6 @@ from sonarhw_cli.console.options import (
     Force,
     PlaceName,
     ReceiverChoice,
-    ReceiverName,
     checked_out,
     chosen_place,
     chosen_receiver,
@@ -24,7 +24,6 @@ from sonarhw_cli.console.options import (
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
-from sonarhw_cli.prediction.simulate_command import ModelChoice
 
 if TYPE_CHECKING:
     from sonarhw_compare.matching.match import Comparison, Summary
@@ -41,7 +40,7 @@ def compare(
         str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
     ] = None,
     receiver: ReceiverChoice = None,
-    model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    model: Annotated[Model, typer.Option(help="Model that predicts.")] = Model.RAY_FOLLOWING,
     fit: Annotated[
         str,
         typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
@@ -73,15 +72,14 @@ def compare_log(
     room_file: Path | None = None,
     place: str | None = None,
     board: str | None = None,
-    model: ModelChoice = ModelChoice.RAY_FOLLOWING,
+    model: Model = Model.RAY_FOLLOWING,
     fit: str = "",
-    receiver: ReceiverName | None = None,
+    receiver: Receiver | None = None,
 ) -> "Comparison":
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from sonarhw_compare.fit.plain_fit import fit_scan
     from sonarhw_compare.matching.match import compare_readings
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.predict.models import Model
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     room = None if room_file is None else open_room(room_file)
@@ -92,7 +90,6 @@ def compare_log(
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
-    believed = Model(model.value)
     heading, offset = chosen.heading_at(0.0, here.heading), 0.0
     if fit:
         free = frozenset(name.strip() for name in fit.split(","))
@@ -103,13 +100,13 @@ def compare_log(
                 here,
                 chosen,
                 free,
-                model=believed,
+                model=model,
                 options=options,
                 tick=lambda share: show(share, "fitting"),
             )
         heading, offset, here = found.heading, found.offset, found.place
     return compare_readings(
-        log.readings, room, here, chosen, heading=heading, offset=offset, model=believed, options=options
+        log.readings, room, here, chosen, heading=heading, offset=offset, model=model, options=options
     )
 
 

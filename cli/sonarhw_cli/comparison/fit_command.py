@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.comparison.fit_table import figures, lines_of
 from sonarhw_cli.console.log_input import open_log, recorded_board, recorded_place, recorded_room
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_place, chosen_receiver
+from sonarhw_cli.console.options import Force, ReceiverChoice, checked_out, chosen_place, chosen_receiver
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
@@ -104,7 +105,7 @@ def fit_logs(
     room_file: Path | None,
     places: Sequence[str],
     board: str | None,
-    receiver: ReceiverName | None,
+    receiver: Receiver | None,
     free: str,
     priors: Sequence[str],
     samples: int,

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_room
-from sonarhw_cli.console.options import Force, ReceiverChoice, ReceiverName, checked_out, chosen_receiver
+from sonarhw_cli.console.options import Force, ReceiverChoice, checked_out, chosen_receiver
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
@@ -62,7 +63,7 @@ def locate_log(
     log_file: Path,
     room_file: Path | None = None,
     board: str | None = None,
-    receiver: ReceiverName | None = None,
+    receiver: Receiver | None = None,
     height: float | None = None,
 ) -> "Located":
     """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""

@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import Receiver
 
 from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
 from sonarhw_cli.console.options import (
     Force,
     PlaceName,
     ReceiverChoice,
-    ReceiverName,
     checked_out,
     chosen_place,
     chosen_receiver,
@@ -45,7 +45,7 @@ def report(
 
 
 def report_on(
-    log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: ReceiverName | None
+    log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: Receiver | None
 ) -> "Report":
     """The report on a log; what is not given is taken from the log, InputError where that says nothing."""
     from sonarhw_compare.report.html_report import report_of

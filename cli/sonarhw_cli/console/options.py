@@ -2,18 +2,18 @@
 
 import math
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import EdgeStrength, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.whole_file import is_special
 
 if TYPE_CHECKING:
-    from sonarhw_sim.board.profile import Board, Receiver
+    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
 RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
@@ -26,28 +26,14 @@ ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this,
 StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
 
 
-class EdgeStrengthName(StrEnum):
-    """How strongly edges bend sound."""
-
-    PAPER = "paper"
-    KELLER = "keller"
-
-
 EdgeStrengthChoice = Annotated[
-    EdgeStrengthName,
+    EdgeStrength,
     typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
 ]
 
 
-class ReceiverName(StrEnum):
-    """How a range is made of what is received."""
-
-    FIRST_ECHO = "first-echo"
-    BOARD = "board"
-
-
 ReceiverChoice = Annotated[
-    ReceiverName | None,
+    Receiver | None,
     typer.Option(
         "--receiver",
         help="first-echo: the paper's; board: the ranging board's own. Default: the board profile's, else first-echo.",
@@ -91,11 +77,10 @@ def chosen_place(room: "Room", wanted: str | None) -> "Place":
     return place
 
 
-def chosen_receiver(name: ReceiverName | None, board: "Board") -> "Receiver":
+def chosen_receiver(name: Receiver | None, board: "Board") -> Receiver:
     """The receiver that --receiver names, else the board's own choice."""
-    from sonarhw_sim.board.profile import Receiver
 
-    return board.receiver if name is None else Receiver(name.value)
+    return board.receiver if name is None else name
 
 
 def check_temperature(temperature: float | None) -> None:

@@ -4,13 +4,13 @@ from typing import Annotated
 
 import typer
 from sonarhw_compare.headings import in_degrees
+from sonarhw_sim.choices import EdgeStrength
 
 from sonarhw_cli.console.number_format import write_csv
 from sonarhw_cli.console.options import (
     DEFAULT_BOARD,
     STDOUT,
     EdgeStrengthChoice,
-    EdgeStrengthName,
     Force,
     PlaceName,
     RoomFile,
@@ -32,7 +32,7 @@ def paths(
         typer.Option(min=0, max=1000, help="Paths of length up to twice this, metres; default: the board's range."),
     ] = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
-    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
     faintest: Annotated[
         float,
         typer.Option(
@@ -45,7 +45,6 @@ def paths(
 ) -> None:
     """List every path of sound from a place back to it, shortest first."""
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.rays.diffraction import EdgeStrength
     from sonarhw_sim.rays.paths import PathSearch
     from sonarhw_sim.vertical.sections import paths_from
 

@@ -1,11 +1,11 @@
 """`sonarhw simulate`: predict a scan and write it as CSV, NPZ, picture or log."""
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted, write_csv
@@ -15,12 +15,10 @@ from sonarhw_cli.console.options import (
     STDOUT,
     BoardName,
     EdgeStrengthChoice,
-    EdgeStrengthName,
     Force,
     FromDegrees,
     PlaceName,
     ReceiverChoice,
-    ReceiverName,
     RoomFile,
     StepDegrees,
     ToDegrees,
@@ -44,7 +42,6 @@ from sonarhw_cli.prediction.predicted_files import (
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
-    from sonarhw_sim.predict.models import Model
     from sonarhw_sim.predict.predicted_scan import PredictedScan
     from sonarhw_sim.predict.prediction import PredictionOptions
     from sonarhw_sim.room.model import Place
@@ -55,23 +52,6 @@ WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
 _FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
 
 
-class UnitChoice(StrEnum):
-    """What the transducer's body does to sound that passes it."""
-
-    PASS = "pass"
-    BLOCK = "block"
-    REFLECT = "reflect"
-
-
-class ModelChoice(StrEnum):
-    """The model that predicts."""
-
-    RAY_FOLLOWING = "ray-following"
-    NEAREST = "nearest"
-    CONE = "cone"
-    KUC_SIEGEL = "kuc-siegel"
-
-
 def simulate(
     room_file: RoomFile,
     place: PlaceName = None,
@@ -80,15 +60,13 @@ def simulate(
     step: StepDegrees = WHOLE_CIRCLE[2],
     board: BoardName = DEFAULT_BOARD,
     receiver: ReceiverChoice = None,
-    unit: Annotated[UnitChoice, typer.Option(help="What the transducer's face does to sound that passes it.")] = (
-        UnitChoice.PASS
-    ),
-    edge_strength: EdgeStrengthChoice = EdgeStrengthName.PAPER,
+    unit: Annotated[Unit, typer.Option(help="What the transducer's face does to sound that passes it.")] = (Unit.PASS),
+    edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
     sections: Annotated[
         int,
         typer.Option(min=1, max=99, help="Horizontal sections across the face, where the place has a height."),
     ] = 1,
-    model: Annotated[ModelChoice, typer.Option(help="Model that predicts.")] = ModelChoice.RAY_FOLLOWING,
+    model: Annotated[Model, typer.Option(help="Model that predicts.")] = Model.RAY_FOLLOWING,
     traces: Annotated[
         TraceKind | None,
         typer.Option(
@@ -114,7 +92,7 @@ def simulate(
     sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
     """
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.predict.models import Model, predict_with
+    from sonarhw_sim.predict.models import predict_with
 
     kind = checked_out(out, _FORMATS, force, room_file, board)
     wish = trace_wish(traces, rate, kind)
@@ -123,9 +101,9 @@ def simulate(
     here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, wish)
-    _check_meaning(Model(model.value), options, here)
-    scan = predict_with(Model(model.value), room, here, chosen, _headings(order, chosen, here), options)
-    if model in (ModelChoice.RAY_FOLLOWING, ModelChoice.KUC_SIEGEL):
+    _check_meaning(model, options, here)
+    scan = predict_with(model, room, here, chosen, _headings(order, chosen, here), options)
+    if model.follows_sound:
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
     match kind:
@@ -142,19 +120,17 @@ def simulate(
 
 def _options(
     board: "Board",
-    receiver: ReceiverName | None,
-    unit: UnitChoice,
-    edge_strength: EdgeStrengthName,
+    receiver: Receiver | None,
+    unit: Unit,
+    edge_strength: EdgeStrength,
     noise: float,
     seed: int | None,
 ) -> "PredictionOptions":
-    from sonarhw_sim.board.mount import Unit
     from sonarhw_sim.predict.prediction import PredictionOptions
-    from sonarhw_sim.rays.diffraction import EdgeStrength
 
     return PredictionOptions(
-        unit=Unit(unit.value),
-        edge_strength=EdgeStrength(edge_strength.value),
+        unit=unit,
+        edge_strength=edge_strength,
         receiver=chosen_receiver(receiver, board),
         noise=noise,
         seed=seed,
@@ -162,7 +138,6 @@ def _options(
 
 
 def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
-    from sonarhw_sim.board.profile import Receiver
 
     if not 0 <= options.noise <= 1:
         raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
@@ -170,14 +145,12 @@ def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
         raise InputError(f"--noise {options.noise:g}: nobody would hear it; add --traces or --receiver board")
 
 
-def _check_meaning(model: "Model", options: "PredictionOptions", place: "Place") -> None:
+def _check_meaning(model: Model, options: "PredictionOptions", place: "Place") -> None:
     """Refuse what would make no difference: whoever gives it believes that it does."""
-    from sonarhw_sim.board.mount import Unit
-    from sonarhw_sim.predict.models import Model
 
     if options.sections > 1 and place.height is None:
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
-    if model in (Model.NEAREST, Model.CONE) and options.unit is not Unit.PASS:
+    if not model.follows_sound and options.unit is not Unit.PASS:
         raise InputError(f"--unit {options.unit}: --model {model} knows no sound that passes the unit; leave it out")
 
 

@@ -7,7 +7,7 @@ Takes a comparison and the index of a reading; hands on one line for a person.
 import math
 from collections.abc import Callable
 
-from sonarhw_sim.board.profile import Receiver
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 
 from sonarhw_compare.explain.contest import WallChange, change_for, contest, wall_change

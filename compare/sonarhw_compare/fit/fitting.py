@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.room.model import Room
 
 from sonarhw.errors import Cancelled, InputError

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Model
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 

@@ -11,7 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.choices import Model
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, received_by, weigh_paths
 from sonarhw_sim.rays.paths import Paths

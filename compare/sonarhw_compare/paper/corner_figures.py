@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sonarhw_sim.board.mount import Unit
+from sonarhw_sim.choices import Unit
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, PREDICTED, WALL, sheet

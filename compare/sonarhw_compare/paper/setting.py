@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
 
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Receiver, load_board
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Model, Receiver, Unit
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Room, parse_room

@@ -9,8 +9,7 @@ from dataclasses import replace
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Receiver
+from sonarhw_sim.choices import Receiver, Unit
 
 from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, mark_sensor, note, plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit

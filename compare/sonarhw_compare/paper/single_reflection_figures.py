@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from matplotlib.figure import Figure
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit

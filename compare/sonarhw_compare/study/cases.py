@@ -10,11 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Board, Receiver
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.rays.diffraction import EdgeStrength
 from sonarhw_sim.room.model import Place, Room, parse_room, with_air, with_material
 from sonarhw_sim.room.room_file import RoomFile
 from sonarhw_sim.toml_file import parse_toml
@@ -133,13 +131,13 @@ def _options(values: dict[str, Value], board: Board, seed: int, number: int) -> 
     """The model and the options of a case; the seed is its own, and follows from its number."""
     given = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "options"}
     chosen = OptionValues.model_validate({"receiver": board.receiver.value} | given)
-    return Model(chosen.model), PredictionOptions(
-        unit=Unit(chosen.unit),
+    return chosen.model, PredictionOptions(
+        unit=chosen.unit,
         max_bounces=chosen.max_bounces,
         diffraction=chosen.diffraction,
         rays=chosen.rays,
-        edge_strength=EdgeStrength(chosen.edge_strength),
-        receiver=Receiver(chosen.receiver),
+        edge_strength=chosen.edge_strength,
+        receiver=chosen.receiver,
         noise=chosen.noise,
         # without noise nothing is random: the nearest wall is where it is
         seed=int(random_of(seed, number, "noise").integers(2**32)) if chosen.noise else None,

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 from sonarhw_sim.board.profile import Board, BoardFile, board_from, load_board
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.room.model import Room, parse_room
 from sonarhw_sim.room.room_file import AirSection, Material
 from sonarhw_sim.toml_file import TomlModel, checked, parse_table, parse_toml, read_text
@@ -23,6 +24,8 @@ from sonarhw_compare.study.axes import Axis, Drawn, Listed, Value, WrittenAxis
 
 ANYWHERE = "anywhere"  # a place that every draw draws anew
 MOST_SCANS = 100_000_000
+
+_BY_NAME = Field(strict=False)  # a file holds the name of a choice, which a strict model would reject
 
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 
@@ -53,10 +56,10 @@ class RoomSection(TomlModel):
 class OptionValues(TomlModel):
     """One value for each key of `[vary.options]`."""
 
-    model: Literal["ray-following", "nearest", "cone", "kuc-siegel"] = "ray-following"
-    receiver: Literal["first-echo", "board"] = "first-echo"
-    unit: Literal["pass", "block", "reflect"] = "pass"
-    edge_strength: Literal["paper", "keller"] = "paper"
+    model: Annotated[Model, _BY_NAME] = Model.RAY_FOLLOWING
+    receiver: Annotated[Receiver, _BY_NAME] = Receiver.FIRST_ECHO
+    unit: Annotated[Unit, _BY_NAME] = Unit.PASS
+    edge_strength: Annotated[EdgeStrength, _BY_NAME] = EdgeStrength.PAPER
     diffraction: bool = True
     max_bounces: Annotated[int, Field(ge=0, le=1000)] = 64
     rays: Annotated[int, Field(ge=8, le=1_000_000)] = 5760

@@ -11,8 +11,9 @@ from functools import lru_cache
 import numpy as np
 import pyarrow as pa
 from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.levels import strengths
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, received_by, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths

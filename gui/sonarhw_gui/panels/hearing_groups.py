@@ -9,9 +9,8 @@ from functools import partial
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QComboBox, QLabel
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Board, Receiver, board_names, load_board
-from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.board.profile import Board, board_names, load_board
+from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw_gui.panels.room_groups import Change, Group, short_list, show_names

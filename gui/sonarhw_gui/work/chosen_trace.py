@@ -10,8 +10,9 @@ import numpy as np
 from sonarhw_compare.pictures.trace_levels import envelope_of, floor_of, in_db
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import stepped_gain_db, way_loss_db
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Signal
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 
 from sonarhw.readings import FloatArray, Reading, Trace

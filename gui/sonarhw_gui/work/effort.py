@@ -5,7 +5,7 @@ Takes how long the last draft took; hands on how many bounces and rays the next 
 
 from dataclasses import dataclass, replace
 
-from sonarhw_sim.board.profile import Receiver
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 
 _TOO_LONG, _SHORT = 0.020, 0.005  # s, of a draft

@@ -8,13 +8,13 @@ head; `sonarhw_sim.board.ring` has several sensors round a body. What a face doe
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.choices import Unit
 from sonarhw_sim.room.model import ENDLESS, Place, Room, with_post, with_walls
 from sonarhw_sim.room.room_file import MEETING
 from sonarhw_sim.toml_file import TomlModel
@@ -27,14 +27,6 @@ CARRIER_REFLECTANCE = 0.95
 
 Length = Annotated[float, Field(ge=0, le=10)]
 Offset = Annotated[float, Field(ge=-10, le=10)]
-
-
-class Unit(StrEnum):
-    """What the transducer's own body does to sound that passes it."""
-
-    PASS = "pass"  # nothing: it is small, the front closes round it
-    BLOCK = "block"  # sound that meets its face ends there
-    REFLECT = "reflect"  # its face, from both sides, is one more wall: appendix A as printed
 
 
 FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REFLECTANCE}

@@ -5,11 +5,10 @@ Takes the name of a profile that ships with the product, or a file; hands on a f
 
 import math
 from dataclasses import dataclass, field
-from enum import StrEnum
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -19,6 +18,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.mount import ON_AXIS, Mount
 from sonarhw_sim.board.ring import Ring
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.toml_file import TomlModel, parse_toml, read_text
 
 MOST_RANGE = 1000.0  # m; sound in air is gone long before
@@ -34,13 +34,6 @@ INTEGRATION_CYCLES = 8.0
 GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; the data sheets say none
 _CHIRP_REACH = 30e3  # Hz; signals are kept 60 kHz to each side of the carrier (sonarhw_sim.board.burst)
 REARM = 0.44e-3  # s, BLNK high at least so long (6500 data sheet)
-
-
-class Receiver(StrEnum):
-    """How a board makes a range of what it receives."""
-
-    FIRST_ECHO = "first-echo"  # the paper's: the first arrival over the threshold, after an ideal gain
-    BOARD = "board"  # the ranging board's own: stepped gain, integration, its own clock (sonarhw_sim.board.receiver)
 
 
 @dataclass(frozen=True)
@@ -70,7 +63,7 @@ class BoardFile(TomlModel):
     threshold_db: Annotated[float, Field(le=0)]
     rounding: Annotated[float, Field(ge=0, le=1)] = 0.0  # m; 0: none
     absorption: bool = True
-    receiver: Literal["first-echo", "board"] = "first-echo"
+    receiver: Annotated[Receiver, Field(strict=False)] = Receiver.FIRST_ECHO
     chirp: tuple[ToneFile, ...] = ()
     # shorter ones would need more than the 60 kHz to each side of the carrier that signals are kept in
     rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = RISE_CYCLES
@@ -228,7 +221,7 @@ def board_from(file: BoardFile, text: str = "") -> Board:
     """The board that a checked profile describes; `text` is what a log carries of it."""
     values = file.model_dump()
     chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
-    made = {"chirp": chirp, "receiver": Receiver(file.receiver), "mount": file.mount, "ring": file.ring, "text": text}
+    made = {"chirp": chirp, "mount": file.mount, "ring": file.ring, "text": text}
     return Board(**values | made)
 
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.burst import RATE, burst_of
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, received
 from sonarhw_sim.board.transducer import ComplexArray
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled
 
 _FIRST_LISTEN = 0.01  # s, within which most pings are answered

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray, Trace
 from sonarhw_sim.board.burst import RATE, Burst, burst_of
 from sonarhw_sim.board.gain import stepped_gain_db, way_loss_db
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import beam_table, disc
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled
 
 ENVELOPE_RATE = 50_000.0  # Hz

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.gain import lost_db
-from sonarhw_sim.board.mount import Unit
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face, amplitudes_at, beam_table, loudest_by_separation
+from sonarhw_sim.choices import Unit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 

@@ -1,17 +1,18 @@
-"""The models by name: ray following, and those the paper argues against, to hold beside it.
+"""Prediction by any model: ray following, and the baseline models that the paper compares with.
 
-Takes what `predict_scan` takes and the name of a model; hands on the same `PredictedScan`, whatever the model.
+Every model takes what `predict_scan` takes and returns a `PredictedScan`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Model, Receiver
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan, received_by
@@ -31,13 +32,8 @@ SPREAD_BY_RANGE = 0.015
 FAR_TAIL = 0.5
 
 
-class Model(StrEnum):
-    """How to predict."""
-
-    RAY_FOLLOWING = "ray-following"
-    NEAREST = "nearest"  # the first wall along the axis; with a seed, its distance is off at random
-    CONE = "cone"  # the nearest wall within ±15°
-    KUC_SIEGEL = "kuc-siegel"  # single reflections and edges only
+ModelFunction = Callable[[Room, Place, Board, FloatArray, PredictionOptions], PredictedScan]
+_FUNCTIONS: dict[Model, ModelFunction] = {Model.RAY_FOLLOWING: predict_scan}
 
 
 def predict_with(
@@ -48,20 +44,42 @@ def predict_with(
     headings: FloatArray,
     options: PredictionOptions | None = None,
 ) -> PredictedScan:
-    """What `model` says that `board` would report from `place` at `headings` (n,) rad in the room."""
-    options = options or PredictionOptions()
+    """Return the scan that `model` predicts for `board` at `place` and at `headings` (n,) rad in the room."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
-    match model:
-        case Model.RAY_FOLLOWING:
-            return predict_scan(room, place, board, headings, options)
-        case Model.KUC_SIEGEL:
-            return predict_scan(room, place, board, headings, replace(options, max_bounces=1, single=True))
-        case Model.NEAREST:
-            scan = _nearest_wall(room, place, _hearing(board, options), headings, np.zeros(1))
-            return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
-        case Model.CONE:
-            cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
-            return received_by(_nearest_wall(room, place, _hearing(board, options), headings, cone), options)
+    return _FUNCTIONS[model](room, place, board, headings, options or PredictionOptions())
+
+
+def predicts(model: Model) -> Callable[[ModelFunction], ModelFunction]:
+    """Return a decorator that makes a function the prediction of `model`."""
+
+    def register(function: ModelFunction) -> ModelFunction:
+        _FUNCTIONS[model] = function
+        return function
+
+    return register
+
+
+@predicts(Model.KUC_SIEGEL)
+def _single_reflections(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
+) -> PredictedScan:
+    return predict_scan(room, place, board, headings, replace(options, max_bounces=1, single=True))
+
+
+@predicts(Model.NEAREST)
+def _nearest_ahead(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
+) -> PredictedScan:
+    scan = _nearest_wall(room, place, _hearing(board, options), headings, np.zeros(1))
+    return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
+
+
+@predicts(Model.CONE)
+def _nearest_in_cone(
+    room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
+) -> PredictedScan:
+    cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
+    return received_by(_nearest_wall(room, place, _hearing(board, options), headings, cone), options)
 
 
 def _hearing(board: Board, options: PredictionOptions) -> Board:

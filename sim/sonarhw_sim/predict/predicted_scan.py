@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import Heard, counted_time, hear, hear_first
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face
+from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.levels import is_blanked, leg_amplitudes, path_amplitudes, strengths
 from sonarhw_sim.rays.paths import SLACK, Paths

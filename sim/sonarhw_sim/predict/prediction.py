@@ -11,15 +11,15 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.gain import most_gained
-from sonarhw_sim.board.mount import FACE_REFLECTANCES, Unit
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.mount import FACE_REFLECTANCES
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time
 from sonarhw_sim.board.weighing import beam_table, first_heard
+from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.predict.by_heading import HeadingPaths, Leg, find_by_heading
 from sonarhw_sim.predict.levels import faintest_noticed, is_blanked, leg_amplitudes, noticed, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
 from sonarhw_sim.rays.audible import Front
-from sonarhw_sim.rays.diffraction import EdgeStrength
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from

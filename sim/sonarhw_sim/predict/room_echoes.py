@@ -13,8 +13,8 @@ import numpy as np
 
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
-from sonarhw_sim.board.mount import Unit
 from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Unit
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import (
     PredictionOptions,

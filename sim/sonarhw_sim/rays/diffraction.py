@@ -6,12 +6,12 @@ pair that makes a path, source → walls → edge → walls → receiver, with i
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.ways import Ways
 from sonarhw_sim.room.edges import Edges, inside_wedge
@@ -19,13 +19,6 @@ from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
 _AT_EDGE = 1e-7  # m
-
-
-class EdgeStrength(StrEnum):
-    """How strongly an edge bends sound."""
-
-    PAPER = "paper"  # the same in all directions
-    KELLER = "keller"  # by the angles to its faces
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.audible import Front, everything
-from sonarhw_sim.rays.diffraction import Bending, EdgeStrength, bent_ways
+from sonarhw_sim.rays.diffraction import Bending, bent_ways
 from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.ways import Ways, find_ways, shortest_first
 from sonarhw_sim.room.grid import IntArray

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
-from sonarhw_sim.board.mount import Mount, Unit
-from sonarhw_sim.board.profile import Receiver, load_board
+from sonarhw_sim.board.mount import Mount
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 

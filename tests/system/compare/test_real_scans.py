@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.choices import Model
 
 from benchmarks.real.real_scans import (
     DEFAULT_FOLDER,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.special import hankel1
-from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.choices import EdgeStrength
 
 from tests.oracles.wave_equation import CELL, FLAT_WALL, STEP, WAVELENGTH, Scene, arrival_near, direct, echoes
 from tests.oracles.wave_scenes import CORNERS, DIFFRACTED, PLATES, REFLECTED, differences, unexplained

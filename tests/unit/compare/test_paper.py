@@ -17,8 +17,7 @@ from sonarhw_compare.paper import ray_figures as rays
 from sonarhw_compare.paper import simple_room_figures as simple_room
 from sonarhw_compare.paper import single_reflection_figures as single_reflections
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.predict.models import Model
+from sonarhw_sim.choices import Model, Unit
 
 CLAIMS = [(exhibit.name, claim) for exhibit in page.EXHIBITS for claim in exhibit.claims]
 

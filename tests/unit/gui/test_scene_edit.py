@@ -14,7 +14,8 @@ from sonarhw_gui.scene.room_edit import add_post
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned
 from sonarhw_gui.store.recording import start_recording
-from sonarhw_sim.board.profile import Receiver, load_board, parse_board
+from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.gain import lost_db
-from sonarhw_sim.board.profile import Board, Receiver
+from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam_table
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.levels import noticed
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.room.model import Place, Room

@@ -15,9 +15,8 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import open_application
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import Unit
-from sonarhw_sim.board.profile import Receiver, load_board
-from sonarhw_sim.rays.diffraction import EdgeStrength
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.room.model import load_room
 from sonarhw_sim.room.room_writing import materials, with_air
 

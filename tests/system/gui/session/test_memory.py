@@ -14,8 +14,8 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import heard_by, in_air, sensor_at
 from sonarhw_gui.session.memory import LookMemory, Memory, SceneMemory, read_memory, write_memory
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_sim.board.mount import Unit
 from sonarhw_sim.board.profile import load_board, parse_board
+from sonarhw_sim.choices import Unit
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw.host.scanner import Scanner

@@ -4,7 +4,8 @@ import re
 
 import pytest
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.profile import Receiver, Tone, load_board, parse_board
+from sonarhw_sim.board.profile import Tone, load_board, parse_board
+from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
 

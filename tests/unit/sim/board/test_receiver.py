@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.gain import stepped_gain_db
-from sonarhw_sim.board.profile import Board, Receiver, load_board
+from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.receiver import counted_time, echo_times, hear, hear_first
 from sonarhw_sim.board.traces import Arrivals, Noise, received
+from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import load_room
 

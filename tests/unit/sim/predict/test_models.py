@@ -1,6 +1,8 @@
 """The models that the paper argues against, against closed forms; ray following beside them."""
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.stats import exponnorm, kstest
 from sonarhw_sim.board.mount import Mount
-from sonarhw_sim.board.profile import Receiver, load_board
-from sonarhw_sim.predict.models import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, Model, predict_with
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Model, Receiver
+from sonarhw_sim.predict.models import FAR_TAIL, SPREAD, SPREAD_BY_RANGE, predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, load_room
@@ -129,3 +132,15 @@ def test_kuc_siegel_misses_the_false_wall_of_figure_9() -> None:
     heard = predict_with(Model.RAY_FOLLOWING, SIMPLE, PLACE, PAPER, np.radians([270.0]))
     assert math.isnan(silent.ranges[0])
     assert heard.ranges[0] == pytest.approx(0.827)
+
+
+@pytest.mark.parametrize("model", Model)
+def test_every_model_has_a_function(model: Model) -> None:
+    assert predict_with(model, SQUARE, HERE, PAPER, np.zeros(1)).ranges == pytest.approx([1.0])
+
+
+def test_choices_are_listed_before_any_array_or_kernel_is_loaded() -> None:
+    script = "import sys, sonarhw_sim.choices; print({'numpy', 'pydantic'} & set(sys.modules))"
+    assert (
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "set()\n"
+    )

@@ -7,11 +7,12 @@ from itertools import groupby
 import numpy as np
 import pytest
 from sonarhw_sim.air import absorption
-from sonarhw_sim.board.mount import Mount, Unit
+from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import board_names, load_board
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.board.weighing import beam, beam_table
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.choices import Model, Unit
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, load_room

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from sonarhw_sim.board.transducer import beam_gain
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.rays.audible import Front, everything
-from sonarhw_sim.rays.diffraction import EdgeStrength
 from sonarhw_sim.rays.kernel import fan, follow_fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room, with_post

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from sonarhw_sim.rays.diffraction import Bending, EdgeStrength, edge_gain, keller
+from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.rays.diffraction import Bending, edge_gain, keller
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.predict.prediction import predict_scan
-from sonarhw_sim.rays.diffraction import EdgeStrength
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room
 

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from sonarhw_sim.board.mount import Unit
 from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.choices import Unit
 from sonarhw_sim.room.model import load_room
 
 from tests.oracles import one_heading, reference

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.mount import Unit
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.predict.models import Model, predict_with
+from sonarhw_sim.choices import Model, Unit
+from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
