@@ -13,9 +13,9 @@ from sonarhw_cli.console.demo_room import demo_room, demo_url
 from sonarhw_cli.console.options import DEFAULT_BOARD, LOG, PlaceName
 
 if TYPE_CHECKING:
-    from sonarhw_gui.live.live_scan import ScannerOpener
-    from sonarhw_gui.live.scanner_choice import ScannerWay
+    from sonarhw_gui.live.errands import ScannerOpener
     from sonarhw_gui.scene.scene import Scene
+    from sonarhw_gui.session.scanner_choice import ScannerWay
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
@@ -167,7 +167,7 @@ class _Ways:
 
     def find(self, url: str) -> "ScannerWay":
         """The way to the scanner at `url`; nothing is opened yet. Raises InputError where it says nothing."""
-        from sonarhw_gui.live.scanner_choice import ScannerWay
+        from sonarhw_gui.session.scanner_choice import ScannerWay
 
         scene = _fake_scene(url, _NOTHING) if url.startswith(FAKE) else None
         return ScannerWay(url, self.opener(url), scene)

@@ -18,8 +18,7 @@ from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from sonarhw_gui.scene.plan_geometry import wall_lines
 from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.bscan_picture import Arm, ColourScale, Pane, flat_area, polar_area
-from sonarhw_gui.work.bscan_request import BScans
+from sonarhw_gui.work.bscan_picture import Arm, BScans, ColourScale, Pane, flat_area, polar_area
 
 _FIGURES = 48  # pixels of an axis' figures and label at the usual size of text
 _BAR = 16  # pixels of the colours in a colour bar, and its frame

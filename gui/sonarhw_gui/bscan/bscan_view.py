@@ -22,8 +22,7 @@ from sonarhw_gui.plots.pick import is_plain_click
 from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.bscan_picture import BScanWish, Pane
-from sonarhw_gui.work.bscan_request import BScans
+from sonarhw_gui.work.bscan_picture import BScans, BScanWish, Pane
 
 _CHOICES = (
     ("Measured", "F2", (Pane.MEASURED,), "What the board received"),

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QMainWindow
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_dialog import ConnectDialog, open_connect_dialog
-from sonarhw_gui.live.scanner_choice import ScannerChoice
+from sonarhw_gui.session.scanner_choice import ScannerChoice
 
 
 class ConnectCommands(QObject):

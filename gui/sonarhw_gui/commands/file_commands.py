@@ -13,14 +13,14 @@ from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
-from sonarhw_gui.session.window_session import Session
-from sonarhw_gui.store.files import can_open
+from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.store.open_requests import can_open
 
 
 class FileCommands(QMenu):
     """Connects the commands with the session; is itself the menu of recent files."""
 
-    def __init__(self, commands: Commands, session: Session, window: QMainWindow) -> None:
+    def __init__(self, commands: Commands, session: WindowSession, window: QMainWindow) -> None:
         super().__init__("Open recent", window)
         self._window = window
         self._session = session

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QMainWindow, QMenu
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.help_page import HelpPage
-from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.session.window_session import WindowSession
 
 _FRAME = QSize(16, 48)  # pixels that the frame of a dialog may take
 
@@ -19,7 +19,7 @@ _FRAME = QSize(16, 48)  # pixels that the frame of a dialog may take
 class HelpCommands(QObject):
     """Opens the page, and closes it again."""
 
-    def __init__(self, commands: Commands, session: Session, window: QMainWindow) -> None:
+    def __init__(self, commands: Commands, session: WindowSession, window: QMainWindow) -> None:
         super().__init__(window)
         self._window = window
         self._session = session

@@ -13,8 +13,8 @@ from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_words import line_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
-from sonarhw_gui.session.window_session import Session
-from sonarhw_gui.store.keeping import CSV, HTML, JSON, NPZ, PNG, SVG, Content, Data, Picture, ReportPage
+from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.store.keep_requests import CSV, HTML, JSON, NPZ, PNG, SVG, Content, Data, Picture, ReportPage
 
 _FILTERS = {
     PNG: "Picture (*.png)",
@@ -42,7 +42,7 @@ class KeepCommands(QObject):
     def __init__(
         self,
         commands: Commands,
-        session: Session,
+        session: WindowSession,
         window: QWidget,
         stage: QStackedWidget,
         large: Sequence[QWidget],

@@ -11,7 +11,7 @@ from PySide6.QtGui import QAction
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
-from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.session.window_session import WindowSession
 
 _STEP = 1.1  # of the size of text
 
@@ -19,7 +19,7 @@ _STEP = 1.1  # of the size of text
 class LookCommands(QObject):
     """Connects the commands with the session."""
 
-    def __init__(self, commands: Commands, session: Session, parent: QObject) -> None:
+    def __init__(self, commands: Commands, session: WindowSession, parent: QObject) -> None:
         super().__init__(parent)
         self._commands = commands
         self._session = session

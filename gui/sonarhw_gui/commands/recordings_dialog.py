@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.store.recordings import Listed, Recording, Recordings
+from sonarhw_gui.store.recording_list import Recording, RecordingList, Recordings
 
 _COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
 _PATH = Qt.ItemDataRole.UserRole
@@ -73,7 +73,7 @@ class RecordingsDialog(QDialog):
             self.failed.emit(message)
         self._recordings.failures.clear()
 
-    def _draw(self, listed: Listed) -> None:
+    def _draw(self, listed: RecordingList) -> None:
         chosen = self._chosen()
         self.table.setRowCount(len(listed.rows))
         for number, row in enumerate(listed.rows):
@@ -127,7 +127,7 @@ def _texts(row: Recording) -> tuple[str, ...]:
     return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
 
 
-def _told(listed: Listed) -> str:
+def _told(listed: RecordingList) -> str:
     if not listed.files:
         return f"{listed.folder}: nothing has been recorded yet; every scan that is made in the window is"
     reading = "" if listed.complete else f", {len(listed.rows)} read"

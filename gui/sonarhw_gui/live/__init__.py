@@ -1,1 +1,1 @@
-"""Sources of readings: the live scanner and the replay of a log."""
+"""The live scanner: its thread, what it can be sent to do, and how it stands. No Qt."""

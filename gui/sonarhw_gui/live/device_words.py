@@ -10,8 +10,8 @@ from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.device_clock import MOST_DRIFT
 from sonarhw.wire.limits import MOST_READINGS
 from sonarhw.wire.units import microdegrees_of
-from sonarhw_gui.live.live_status import LinkSeen
-from sonarhw_gui.live.status import Source, Status
+from sonarhw_gui.live.scanner_state import LinkSeen
+from sonarhw_gui.live.window_status import Source, Status
 
 UNKNOWN = "–"
 

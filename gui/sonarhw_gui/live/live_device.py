@@ -15,8 +15,8 @@ from sonarhw.errors import Incompatible, LinkError, NoAnswer, SonarError, WrongD
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome
-from sonarhw_gui.live.live_scan import Errand, ScannerOpener
-from sonarhw_gui.live.live_status import LinkSeen, LiveStatus, Phase
+from sonarhw_gui.live.errands import Errand, ScannerOpener
+from sonarhw_gui.live.scanner_state import ErrandState, LinkSeen, Phase
 
 MOST_WAITING = 1024  # readings; over half a minute of the fastest board
 _LOOK_EVERY = 0.25  # s; figures that change more often cannot be read
@@ -27,7 +27,7 @@ class LiveDevice:
 
     def __init__(self, opener: ScannerOpener, errand: Errand, after: "LiveDevice | None" = None) -> None:
         """`after` is waited for first: it may still hold the port."""
-        self.status = LiveStatus()
+        self.status = ErrandState()
         self.link: LinkSeen | None = None
         self.warnings: deque[str] = deque()  # to be taken out by who tells them
         self.leaving = False  # whether it takes no more errands
@@ -53,7 +53,7 @@ class LiveDevice:
     def ask(self, errand: Errand) -> None:
         """Have something done; the errand before it has ended."""
         self._stop_wanted.clear()
-        self.status = LiveStatus(errand.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
+        self.status = ErrandState(errand.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
         self._errands.put(errand)
 
     def take(self) -> list[Reading]:

@@ -5,8 +5,7 @@ Takes the way to a scanner; hands on readings, how things stand, and once, when 
 
 from sonarhw.errors import SonarError
 from sonarhw.readings import Reading
-from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.live_scan import (
+from sonarhw_gui.live.errands import (
     ConnectErrand,
     Errand,
     HomeErrand,
@@ -15,11 +14,12 @@ from sonarhw_gui.live.live_scan import (
     ScanWish,
     TurnErrand,
 )
-from sonarhw_gui.live.live_status import LinkSeen, LiveStatus, Phase, trouble
+from sonarhw_gui.live.live_device import LiveDevice
 from sonarhw_gui.live.packed_trace import with_packed_trace
+from sonarhw_gui.live.scanner_state import ErrandState, LinkSeen, Phase, trouble
 from sonarhw_gui.scene.scene import Scene
 
-_IDLE = LiveStatus(Phase.DONE)
+_IDLE = ErrandState(Phase.DONE)
 
 
 class LiveFeed:
@@ -48,7 +48,7 @@ class LiveFeed:
         return self._seen.phase
 
     @property
-    def status(self) -> LiveStatus:
+    def status(self) -> ErrandState:
         """What is known of the errand: no more than of its readings, so that none comes after the end."""
         return self._seen
 
@@ -146,7 +146,7 @@ class LiveFeed:
         self._seen = device.status
 
 
-def _told(status: LiveStatus) -> str:
+def _told(status: ErrandState) -> str:
     """What the person is to know of an error; raises what is a defect."""
     if status.error is None:
         return ""

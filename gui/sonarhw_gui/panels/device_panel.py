@@ -32,8 +32,8 @@ from sonarhw_gui.live.device_words import (
     temperature_text,
     who,
 )
-from sonarhw_gui.live.live_scan import ScanWish
-from sonarhw_gui.live.status import Source, Status
+from sonarhw_gui.live.errands import ScanWish
+from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.number_field import NumberField
 from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only

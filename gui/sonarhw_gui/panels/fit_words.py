@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.look.residual_unit import residual_unit
-from sonarhw_gui.work.fit_work import Found
+from sonarhw_gui.work.fit_request import FitFound
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # what they load takes half a second
@@ -24,7 +24,7 @@ _NAMES = {
 }
 
 
-def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
+def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
     """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
     values = found.answers[answer].values
     if answer > 0:
@@ -36,13 +36,13 @@ def rows(found: Found, answer: int, unit: LengthUnit) -> list[tuple[str, str, st
     ]
 
 
-def share_line(found: Found, answer: int) -> str:
+def share_line(found: FitFound, answer: int) -> str:
     """How many echoes matched before, and how many do with this answer."""
     before, after = (_percent(share) for share in (found.within_5cm, found.answers[answer].within_5cm))
     return f"within 5 cm: {before} before, {after} with this"
 
 
-def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
+def answer_line(found: FitFound, answer: int, unit: LengthUnit) -> str:
     """An answer in a few words: its pose."""
     values = found.answers[answer].values
     pose = {one.kind.value: in_words(one, value, unit) for one, value in values.items()}
@@ -50,7 +50,7 @@ def answer_line(found: Found, answer: int, unit: LengthUnit) -> str:
     return f"{answer + 1}: {place or 'no other place'}"
 
 
-def warnings(found: Found) -> list[str]:
+def warnings(found: FitFound) -> list[str]:
     """What the fit cannot tell, and what became worse."""
     told = [*found.result.warnings]
     before, after = found.within_5cm, found.answers[0].within_5cm

@@ -11,8 +11,6 @@ from PySide6.QtGui import QAction, QIcon
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
 
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.live.playback_speeds import SPEEDS
-from sonarhw_gui.live.replay import ReplayState
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.panels.time_slider import TimeSlider
@@ -26,6 +24,7 @@ from sonarhw_gui.parts.media_icons import (
     Shape,
     media_icon,
 )
+from sonarhw_gui.session.replay_control import SPEEDS, ReplayState
 
 
 class ReplayBar(QWidget):

@@ -7,8 +7,8 @@ from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QSlider, QStyle, QStyleOptionSlider
 
-from sonarhw_gui.live.replay import ReplayState
 from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.session.replay_control import ReplayState
 
 _STEPS_PER_SECOND = 1000
 _MOST_STEPS = 2**31 - 1

@@ -15,7 +15,7 @@ from sonarhw.errors import InputError
 from sonarhw_gui.plan.plan_tools import Hand, Tool
 from sonarhw_gui.plan.plan_words import words_at
 from sonarhw_gui.plots.pick import is_plain_click
-from sonarhw_gui.scene.grips import Grip, Part, surface_at
+from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, sensor_turned, with_corner, without_surface
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key stroke
 _PAUSE = 1.0  # s: key strokes closer than this are undone together
-_GRIPPED = {Part.SENSOR: Qt.CursorShape.OpenHandCursor, Part.BEAM: Qt.CursorShape.PointingHandCursor}
+_GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.CursorShape.PointingHandCursor}
 
 
 class PlanHands:
@@ -124,10 +124,10 @@ class PlanHands:
         surface, room = self.chosen_surface, self.scene.room
         by = right * NUDGE, up * NUDGE
         if self.tool.edits and surface is not None and room is not None:
-            part = Part.WALL if surface < len(room.walls) else Part.POST
+            part = GripPart.WALL if surface < len(room.walls) else GripPart.POST
             self._by_key(lambda scene: dragged(scene, Grip(part, (0.0, 0.0), surface), by))
         else:
-            self._by_key(lambda scene: dragged(scene, Grip(Part.SENSOR, (0.0, 0.0)), by))
+            self._by_key(lambda scene: dragged(scene, Grip(GripPart.SENSOR, (0.0, 0.0)), by))
 
     def turn(self, left: int) -> None:
         """Turn the sensor counter-clockwise by so many small steps."""

@@ -12,7 +12,7 @@ from sonarhw_compare.headings import heading_text
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_words import point_words, standing_words
-from sonarhw_gui.scene.grips import Grip, Part, room_grip, sensor_grip
+from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip
 from sonarhw_gui.scene.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, furnished, on_grid, with_room
@@ -111,14 +111,14 @@ class Hand(Tool):
         """Have it follow."""
         if self._held is not None:
             grip, before = self._held
-            if grip.part is Part.CORNER:
+            if grip.part is GripPart.CORNER:
                 to = snapped(self._table, to, besides=grip.at, scene=before)
             if self._table.change(lambda scene: dragged(scene, grip, to), before, self._held):
                 self._table.tell(self._where(grip, to))
 
     def _where(self, grip: Grip, to: Point) -> str:
         unit = self._table.shown.look.unit
-        if grip.part in (Part.SENSOR, Part.BEAM):
+        if grip.part in (GripPart.SENSOR, GripPart.BEAM):
             return standing_words(self._table.scene, unit)
         return point_words(to, unit)
 

@@ -9,7 +9,7 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.room.model import Room
 
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.scene.grips import Grip, Part, surface_at
+from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.plan_geometry import decibels_text
 from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
@@ -21,11 +21,11 @@ def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
     """One line on what a hand would take hold of at a point, or on what is there."""
     scene, unit = shown.scene, shown.look.unit
     place = point_words(at, unit)
-    if grip is not None and grip.part is Part.SENSOR:
+    if grip is not None and grip.part is GripPart.SENSOR:
         return f"sensor, {standing_words(scene, unit)}; drag to move it"
-    if grip is not None and grip.part is Part.BEAM:
+    if grip is not None and grip.part is GripPart.BEAM:
         return f"beam, {standing_words(scene, unit)}; drag to turn it"
-    if grip is not None and grip.part is Part.CORNER:
+    if grip is not None and grip.part is GripPart.CORNER:
         return f"corner, {place}; drag to move it"
     room = scene.room
     surface = surface_at(room, at, pixel) if room else None

@@ -19,7 +19,7 @@ REACH = 9.0  # pixels
 _SENSOR_REACH = 11.0  # it is drawn larger
 
 
-class Part(Enum):
+class GripPart(Enum):
     """What a grip is a grip of."""
 
     SENSOR = auto()
@@ -34,7 +34,7 @@ class Part(Enum):
 class Grip:
     """One thing to take hold of."""
 
-    part: Part
+    part: GripPart
     at: Point  # m: of a corner, the corner itself; else where it was taken
     surface: int | None = None  # number of the wall or post
 
@@ -44,9 +44,9 @@ def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> 
     if scene.place is None:
         return None
     if math.dist(scene.standing.position, at) <= _SENSOR_REACH * pixel:
-        return Grip(Part.SENSOR, at)
+        return Grip(GripPart.SENSOR, at)
     if handle is not None and math.dist(handle, at) <= _SENSOR_REACH * pixel:
-        return Grip(Part.BEAM, at)
+        return Grip(GripPart.BEAM, at)
     return None
 
 
@@ -57,15 +57,15 @@ def room_grip(room: Room, at: Point, pixel: float) -> Grip | None:
     away = np.hypot(*(np.array(ends) - at).T)
     nearest = int(np.argmin(away))
     if away[nearest] <= reach:
-        return Grip(Part.CORNER, ends[nearest])
+        return Grip(GripPart.CORNER, ends[nearest])
     surface = surface_at(room, at, pixel)
     if surface is None:
         return None
     if surface < len(room.walls):
-        return Grip(Part.WALL, at, surface)
+        return Grip(GripPart.WALL, at, surface)
     x, y, radius = room.posts[surface - len(room.walls)]
     on_rim = math.dist((x, y), at) >= max(radius - reach, radius / 2)
-    return Grip(Part.RIM if on_rim else Part.POST, at, surface)
+    return Grip(GripPart.RIM if on_rim else GripPart.POST, at, surface)
 
 
 def surface_at(room: Room, at: Point, pixel: float) -> int | None:

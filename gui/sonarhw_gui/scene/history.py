@@ -11,7 +11,7 @@ _MOST_STEPS = 200
 
 
 @dataclass(frozen=True)
-class Step:
+class EditStep:
     """A scene, and what was done to it or undone to get at it."""
 
     scene: Scene
@@ -23,9 +23,9 @@ class History:
     """Scenes before this one, and scenes that were undone."""
 
     def __init__(self) -> None:
-        self._done: list[Step] = []
-        self._undone: list[Step] = []
-        self._given_up: list[Step] = []  # what could have been done again before the last step
+        self._done: list[EditStep] = []
+        self._undone: list[EditStep] = []
+        self._given_up: list[EditStep] = []  # what could have been done again before the last step
 
     @property
     def undo_label(self) -> str:
@@ -42,7 +42,7 @@ class History:
         if self._is_last(gesture):
             return
         self._given_up, self._undone = self._undone, []
-        self._done.append(Step(before, label, gesture))
+        self._done.append(EditStep(before, label, gesture))
         del self._done[:-_MOST_STEPS]
 
     def cancel(self, gesture: object) -> Scene | None:
@@ -69,9 +69,9 @@ class History:
         return gesture is not None and bool(self._done) and self._done[-1].gesture is gesture
 
 
-def _moved(source: list[Step], target: list[Step], now: Scene) -> Scene | None:
+def _moved(source: list[EditStep], target: list[EditStep], now: Scene) -> Scene | None:
     if not source:
         return None
     step = source.pop()
-    target.append(Step(now, step.label))
+    target.append(EditStep(now, step.label))
     return step.scene

@@ -15,7 +15,7 @@ from sonarhw_sim.room.room_file import MOST_DISTANT
 from sonarhw_sim.room.room_writing import materials, with_air, with_material, with_place
 
 from sonarhw.errors import InputError
-from sonarhw_gui.scene.grips import Grip, Part
+from sonarhw_gui.scene.grips import Grip, GripPart
 from sonarhw_gui.scene.room_edit import (
     Point,
     move_corner,
@@ -38,17 +38,17 @@ def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
     """The scene with what was gripped dragged to a point. Raises InputError where it cannot be there."""
     room, place = furnished(scene)
     by = to[0] - grip.at[0], to[1] - grip.at[1]
-    if grip.part is Part.SENSOR:
+    if grip.part is GripPart.SENSOR:
         return sensor_at(scene, _sum(place.position, by))
-    if grip.part is Part.BEAM:
+    if grip.part is GripPart.BEAM:
         return sensor_turned(scene, bearing(place.position, to) - bearing(place.position, grip.at))
     if grip.surface is None:
         return with_room(scene, move_corner(room, grip.at, on_grid(to))), "moving a corner"
     name = room.names[grip.surface]
-    if grip.part is Part.WALL:
+    if grip.part is GripPart.WALL:
         return with_room(scene, move_wall(room, grip.surface, on_grid(by))), f"moving {name}"
     x, y, radius = map(float, room.posts[grip.surface - len(room.walls)])
-    if grip.part is Part.POST:
+    if grip.part is GripPart.POST:
         return with_room(scene, move_post(room, grip.surface, on_grid(_sum((x, y), by)))), f"moving {name}"
     radius += math.dist((x, y), to) - math.dist((x, y), grip.at)
     radius = max(_SMALLEST_RADIUS, on_grid((radius, 0.0))[0])

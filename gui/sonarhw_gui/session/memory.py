@@ -14,7 +14,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, parse_room
 
 from sonarhw.errors import InputError, OutputError
-from sonarhw_gui.live.live_scan import ScanWish
+from sonarhw_gui.live.errands import ScanWish
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
 from sonarhw_gui.scene.scene import Scene

@@ -5,42 +5,15 @@ is answered; what belongs to another scan is dropped.
 """
 
 import time
-from dataclasses import dataclass
 
-from sonarhw_sim.predict.predicted_scan import PredictedScan
-
-from sonarhw.readings import Reading
-from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.bscan_picture import BScanWish
-from sonarhw_gui.work.bscan_request import BScanRequest, BScans
-from sonarhw_gui.work.chosen_trace import ChosenTrace, chosen_trace
+from sonarhw_gui.work.bscan_picture import BScans, BScanWish
+from sonarhw_gui.work.bscan_request import BScanRequest
+from sonarhw_gui.work.chosen_trace import ChosenTrace
+from sonarhw_gui.work.trace_request import TraceFound, TraceRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
 _PAUSE = 0.05  # s between two traces: of fifty readings a second nobody sees every one
-
-
-@dataclass(frozen=True)
-class TraceFound:
-    """The trace of a reading."""
-
-    generation: int
-    trace: ChosenTrace
-
-
-@dataclass(frozen=True)
-class TraceRequest:
-    """What did the board receive at this reading, and what should it have?"""
-
-    generation: int
-    scene: Scene
-    reading: Reading
-    prediction: PredictedScan | None
-    index: int  # among the prediction's headings
-
-    def answer(self) -> TraceFound:
-        """Read and predict it: some milliseconds."""
-        return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))
 
 
 class TraceForecast:

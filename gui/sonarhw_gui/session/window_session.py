@@ -13,25 +13,26 @@ from sonarhw_sim.board.profile import load_board
 
 from sonarhw.errors import InputError, SonarError
 from sonarhw.log import Log
-from sonarhw_gui.live.intake import Intake
-from sonarhw_gui.live.live_scan import ScannerOpener, ScanWish
-from sonarhw_gui.live.scanner_choice import ScannerChoice, ScannerWay, WayFinder
-from sonarhw_gui.live.status import Status
+from sonarhw_gui.live.errands import ScannerOpener, ScanWish
+from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_edit import with_board
-from sonarhw_gui.session.showing import Showing
+from sonarhw_gui.session.fitting import Fitting
+from sonarhw_gui.session.intake import Intake
+from sonarhw_gui.session.keeping import Keeping
+from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerWay, WayFinder
+from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.session.unsaved import BringBack, ThrowAway, UnsavedRooms
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.files import Opened, OpenRequest, RoomOpened
-from sonarhw_gui.store.keeping import Keeping
-from sonarhw_gui.work.fit_work import Fitting, FitWish
+from sonarhw_gui.store.open_requests import Opened, OpenRequest, RoomOpened
+from sonarhw_gui.work.fit_request import FitWish
 
 TICK = 30  # ms
 
 
-class Session(QObject):
+class WindowSession(QObject):
     """One person at work: what is shown, and what they do about it."""
 
     status_changed = Signal(object)  # Status
@@ -58,7 +59,7 @@ class Session(QObject):
         self.replay.broken.connect(self.warned)
         self._before_replay: Scene | None = None
         self._scanned_in = self._scanner_in = scene  # when the last scan began; where the scanner is known to be
-        self.showing = Showing(scene, look or Look(), self._intake, self)
+        self.showing = ShownModel(scene, look or Look(), self._intake, self)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
         self.showing.edited.connect(self._follow_edit)

@@ -18,20 +18,20 @@ from PySide6.QtWidgets import QApplication
 from sonarhw.errors import SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
-from sonarhw_gui.live.live_scan import WHOLE_TURN, ScannerOpener, ScanWish
-from sonarhw_gui.live.scanner_choice import WayFinder
+from sonarhw_gui.live.errands import WHOLE_TURN, ScannerOpener, ScanWish
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import apply_look
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.memory import Memory, read_memory
-from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.session.scanner_choice import WayFinder
+from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.display import check_display
 from sonarhw_gui.shell.garbage import collected_between_events
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shell.remembering import Remembering, put_back
-from sonarhw_gui.store.files import OpenLogRequest
-from sonarhw_gui.store.recent import with_newest
-from sonarhw_gui.store.recording import recordings_folder
+from sonarhw_gui.store.new_recording import recordings_folder
+from sonarhw_gui.store.open_requests import OpenLogRequest
+from sonarhw_gui.store.recent_names import with_newest
 
 INTERRUPTED = 130
 
@@ -88,7 +88,7 @@ def open_window(start: WindowStart) -> MainWindow:
     if start.resume and memory.wish is not None:
         wish = replace(memory.wish, folder=start.recordings)
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(Session(begun.scene, opener, wish, memory.look.look(), start.find_way, unsaved))
+    window = MainWindow(WindowSession(begun.scene, opener, wish, memory.look.look(), start.find_way, unsaved))
     window.session.scanners.url = begun.url
     put_back(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)

@@ -7,7 +7,7 @@ goes on underneath.
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton
 
-from sonarhw_gui.live.status import Status
+from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.shown.notices import Notice, Notices
 

@@ -24,7 +24,7 @@ from sonarhw_gui.commands.file_commands import FileCommands
 from sonarhw_gui.commands.help_commands import HelpCommands
 from sonarhw_gui.commands.keep_commands import KeepCommands
 from sonarhw_gui.commands.look_commands import LookCommands
-from sonarhw_gui.live.status import Status
+from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.look.theme import apply_look
@@ -39,7 +39,7 @@ from sonarhw_gui.plan.side_by_side import SideBySide
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.readings.reading_table import ReadingTable
 from sonarhw_gui.readings.sentence import Sentence
-from sonarhw_gui.session.window_session import Session
+from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.banner import Banner
 from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.menus import fill_menus
@@ -58,7 +58,7 @@ class MainWindow(QMainWindow):
 
     closing = Signal()  # everything is still as it was
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self.session = session
         self.plan, self.side_by_side, self.bscan = PlanView(), SideBySide(), BScanView()

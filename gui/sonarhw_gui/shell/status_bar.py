@@ -8,7 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QLabel, QStatusBar
 
-from sonarhw_gui.live.status import Source, Standing, Status
+from sonarhw_gui.live.window_status import Source, Standing, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.parts.steady import Steady

@@ -19,7 +19,7 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.look.residual_unit import residual_unit
-from sonarhw_gui.work.forecast import Compared
+from sonarhw_gui.work.prediction_requests import Compared
 
 IntArray = NDArray[np.int64]
 Class = Kind | Unclassed

@@ -18,9 +18,9 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows, longer_of, rows_of
-from sonarhw_gui.work.bscan_request import BScans
+from sonarhw_gui.work.bscan_picture import BScans
 from sonarhw_gui.work.chosen_trace import ChosenTrace
-from sonarhw_gui.work.forecast import Compared
+from sonarhw_gui.work.prediction_requests import Compared
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_writing import save_room
 
 from sonarhw.errors import InputError, SonarError
-from sonarhw_gui.store.files import LogOpened, Opened, OpenRequest, request_for
-from sonarhw_gui.store.recent import with_newest
+from sonarhw_gui.store.open_requests import LogOpened, Opened, OpenRequest, request_for
+from sonarhw_gui.store.recent_names import with_newest
 from sonarhw_gui.work.worker import Failure, Worker
 
 

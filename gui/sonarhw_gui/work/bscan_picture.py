@@ -5,6 +5,7 @@ before places are, so that a picture of half a million pixels costs some millise
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
@@ -17,6 +18,7 @@ from sonarhw_compare.pictures.trace_levels import in_db
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.palette import Palette
+from sonarhw_gui.work.bscan_rows import BScanRows
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
@@ -61,6 +63,26 @@ class ColourScale:
         unknown = np.isnan(steps)
         rows = np.where(unknown, 0.0, steps).clip(0, COLOURS - 1).astype(np.intp)
         return np.asarray(np.where(unknown, np.uint32(0), self.colours.view(np.uint32)[rows, 0]))
+
+
+@dataclass(frozen=True)
+class PanePicture:
+    """One pane, drawn."""
+
+    pixels: Pixels
+    scale: ColourScale
+
+
+@dataclass(frozen=True)
+class BScans:
+    """The B-scan as far as it is worked out."""
+
+    generation: int
+    wish: BScanWish
+    rows: BScanRows
+    measured: BScan
+    predicted: BScan
+    pictures: Mapping[Pane, PanePicture]
 
 
 @lru_cache(maxsize=16)

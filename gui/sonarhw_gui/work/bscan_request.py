@@ -1,9 +1,5 @@
-"""What the B-scan looks like: a request for a worker, and its answer with the pictures drawn.
+"""A request to work on the B-scan for a moment and draw what there is; the answer is `BScans`."""
 
-Takes what is shown and what a person wants to see of it; hands on `BScans`, which a view has only to put on the screen.
-"""
-
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sonarhw_compare.pictures.bscan import BScan, difference
@@ -14,30 +10,10 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
 from sonarhw_gui.look.palette import Palette
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.bscan_picture import Arm, BScanWish, ColourScale, Pane, Pixels, colour_scale, draw_bscan
+from sonarhw_gui.work.bscan_picture import Arm, BScans, BScanWish, Pane, PanePicture, colour_scale, draw_bscan
 from sonarhw_gui.work.bscan_rows import BScanRows, more_rows
 
 SLICE = 0.05  # s
-
-
-@dataclass(frozen=True)
-class PanePicture:
-    """One pane, drawn."""
-
-    pixels: Pixels
-    scale: ColourScale
-
-
-@dataclass(frozen=True)
-class BScans:
-    """The B-scan as far as it is worked out."""
-
-    generation: int
-    wish: BScanWish
-    rows: BScanRows
-    measured: BScan
-    predicted: BScan
-    pictures: Mapping[Pane, PanePicture]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.errands import ScanErrand, ScannerOpener, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.live_scan import ScanErrand, ScannerOpener, ScanWish
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import WindowStart, open_application, open_window
 from sonarhw_gui.shell.main_window import MainWindow

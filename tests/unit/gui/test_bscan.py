@@ -24,6 +24,7 @@ from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.bscan_picture import (
     Arm,
+    BScans,
     BScanWish,
     ColourScale,
     Pane,
@@ -33,7 +34,7 @@ from sonarhw_gui.work.bscan_picture import (
     flat_area,
     polar_area,
 )
-from sonarhw_gui.work.bscan_request import BScanRequest, BScans
+from sonarhw_gui.work.bscan_request import BScanRequest
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.mount import Mount
 from sonarhw_sim.board.profile import load_board

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.plan.plan_words import standing_words, surface_words
-from sonarhw_gui.scene.grips import Grip, Part, room_grip, sensor_grip, surface_at
+from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surface_at
 from sonarhw_gui.scene.plan_geometry import bounce_losses
 from sonarhw_gui.scene.room_edit import add_post
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import dragged, sensor_at, sensor_turned
-from sonarhw_gui.store.recording import start_recording
+from sonarhw_gui.store.new_recording import start_recording
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import predict_scan
@@ -35,22 +35,22 @@ def crowded(scene: Scene) -> Scene:
 def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> None:
     x, y = scene.standing.position
     near = (x + 5 * PIXEL, y)
-    assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is Part.SENSOR
-    assert sensor_grip(scene, (0.3, 0.3), (0.31, 0.3), PIXEL).part is Part.BEAM
+    assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is GripPart.SENSOR
+    assert sensor_grip(scene, (0.3, 0.3), (0.31, 0.3), PIXEL).part is GripPart.BEAM
     assert sensor_grip(scene, None, (0.31, 0.3), PIXEL) is None
 
 
 @pytest.mark.parametrize(
     ("at", "part", "name"),
     [
-        ((0.003, 0.003), Part.CORNER, None),
-        ((0.5, 0.003), Part.WALL, "bottom"),
-        ((0.4, 0.4), Part.POST, "post 1"),
-        ((0.5, 0.4), Part.RIM, "post 1"),
+        ((0.003, 0.003), GripPart.CORNER, None),
+        ((0.5, 0.003), GripPart.WALL, "bottom"),
+        ((0.4, 0.4), GripPart.POST, "post 1"),
+        ((0.5, 0.4), GripPart.RIM, "post 1"),
     ],
 )
 def test_corner_rim_post_and_wall_are_told_apart(
-    crowded: Scene, at: tuple[float, float], part: Part, name: str
+    crowded: Scene, at: tuple[float, float], part: GripPart, name: str
 ) -> None:
     grip = room_grip(crowded.room, at, PIXEL)
     assert grip.part is part
@@ -61,7 +61,7 @@ def test_corner_rim_post_and_wall_are_told_apart(
 
 def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
     x, y = scene.standing.position
-    moved, label = dragged(scene, Grip(Part.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
+    moved, label = dragged(scene, Grip(GripPart.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
     assert moved.standing.position == pytest.approx((x - 0.1, y + 0.2))
     assert moved.standing.heading == scene.standing.heading
     assert label == "moving the sensor"
@@ -70,7 +70,7 @@ def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
 
 def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> None:
     x, y = scene.standing.position
-    turned, _ = dragged(scene, Grip(Part.BEAM, (x + 0.3, y)), (x, y + 0.1))
+    turned, _ = dragged(scene, Grip(GripPart.BEAM, (x + 0.3, y)), (x, y + 0.1))
     assert math.degrees(turned.standing.heading - scene.standing.heading) == pytest.approx(90)
     back, _ = sensor_turned(turned, -math.pi / 2)
     assert math.degrees(back.standing.heading) % 360 == pytest.approx(math.degrees(scene.standing.heading) % 360)
@@ -103,10 +103,10 @@ def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> N
     with pytest.raises(InputError, match="cannot stand inside post 1"):
         sensor_at(crowded, (0.45, 0.4))
     beside, _ = sensor_at(crowded, (0.6, 0.4))
-    post = Grip(Part.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
+    post = Grip(GripPart.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
     with pytest.raises(InputError, match="cannot stand inside post 1"):
         dragged(beside, post, (0.58, 0.4))
-    rim = replace(post, part=Part.RIM, at=(0.5, 0.4))
+    rim = replace(post, part=GripPart.RIM, at=(0.5, 0.4))
     smaller, label = dragged(beside, rim, (0.45, 0.4))
     assert smaller.room.posts[0, 2] == pytest.approx(0.05)
     assert label == "resizing post 1"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
+from sonarhw_gui.live.errands import WHOLE_TURN, ScanErrand, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.live_scan import WHOLE_TURN, ScanErrand, ScanWish
 from sonarhw_gui.scene.scene import scene_with
 from sonarhw_sim.air import speed_of_sound
 from sonarhw_sim.board.profile import load_board

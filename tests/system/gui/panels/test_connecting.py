@@ -8,9 +8,9 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.live_status import Phase
-from sonarhw_gui.live.scanner_choice import ScannerWay
+from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.scanner_choice import ScannerWay
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.port_book import PortBook
 

@@ -11,8 +11,8 @@ from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_words import line_figures, order_of_sector, scan_summary
-from sonarhw_gui.live.live_status import Phase
-from sonarhw_gui.live.status import Source, Status
+from sonarhw_gui.live.scanner_state import Phase
+from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow

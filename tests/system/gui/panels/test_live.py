@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.live_scan import Phase
-from sonarhw_gui.live.status import Source
+from sonarhw_gui.live.errands import Phase
+from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import standing_at

@@ -9,12 +9,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QGraphicsView
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.playback_speeds import SPEEDS, Playback
-from sonarhw_gui.live.status import Source, lost_in
+from sonarhw_gui.live.window_status import Source, lost_in
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.replay_control import SPEEDS
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import Log, read_log
+from sonarhw.replay.playback import Playback
 from sonarhw.wire.messages import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import predicted, until

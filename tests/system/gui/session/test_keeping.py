@@ -16,7 +16,7 @@ from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.keeping import Data, KeepRequest
+from sonarhw_gui.store.keep_requests import Data, KeepRequest
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.scanner_choice import ScannerWay
-from sonarhw_gui.live.status import Source
+from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import heard_by, in_air, sensor_at
 from sonarhw_gui.session.memory import LookMemory, Memory, SceneMemory, read_memory, write_memory
+from sonarhw_gui.session.scanner_choice import ScannerWay
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Unit

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.commands.recordings_dialog import RecordingsDialog
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.recordings import Listed, ListRequest
+from sonarhw_gui.store.recording_list import ListRequest, RecordingList
 
 from sonarhw.export.encoded_log import write_scan
 from sonarhw.log import read_log
@@ -98,7 +98,7 @@ def test_a_folder_that_is_not_there_yet_is_told(qtbot: QtBot, open_with: OpenWit
 
 
 def test_what_has_not_changed_is_not_read_again(folder: Path) -> None:
-    known = ListRequest(Listed(folder)).answer()
+    known = ListRequest(RecordingList(folder)).answer()
     assert known.complete
     again = ListRequest(known).answer()
     assert [id(one) for one in again.rows] == [id(one) for one in known.rows]

@@ -13,7 +13,7 @@ from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import in_air, sensor_at, with_corner
 from sonarhw_gui.session.unsaved import BringBack, UnsavedRooms
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.store.files import OpenRoomRequest
+from sonarhw_gui.store.open_requests import OpenRoomRequest
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.room.model import parse_room
 

@@ -1,9 +1,11 @@
 """The instrument, the prediction and the comparison know no Qt, and the window loads nothing in vain."""
 
+import importlib.util
 import pkgutil
 import subprocess
 import sys
 
+import pytest
 import sonarhw_compare
 import sonarhw_sim
 
@@ -29,35 +31,36 @@ def test_the_window_opens_without_what_only_some_pictures_need() -> None:
     assert told.stdout.strip() == "[]"
 
 
-def test_the_parts_without_widgets_import_no_qt() -> None:
-    modules = [
-        "sonarhw_gui.work.forecast",
-        "sonarhw_gui.work.worker",
-        "sonarhw_gui.live.playback_speeds",
-        "sonarhw_gui.live.live_scan",
-        "sonarhw_gui.scene.scene",
-        "sonarhw_gui.shown.shown",
-        "sonarhw_gui.work.chosen_trace",
-        "sonarhw_gui.work.bscan_request",
-        "sonarhw_gui.session.trace_forecast",
-        "sonarhw_gui.live.status",
-        "sonarhw_gui.shown.choice",
-        "sonarhw_gui.live.rate",
-        "sonarhw_gui.live.live_device",
-        "sonarhw_gui.live.live_feed",
-        "sonarhw_gui.shown.notices",
-        "sonarhw_gui.shown.reading_rows",
-        "sonarhw_gui.live.device_words",
-        "sonarhw_gui.scene.grips",
-        "sonarhw_gui.scene.plan_geometry",
-        "sonarhw_gui.plan.plan_words",
-        "sonarhw_gui.scene.room_edit",
-        "sonarhw_gui.scene.scene_edit",
-        "sonarhw_gui.scene.fit_scene",
-        "sonarhw_gui.parts.pixels",
-        "sonarhw_gui.store.recordings",
-        "sonarhw_gui.parts.svg_strokes",
-    ]
-    script = f"import sys; [__import__(m) for m in {modules}]; print([m for m in sys.modules if 'PySide' in m])"
+def modules_in(package: str) -> list[str]:
+    """Every module of a folder, by its name."""
+    found = importlib.util.find_spec(package)
+    return [package, *(one.name for one in pkgutil.iter_modules(found.submodule_search_locations, f"{package}."))]
+
+
+def loaded_by(package: str, unwanted: tuple[str, ...]) -> list[str]:
+    """The modules of a folder of the window that load one of the unwanted modules, themselves or by another."""
+    script = f"""
+import sys
+for name in {modules_in(package)}:
+    __import__(name)
+    if any(module.startswith({unwanted}) for module in sys.modules):
+        print(name)
+        break
+"""
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+
+
+@pytest.mark.parametrize("folder", ["scene", "shown", "work", "live", "store"])
+def test_the_folders_of_the_model_load_no_qt(folder: str) -> None:
+    assert loaded_by(f"sonarhw_gui.{folder}", ("PySide6", "pyqtgraph")) == []
+
+
+def test_the_session_loads_signals_and_timers_but_no_widgets() -> None:
+    assert loaded_by("sonarhw_gui.session", ("PySide6.QtWidgets", "pyqtgraph")) == []
+
+
+@pytest.mark.parametrize("module", ["sonarhw_gui.plan.plan_words", "sonarhw_gui.parts.pixels"])
+def test_words_and_pixels_load_no_qt(module: str) -> None:
+    script = f"import sys, {module}; print([m for m in sys.modules if 'PySide' in m])"
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.status import Status
+from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.shell.banner import Banner
 from sonarhw_gui.shown.notices import Notices
 

@@ -16,11 +16,11 @@ from PySide6.QtCore import QBuffer
 from PySide6.QtWidgets import QSplitter, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
+from sonarhw_gui.live.errands import ScanErrand, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
-from sonarhw_gui.live.live_scan import ScanErrand, ScanWish
-from sonarhw_gui.live.scanner_choice import ScannerWay
 from sonarhw_gui.look.palette import DARK, LIGHT, Palette
 from sonarhw_gui.scene.scene import Scene, scene_of_log
+from sonarhw_gui.session.scanner_choice import ScannerWay
 from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.port_book import PortBook

@@ -12,7 +12,8 @@ from pytestqt.qtbot import QtBot
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.effort import Effort, EffortChoice
-from sonarhw_gui.work.forecast import LATE, REST, Compared, CompareRequest, Forecast, PathsFound, PathsRequest
+from sonarhw_gui.work.forecast import LATE, REST, Forecast
+from sonarhw_gui.work.prediction_requests import Compared, CompareRequest, PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 from sonarhw_sim.predict.prediction import predict_scan
 

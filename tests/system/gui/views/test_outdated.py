@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor, QImage, QPalette
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.readings.sentence import Sentence
 from sonarhw_gui.scene.scene_edit import sensor_at
-from sonarhw_gui.work.forecast import PathsFound, PathsRequest
+from sonarhw_gui.work.prediction_requests import PathsFound, PathsRequest
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

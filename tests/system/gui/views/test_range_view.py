@@ -13,7 +13,7 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.readings.range_view import RangeView
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.forecast import Compared
+from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.readings import Reading
 from tests.system.gui.driving import click, place_of

@@ -20,7 +20,7 @@ from sonarhw_gui.readings.reading_table import ReadingTable
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Column, ReadingRows, Wanted, order_of, rows_as_csv
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.forecast import Compared
+from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.log import read_log
 from sonarhw.readings import Reading

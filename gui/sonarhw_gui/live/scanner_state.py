@@ -31,7 +31,7 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True)
-class LiveStatus:
+class ErrandState:
     """What is known of an errand besides its readings."""
 
     phase: Phase = Phase.CONNECTING

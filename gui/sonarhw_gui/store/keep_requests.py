@@ -1,27 +1,18 @@
-"""Keeping what the window shows: pictures, data and reports, written in a thread, whole or not at all.
-
-Takes what to write and where; hands on what has been written and what could not be. Files that are there already are
-written over only where that was said.
-"""
+"""Requests to write what the window shows to a file: pictures, data and reports, each file whole or not at all."""
 
 import json
-from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from PySide6.QtCore import QObject, Signal
-
-from sonarhw.errors import InputError, SonarError
+from sonarhw.errors import InputError
 from sonarhw.log import Log, read_log
 from sonarhw.readings import Reading
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import furnished
-from sonarhw_gui.work.worker import Failure, Worker
 
 CSV, NPZ, JSON, HTML, PNG, SVG = ".csv", ".npz", ".json", ".html", ".png", ".svg"
 
@@ -135,50 +126,3 @@ def _figures(readings: Sequence[Reading], scene: Scene) -> str:
     room, _ = furnished(scene)
     compared = compare_readings(readings, room, scene.standing, scene.board, options=scene.options)
     return json.dumps(asdict(compared.summary()), indent=2) + "\n"
-
-
-class Keeping(QObject):
-    """Writes one file after another, all that are asked for."""
-
-    kept = Signal(str)  # what to tell
-    failed = Signal(str)
-
-    def __init__(self, parent: QObject) -> None:
-        super().__init__(parent)
-        self._waiting: deque[KeepRequest] = deque()
-        self._worker: Worker | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether files are still to be written."""
-        return bool(self._waiting) or (self._worker is not None and self._worker.busy)
-
-    def write(self, content: Content, path: Path, overwrite: bool = False) -> None:
-        """Have it written; `overwrite`: the person has said so."""
-        if self._worker is None:
-            self._worker = Worker("keep files")
-        self._waiting.append(KeepRequest(content, path, overwrite))
-        self._write_next()
-
-    def tick(self) -> None:
-        """Tell what has been written."""
-        if self._worker is None:
-            return
-        for answer in self._worker.take():
-            if isinstance(answer, Failure):
-                self.failed.emit(answer.message)
-            else:
-                self.kept.emit(f"kept in {answer}")
-        self._write_next()
-
-    def close(self) -> None:
-        """Write what was asked for, and end the thread."""
-        if self._worker is not None:
-            self._worker.close()
-            for request in self._waiting:
-                with suppress(SonarError):  # nobody is there any more to be told
-                    request.answer()
-
-    def _write_next(self) -> None:
-        if self._waiting and self._worker is not None and not self._worker.busy:
-            self._worker.ask(self._waiting.popleft())

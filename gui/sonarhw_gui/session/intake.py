@@ -10,12 +10,12 @@ from PySide6.QtCore import QObject
 
 from sonarhw.log import Log
 from sonarhw.readings import Reading
+from sonarhw_gui.live.errands import ScannerOpener, ScanWish
 from sonarhw_gui.live.live_feed import LiveFeed
-from sonarhw_gui.live.live_scan import ScannerOpener, ScanWish
-from sonarhw_gui.live.rate import RateMeter
-from sonarhw_gui.live.replay import Replay
-from sonarhw_gui.live.status import Source, Status, lost_in
+from sonarhw_gui.live.reading_rate import RateMeter
+from sonarhw_gui.live.window_status import Source, Status, lost_in
 from sonarhw_gui.scene.scene import Scene, room_name
+from sonarhw_gui.session.replay_control import ReplayControl
 
 
 class Intake:
@@ -23,7 +23,7 @@ class Intake:
 
     def __init__(self, opener: ScannerOpener | None, wish: ScanWish, parent: QObject) -> None:
         self.live = LiveFeed(opener, wish)
-        self.replay = Replay(parent)
+        self.replay = ReplayControl(parent)
         self._rate = RateMeter()
         self._log_name, self._lost_in_log = "", 0
         self._log: Log | None = None

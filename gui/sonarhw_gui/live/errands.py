@@ -16,9 +16,9 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
 from sonarhw.wire.messages import Outcome
-from sonarhw_gui.live.live_status import LiveStatus, Phase
+from sonarhw_gui.live.scanner_state import ErrandState, Phase
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.store.recording import start_recording
+from sonarhw_gui.store.new_recording import start_recording
 
 ScannerOpener = Callable[[], AbstractContextManager[Scanner]]
 WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
@@ -34,10 +34,10 @@ class ScanWish:
     max_range: float | None = None  # m; listen no further than this; None: as far as the board hears
 
 
-class Report(Protocol):
+class ErrandReport(Protocol):
     """Who is told how an errand goes."""
 
-    status: LiveStatus
+    status: ErrandState
 
     @property
     def stop_wanted(self) -> bool:
@@ -64,7 +64,7 @@ class Errand(Protocol):
     def done(self) -> Phase:
         """What it ends with, if all goes well."""
 
-    def run(self, scanner: Scanner, report: Report) -> Outcome:
+    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
         """Do it. Raises what the scanner raises."""
 
 
@@ -75,7 +75,7 @@ class ConnectErrand:
     phase: Phase = Phase.CONNECTING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: Report) -> Outcome:
+    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
         """Nothing is left to do once the scanner is open."""
         return Outcome.DONE
 
@@ -87,7 +87,7 @@ class HomeErrand:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: Report) -> Outcome:
+    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
         """Home."""
         return _at(0.0, scanner.home(), report)
 
@@ -100,7 +100,7 @@ class TurnErrand:
     phase: Phase = Phase.TURNING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: Report) -> Outcome:
+    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
         """Turn, having found the zero."""
         return _at(self.angle, scanner.turn(self.angle), report)
 
@@ -114,7 +114,7 @@ class ScanErrand:
     phase: Phase = Phase.HOMING
     done: Phase = Phase.DONE
 
-    def run(self, scanner: Scanner, report: Report) -> Outcome:
+    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
         """Scan into a new log. Raises LogError where none can be made, too."""
         log, path = start_recording(self.wish.folder, self.scene, report.warn)
         report.advance(Phase.HOMING, recording=path)
@@ -139,7 +139,7 @@ class ScanErrand:
 class _ScanReport:
     """Passes the progress of a scan to a report."""
 
-    def __init__(self, report: Report, scanner: Scanner) -> None:
+    def __init__(self, report: ErrandReport, scanner: Scanner) -> None:
         self.warn = report.warn
         self._report = report
         self._scanner = scanner
@@ -161,7 +161,7 @@ class _ScanReport:
             report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
 
 
-def _at(angle: float, outcome: Outcome, report: Report) -> Outcome:
+def _at(angle: float, outcome: Outcome, report: ErrandReport) -> Outcome:
     if outcome is not Outcome.STOPPED:
         report.advance(report.status.phase, angle=angle)
     return outcome

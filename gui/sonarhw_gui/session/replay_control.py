@@ -1,16 +1,15 @@
-"""The replay as the window works it: a playback, told to play, pause, step, seek, loop and change its speed.
+"""The controls of a replay: play, pause, step, seek, loop and speed of a `sonarhw.replay.playback.Playback`."""
 
-Takes a log and a person's wishes; tells by a signal how it stands. Session and replay bar both listen.
-"""
-
+import math
 from dataclasses import dataclass, replace
 
 from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.log import Log
 from sonarhw.readings import Reading
-from sonarhw_gui.live.playback_speeds import Playback
+from sonarhw.replay.playback import Playback
 
+SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, math.inf)
 _SAME = 1e-3  # s; a scan that begins so near to where the replay stands is the one it stands at
 
 
@@ -29,7 +28,7 @@ class ReplayState:
     scans: tuple[float, ...]  # where each scan begins, s
 
 
-class Replay(QObject):
+class ReplayControl(QObject):
     """At most one log being played back."""
 
     changed = Signal(object)  # ReplayState; None without a log

@@ -8,8 +8,8 @@ from enum import StrEnum
 from pathlib import Path
 
 from sonarhw.log import RecordedScan
-from sonarhw_gui.live.live_scan import ScanWish
-from sonarhw_gui.live.live_status import LinkSeen, Phase
+from sonarhw_gui.live.errands import ScanWish
+from sonarhw_gui.live.scanner_state import LinkSeen, Phase
 
 
 class Source(StrEnum):

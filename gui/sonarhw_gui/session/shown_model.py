@@ -9,10 +9,10 @@ from dataclasses import replace
 from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.readings import Reading
-from sonarhw_gui.live.intake import Intake
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scene.history import History
 from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.intake import Intake
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
 from sonarhw_gui.shown.shown import Cursor, Shown
@@ -20,7 +20,7 @@ from sonarhw_gui.work.bscan_picture import BScanWish
 from sonarhw_gui.work.forecast import Forecast
 
 
-class Showing(QObject):
+class ShownModel(QObject):
     """What the views draw, and what a person does to it."""
 
     changed = Signal(object)  # Shown

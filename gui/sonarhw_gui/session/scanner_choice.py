@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.errors import SonarError
-from sonarhw_gui.live.live_scan import ScannerOpener
+from sonarhw_gui.live.errands import ScannerOpener
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.store.recent import with_newest
+from sonarhw_gui.store.recent_names import with_newest
 from sonarhw_gui.work.port_book import PortBook, PortRow
 
 

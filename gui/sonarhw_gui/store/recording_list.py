@@ -31,7 +31,7 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Listed:
+class RecordingList:
     """What is known of a folder."""
 
     folder: Path
@@ -48,9 +48,9 @@ class Listed:
 class ListRequest:
     """What is in this folder? What is known of a file that has not changed is not read again."""
 
-    known: Listed
+    known: RecordingList
 
-    def answer(self) -> Listed:
+    def answer(self) -> RecordingList:
         """Read some more. Raises InputError where the folder cannot be read."""
         files = _files(self.known.folder)
         known = {row.path: row for row in self.known.rows}
@@ -99,7 +99,7 @@ class Recordings:
     """Goes through the folder while somebody looks."""
 
     def __init__(self, folder: Path) -> None:
-        self.listed = Listed(folder)
+        self.listed = RecordingList(folder)
         self.failures: list[str] = []
         self._worker = Worker("list recordings")
         self._worker.ask(ListRequest(self.listed))

@@ -1,0 +1,100 @@
+"""Requests for the paths of a scene and for a comparison with readings, and their answers."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from sonarhw_compare.matching.match import Comparison, Matched, compare_readings
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_headings, predict_scan
+from sonarhw_sim.rays.paths import Paths
+
+from sonarhw.readings import FloatArray, Reading
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.scene.scene_edit import furnished
+
+OUTLINE_HEADINGS = 360
+
+
+@dataclass(frozen=True)
+class PathsFound:
+    """The paths of a scene and the outline they give."""
+
+    generation: int
+    scene: Scene
+    options: PredictionOptions
+    outline: PredictedScan
+    draft: bool
+    took: float  # s
+
+    @property
+    def paths(self) -> Paths:
+        """The paths that could be heard at any heading."""
+        return self.outline.paths
+
+
+@dataclass(frozen=True)
+class PathsRequest:
+    """Which paths lead from the scene's place back to it?"""
+
+    generation: int
+    scene: Scene  # with a room
+    options: PredictionOptions
+    headings: int = OUTLINE_HEADINGS
+
+    def answer(self) -> PathsFound:
+        """Find them; what takes seconds in a room of many echoes."""
+        began = time.perf_counter()
+        scene = self.scene
+        room, _ = furnished(scene)
+        outline = predict_scan(room, scene.standing, scene.board, self._headings(), self.options)
+        draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
+        return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
+
+    def _headings(self) -> FloatArray:
+        board = self.scene.board
+        if board.ring is not None:
+            return board.ring.headings(self.scene.standing)
+        one_search = paths_serve_all_headings(board, self.options.unit)
+        count = OUTLINE_HEADINGS if one_search else self.headings
+        return np.linspace(0, 2 * np.pi, count, endpoint=False)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A stretch of readings beside its prediction."""
+
+    generation: int
+    comparison: Comparison
+    first: int  # which reading of the scan row 0 is
+    draft: bool
+    scene_generation: int = 0
+
+    @property
+    def end(self) -> int:
+        """The first reading behind the stretch."""
+        return self.first + len(self.comparison.rows)
+
+    def row(self, reading: int) -> Matched | None:
+        """The row of a reading; None outside the stretch."""
+        row = reading - self.first
+        return self.comparison.rows[row] if 0 <= row < len(self.comparison.rows) else None
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """How do these readings compare with what those paths give?"""
+
+    generation: int
+    found: PathsFound
+    readings: tuple[Reading, ...]
+    first: int
+
+    def answer(self) -> Compared:
+        """Compare them."""
+        found, scene = self.found, self.found.scene
+        room, _ = furnished(scene)
+        comparison = compare_readings(
+            self.readings, room, scene.standing, scene.board, options=found.options, paths=found.paths
+        )
+        return Compared(self.generation, comparison, self.first, found.draft, found.generation)

@@ -1,0 +1,32 @@
+"""A request for the trace of one reading beside the predicted one, and its answer."""
+
+from dataclasses import dataclass
+
+from sonarhw_sim.predict.predicted_scan import PredictedScan
+
+from sonarhw.readings import Reading
+from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.work.chosen_trace import ChosenTrace, chosen_trace
+
+
+@dataclass(frozen=True)
+class TraceFound:
+    """The trace of a reading."""
+
+    generation: int
+    trace: ChosenTrace
+
+
+@dataclass(frozen=True)
+class TraceRequest:
+    """What did the board receive at this reading, and what should it have?"""
+
+    generation: int
+    scene: Scene
+    reading: Reading
+    prediction: PredictedScan | None
+    index: int  # among the prediction's headings
+
+    def answer(self) -> TraceFound:
+        """Read and predict it: some milliseconds."""
+        return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))
