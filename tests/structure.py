@@ -1,0 +1,200 @@
+"""Report how the repository is built: files per folder, import and include circles, repeated names, disallowed words.
+
+Run `python -m tests.structure`. `tests/unit/test_structure.py` holds the limits.
+"""
+
+import ast
+import re
+import sys
+import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import grimp
+from grimp import ImportGraph
+
+from tests.checkout import CHECKOUT
+
+TOP_FOLDERS = ("sonarhw", "sim", "compare", "gui", "cli", "rooms", "firmware", "tests", "benchmarks", "docs")
+OTHER_PACKAGES = ("tests", "benchmarks")
+GENERATED = ("build", "__pycache__")
+
+# rule 2 of the guide to plain English: programs are not people
+WORDS = {
+    "tell": r"tells?|told|telling",
+    "hands on": r"hand(?:s|ed|ing)? on",
+    "nobody": r"nobody|whoever|somebody",
+    "asked": r"asked",
+    "knows": r"knows",
+    "hears": r"hears about",
+    "minds": r"minds",
+}
+
+Circle = list[str]
+Edges = dict[str, set[str]]
+
+
+def installed_packages() -> dict[str, Path]:
+    """Return the folder of each top-level name that an installation adds."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    return {name: CHECKOUT / folder for name, folder in project["tool"]["setuptools"]["package-dir"].items()}
+
+
+def files_below(*folders: str, suffixes: Iterable[str] = ()) -> Iterator[Path]:
+    """Yield the files below these folders of the repository, without what a build or Python writes there."""
+    for folder in folders:
+        for path in sorted((CHECKOUT / folder).rglob("*")):
+            parts = path.relative_to(CHECKOUT).parts
+            hidden = any(part in GENERATED or part.startswith(".") for part in parts)
+            if path.is_file() and not hidden and (not suffixes or path.suffix in suffixes):
+                yield path
+
+
+def files_per_folder() -> Counter[str]:
+    """Count the files that lie directly in each folder."""
+    return Counter(str(path.parent.relative_to(CHECKOUT)) for path in files_below(*TOP_FOLDERS))
+
+
+def import_graph() -> ImportGraph:
+    """Return every import of the code, also those inside functions and those for type checkers only."""
+    code = [name for name in installed_packages() if name != "sonarhw_rooms"]
+    return grimp.build_graph(*code, *OTHER_PACKAGES, cache_dir=None)
+
+
+def module_circles(graph: ImportGraph) -> list[Circle]:
+    """Return the groups of modules that import each other."""
+    return circles({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
+
+
+def folder_circles(graph: ImportGraph) -> list[Circle]:
+    """Return the groups of neighbours, folders or modules within one folder, that import each other."""
+    neighbours: dict[str, Edges] = defaultdict(lambda: defaultdict(set))
+    for importer in graph.modules:
+        for imported in graph.find_modules_directly_imported_by(importer):
+            here, there = importer.split("."), imported.split(".")
+            shared = next((i for i, (a, b) in enumerate(zip(here, there, strict=False)) if a != b), None)
+            if shared is not None:  # otherwise one of the two is the package of the other
+                folder = ".".join(here[:shared])
+                neighbours[folder][".".join(here[: shared + 1])].add(".".join(there[: shared + 1]))
+    return [circle for edges in neighbours.values() for circle in circles(edges)]
+
+
+def include_circles() -> list[Circle]:
+    """Return the groups of firmware units, a source file with its header, that include each other."""
+    units: Edges = defaultdict(set)
+    files = list(files_below("firmware", suffixes=(".c", ".h")))
+    for path in files:
+        for included in re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(), flags=re.MULTILINE):
+            homes = [file for file in files if file.name == Path(included).name]
+            beside = [file for file in homes if file.parent == path.parent]
+            units[_unit(path)] |= {_unit(file) for file in beside or homes} - {_unit(path)}
+    return circles(units)
+
+
+def _unit(path: Path) -> str:
+    return str(path.relative_to(CHECKOUT).with_suffix(""))
+
+
+def circles(edges: Edges) -> list[Circle]:
+    """Return the strongly connected groups of two or more."""
+
+    def reached(start: str) -> set[str]:
+        found: set[str] = set()
+        open_ends = [start]
+        while open_ends:
+            ahead = edges.get(open_ends.pop(), set()) - found
+            found |= ahead
+            open_ends += ahead
+        return found
+
+    reach = {node: reached(node) for node in edges}
+    groups = {tuple(sorted(other for other in reach[node] if node in reach.get(other, ()))) for node in edges}
+    return [list(group) for group in sorted(groups) if len(group) > 1]
+
+
+def repeated_modules() -> dict[str, list[str]]:
+    """Return the places of each module name that two modules of the installed packages share."""
+    return _repeated((path.stem, path) for path in _installed_modules() if not path.stem.startswith("__"))
+
+
+def repeated_classes() -> dict[str, list[str]]:
+    """Return the places of each public class name that two modules of the installed packages define."""
+    return _repeated(
+        (node.name, path)
+        for path in _installed_modules()
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+
+
+def _installed_modules() -> Iterator[Path]:
+    folders = (str(folder.relative_to(CHECKOUT)) for folder in installed_packages().values())
+    return files_below(*folders, suffixes=(".py",))
+
+
+def _repeated(named: Iterable[tuple[str, Path]]) -> dict[str, list[str]]:
+    places: dict[str, list[str]] = defaultdict(list)
+    for name, path in named:
+        places[name].append(str(path.relative_to(CHECKOUT)))
+    return {name: found for name, found in sorted(places.items()) if len(found) > 1}
+
+
+def word_counts() -> dict[str, Counter[str]]:
+    """Count the words of `WORDS` in each top folder, in the pages beside them and in the help of all commands."""
+    texts: dict[str, list[str]] = defaultdict(list)
+    for path in files_below(*TOP_FOLDERS, suffixes=(".py", ".c", ".h", ".md", ".toml")):
+        texts[path.relative_to(CHECKOUT).parts[0]].append(path.read_text())
+    texts["*.md"] = [path.read_text() for path in sorted(CHECKOUT.glob("*.md"))]
+    texts["--help"] = list(help_texts().values())
+    return {place: _words_in("\n".join(found)) for place, found in texts.items()}
+
+
+def _words_in(text: str) -> Counter[str]:
+    # also within identifiers: `tell_all`, `was_told`
+    counted = {word: re.findall(rf"(?<![a-z])(?:{pattern})(?![a-z])", text.lower()) for word, pattern in WORDS.items()}
+    return Counter({word: len(found) for word, found in counted.items()})
+
+
+def help_texts() -> dict[str, str]:
+    """Return what `--help` prints, for each command."""
+    import typer
+    from sonarhw_cli.app import app
+    from typer.main import get_command
+
+    texts: dict[str, str] = {}
+
+    def collect(command: object, context: typer.Context) -> None:
+        texts[context.command_path] = context.get_help()
+        for name, part in getattr(command, "commands", {}).items():
+            collect(part, typer.Context(part, parent=context, info_name=name))
+
+    root = get_command(app)
+    collect(root, typer.Context(root, info_name="sonarhw"))
+    return texts
+
+
+def report() -> Iterator[str]:
+    """Yield the lines of the report."""
+    counts = files_per_folder()
+    yield f"files per folder: at most {max(counts.values())} in {len(counts)} folders; above 12:"
+    yield from (f"  {count:3}  {folder}" for folder, count in counts.most_common() if count > 12)
+    graph = import_graph()
+    for title, found in (
+        ("import circles between modules", module_circles(graph)),
+        ("import circles between folders", folder_circles(graph)),
+        ("include circles of the firmware", include_circles()),
+    ):
+        yield f"{title}: {len(found)}"
+        yield from (f"  {' '.join(circle)}" for circle in found)
+    for title, repeated in (("module names", repeated_modules()), ("public class names", repeated_classes())):
+        yield f"{title} used twice in the installed packages: {len(repeated)}"
+        yield from (f"  {name}: {' '.join(places)}" for name, places in repeated.items())
+    yield f"installed top-level names: {' '.join(installed_packages())}"
+    yield f"{'words of rule 2':<16}" + "".join(f"{word:>10}" for word in WORDS)
+    for place, words in word_counts().items():
+        yield f"  {place:<14}" + "".join(f"{words[word]:10}" for word in WORDS)
+
+
+if __name__ == "__main__":
+    sys.stdout.writelines(f"{line}\n" for line in report())
