@@ -102,11 +102,12 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
     speed = plan.air.speed_of_sound(scanner)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     _warn_if_disk_is_small(scanner, plan, path, watcher)
-    if watcher.stop_wanted or scanner.home() is Outcome.STOPPED or watcher.stop_wanted:
-        return Outcome.STOPPED
-    watcher.homed()
-    for reading in scanner.scan(plan.order):
-        progress.reading(reading)
+    with scanner.sequence():  # a stop between two steps ends the later ones too
+        if watcher.stop_wanted or scanner.home() is Outcome.STOPPED:
+            return Outcome.STOPPED
+        watcher.homed()
+        for reading in scanner.scan(plan.order):
+            progress.reading(reading)
     if scanner.unchecked:
         watcher.warn(scanner.unchecked)
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE

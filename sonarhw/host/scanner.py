@@ -15,7 +15,7 @@ slow caller slows the scan and loses no reading.
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
@@ -67,6 +67,8 @@ class Scanner:
         self._scan: Job | None = None
         self._link: Link | None = None
         self._in_use = threading.Lock()
+        self._sequence_of: int | None = None  # the thread that `_in_use` is held for
+        self._acting = False
         session.connect(self._now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
         self._thread.start()
@@ -255,6 +257,21 @@ class Scanner:
                 self._abandon(job)
         _raise_error(job)
 
+    @contextmanager
+    def sequence(self) -> Iterator[None]:
+        """Join several actions: a `stop` during one of them, or between two, also ends those that follow as STOPPED.
+
+        Raises DeviceError where another thread uses the scanner.
+        """
+        if not self._in_use.acquire(blocking=False):
+            raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
+        self._stop_wanted, self._sequence_of = False, threading.get_ident()
+        try:
+            yield
+        finally:
+            self._sequence_of = None
+            self._in_use.release()
+
     def stop(self) -> None:
         """Stop what runs; callable from any thread. What runs there ends as STOPPED, a scan with the readings made.
 
@@ -308,7 +325,10 @@ class Scanner:
     def _begin(self, job: Job) -> Job:
         with self._changed:
             self._check_thread()
+            job.stop_wanted = self._stop_wanted  # between two actions of a sequence
             self._session.start(job, self._now())
+            if job.stop_wanted:
+                self._session.stop(job, self._now())  # ends it at once where the device is lost
             self._wake()
             return job
 
@@ -334,13 +354,14 @@ class Scanner:
 
     @contextmanager
     def _using(self) -> Iterator[None]:
-        if not self._in_use.acquire(blocking=False):
-            raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
-        self._stop_wanted = False
-        try:
-            yield
-        finally:
-            self._in_use.release()
+        with nullcontext() if self._sequence_of == threading.get_ident() else self.sequence():
+            if self._acting:
+                raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
+            self._acting = True
+            try:
+                yield
+            finally:
+                self._acting = False
 
     def _wait(self) -> None:
         """Until something has changed, or a moment."""
@@ -442,8 +463,7 @@ class Scanner:
 
     def _heed_stop(self) -> None:
         job = self._session.job
-        if self._stop_wanted and job is not None:
-            self._stop_wanted = False
+        if self._stop_wanted and job is not None and not job.stop_wanted:
             self._session.stop(job, self._now())
 
 

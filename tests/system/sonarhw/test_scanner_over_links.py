@@ -141,6 +141,34 @@ def test_stop_ends_homing_and_an_idle_scanner_can_be_stopped(served: Serve) -> N
         assert outcomes == [Outcome.STOPPED]
 
 
+def test_a_stop_between_two_steps_of_a_sequence_ends_the_later_ones(served: Serve) -> None:
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner:
+        with scanner.sequence():
+            assert scanner.home() is Outcome.DONE
+            scanner.stop()
+            assert list(scanner.scan(ORDER)) == []
+            assert scanner.home() is Outcome.STOPPED
+        check_scan(list(scanner.scan(ORDER)))
+
+
+def test_a_scanner_does_one_thing_at_a_time(served: Serve) -> None:
+    refused: list[str] = []
+
+    def home_meanwhile() -> None:
+        with pytest.raises(DeviceError) as error:
+            scanner.home()
+        refused.append(str(error.value))
+
+    with served() as endpoint, Scanner.open(endpoint.url) as scanner, scanner.sequence():
+        other = threading.Thread(target=home_meanwhile)
+        other.start()
+        other.join()
+        next(iter(readings := scanner.scan(ORDER)))
+        home_meanwhile()
+        readings.close()
+    assert len(refused) == 2
+
+
 def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
     board = Board(PlainEchoes(), seed=5)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.errands import Phase
+from sonarhw_gui.live.errands import Phase, ScannerOpener
 from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.scene.scene import Scene, scene_of_log
@@ -91,13 +91,41 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
     assert 3 <= len(log.readings) < long.readings
 
 
-def test_stop_while_it_homes_ends_it_too(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
-    window = open_with(source=fake("real"), autostart=True)
-    until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
+def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
+    """The way to a scanner that begins a step, `home` or `scan`, only after a stop has arrived."""
+
+    @contextmanager
+    def opened() -> Iterator[Scanner]:
+        stopped = threading.Event()
+        with opener() as scanner:
+            stop, begin = scanner.stop, getattr(scanner, step)
+
+            def stop_and_say_so() -> None:
+                stop()
+                stopped.set()
+
+            def begin_later(*order: object) -> object:
+                assert stopped.wait(30)
+                return begin(*order)
+
+            scanner.stop = stop_and_say_so
+            setattr(scanner, step, begin_later)
+            yield scanner
+
+    return opened
+
+
+@pytest.mark.parametrize(("step", "phase"), [("home", Phase.HOMING), ("scan", Phase.SCANNING)])
+def test_a_stop_before_the_first_reading_is_followed_by_none(
+    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, step: str, phase: Phase
+) -> None:
+    window = open_with(source=stopped_before(step, fake("max")), autostart=True)
+    until(qtbot, lambda: window.session.status.phase is phase)
     window.commands.stop.trigger()
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.STOPPED
     assert window.session.shown.readings == ()
+    assert window.session.status.recording is None
 
 
 def test_stop_before_the_scanner_has_answered_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
