@@ -92,12 +92,19 @@ def sonarhw(
 
 def run(arguments: list[str] | None = None) -> int:
     """The exit status of one command line: 0 done, 2 bad usage or input, 1 failed at run time, 130 after Ctrl-C."""
+    try:
+        return _status(arguments)
+    finally:
+        _discard_unwritten()
+
+
+def _status(arguments: list[str] | None) -> int:
     command = typer.main.get_command(app)
     try:
         # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
             status = command.invoke(context)
-        if sys.stdout is not None:  # so it is where the shell closed it
+        if sys.stdout is not None:  # it is None if the shell closed it
             sys.stdout.flush()
         return status or 0
     except typer.Exit as exit_wanted:
@@ -109,7 +116,7 @@ def run(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        return _close_quietly()
+        return 0
     except OSError as error:
         # files are named by whoever writes them; what fills up without a name is standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
@@ -128,7 +135,10 @@ def _complain(message: str, status: int) -> int:
     return status
 
 
-def _close_quietly() -> int:
-    # Python flushes standard output once more at exit and would complain about the pipe that is gone
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 0
+def _discard_unwritten() -> None:
+    """Drop what standard output does not take: Python would flush it again at exit, fail, and end with status 120."""
+    try:
+        if sys.stdout is not None:  # it is None if the shell closed it
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

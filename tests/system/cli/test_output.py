@@ -226,9 +226,17 @@ def test_a_pipe_takes_what_a_file_would(tmp_path: Path) -> None:
         (">/dev/full", "standard output: No space left on device; name a file with --out"),
     ],
 )
+@pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 def test_standard_output_that_takes_nothing_is_one_line(
-    tmp_path: Path, arguments: list[str | Path], redirection: str, told: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str | Path],
+    redirection: str,
+    told: str,
+    unbuffered: str,
 ) -> None:
+    # a buffer that could not be written is flushed once more when Python ends
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     write_example(tmp_path / "scan.mcap", 4)
     command = shlex.join([sys.executable, "-c", "from sonarhw_cli.entry import main; main()", *map(str, arguments)])
     done = subprocess.run(
