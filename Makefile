@@ -31,7 +31,7 @@ firmware: setup
 
 # that board in the demo room; its URL is the first line, Ctrl-C ends it
 board: firmware
-	$(BIN)/python -m sonarhw_cli.instrument.board_command
+	$(BIN)/sonarhw board
 
 # lint, layers, types and the tests without ports, processes and windows
 check: lint

@@ -19,6 +19,7 @@ from sonarhw_cli.comparison import map_command
 from sonarhw_cli.comparison import report_command as report
 from sonarhw_cli.comparison import study_command as study
 from sonarhw_cli.instrument import bench_commands as bench
+from sonarhw_cli.instrument import board_command as board
 from sonarhw_cli.instrument import calibrate_command as calibrate
 from sonarhw_cli.instrument import fake_command as fake
 from sonarhw_cli.instrument import import_command as import_csv
@@ -44,7 +45,6 @@ _REWORDED = (
 app = typer.Typer(
     name="sonarhw",
     help="Scan a room with an ultrasonic ranging board and see the scan over its prediction.",
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -73,6 +73,7 @@ app.command("map")(map_command.map_logs)
 app.command("study")(study.study)
 app.command("fit")(fit.fit)
 app.command("gui")(gui.gui)
+app.command("board", hidden=True)(board.board)
 
 
 def _show_version(wanted: bool) -> None:
@@ -100,6 +101,8 @@ def run(arguments: list[str] | None = None) -> int:
 
 def _status(arguments: list[str] | None) -> int:
     command = typer.main.get_command(app)
+    if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes
+        command.main(prog_name="sonarhw")
     try:
         # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:

@@ -1,11 +1,8 @@
-"""`make board`: the real firmware on an emulated board in the demo room, until it is interrupted.
+"""`sonarhw board`, behind `make board`: the real firmware on an emulated board in the demo room.
 
-    python -m sonarhw_cli.instrument.board_command --pty LINK --pace 2
-
-Its first line of standard output is the URL; nothing that opens it can tell it from a board on the table.
+The command is not in the list of --help: it needs a checkout and its compilers.
 """
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -37,10 +34,3 @@ def board(
     with sigterm_raises(SystemExit), emulated_board(echoes, pty, read_pace(pace)) as running:
         typer.echo(running.url)
         running.wait()
-
-
-if __name__ == "__main__":
-    from sonarhw_cli.app import app, run
-
-    app.command("board")(board)
-    sys.exit(run(["board", *sys.argv[1:]]))

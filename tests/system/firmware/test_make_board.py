@@ -17,7 +17,8 @@ WITHIN = 10.0  # s
 @pytest.fixture
 def board(built: Path, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """The process, behind a link."""
-    command = [sys.executable, "-m", "sonarhw_cli.instrument.board_command", "--pty", str(tmp_path / "scanner")]
+    entry = "from sonarhw_cli.entry import main; main()"
+    command = [sys.executable, "-c", entry, "board", "--pty", str(tmp_path / "scanner")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()
