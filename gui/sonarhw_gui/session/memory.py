@@ -1,129 +1,115 @@
-"""What the window remembers from one start to the next: what was open, how it looked, what was used last.
+"""What the window remembers from one start to the next, in a settings file of Qt (INI)."""
 
-Takes values; hands on a file in the person's own folder, and the values in it again. A file that cannot be understood
-is refused like any other input.
-"""
-
-import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from platformdirs import user_data_path
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from sonarhw_sim.board.profile import parse_board
-from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Place, parse_room
+from pydantic import TypeAdapter, ValidationError
+from PySide6.QtCore import QByteArray, QSettings
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw_gui.live.errands import ScanWish
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
-from sonarhw_gui.scene.scene import Scene
+from sonarhw_gui.session.scene_memory import SceneMemory
 
 _PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
+T = TypeVar("T")
 
 
-def memory_file() -> Path:
-    """The file on this system; it may not exist yet."""
-    return user_data_path("sonarhw", appauthor=False) / "window.json"
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class SceneMemory(_Part):
-    """A scene, with its room and board as the text of their files."""
-
-    room_text: str
-    room_file: str
-    place: Place | None
-    board_text: str
-    options: PredictionOptions
-
-    @staticmethod
-    def of(scene: Scene) -> "SceneMemory":
-        """What is to be remembered of a scene."""
-        text = scene.room.text if scene.room else ""
-        return SceneMemory(
-            room_text=text,
-            room_file=scene.room_file,
-            place=scene.place,
-            board_text=scene.board.text,
-            options=scene.options,
-        )
-
-    def scene(self) -> Scene:
-        """The scene again. Raises InputError."""
-        board = parse_board(self.board_text, "the board of the last session")
-        room = parse_room(self.room_text, "the room of the last session") if self.room_text else None
-        return Scene(room, self.place if room else None, board, self.room_file, self.options)
-
-
-class LookMemory(_Part):
-    """How it looked."""
-
-    palette: str = LIGHT.name
-    unit: str = LengthUnit.M.name
-    scale: float = 1.0
-
-    @staticmethod
-    def of(look: Look) -> "LookMemory":
-        """What is to be remembered of a look."""
-        return LookMemory(palette=look.palette.name, unit=look.unit.name, scale=look.scale)
-
-    def look(self) -> Look:
-        """The look again; what is not known is as usual."""
-        unit = LengthUnit.__members__.get(self.unit, LengthUnit.M)
-        return Look(_PALETTES.get(self.palette, LIGHT), unit).scaled(self.scale)
-
-
-class LayoutMemory(_Part):
-    """Where everything was: Qt's own words for it, in base 64."""
-
-    geometry: str = ""
-    docks: str = ""
-    splitters: dict[str, str] = Field(default_factory=dict)
-    view: int = 0
-
-
-class Memory(_Part):
-    """Everything."""
+@dataclass(frozen=True)
+class Memory:
+    """All that is remembered."""
 
     scene: SceneMemory | None = None
     log: str = ""  # whose readings were shown
     url: str = ""  # of the scanner
     wish: ScanWish | None = None  # what to scan
-    recent: tuple[str, ...] = ()
+    recent: tuple[str, ...] = ()  # files
     urls: tuple[str, ...] = ()
-    look: LookMemory = LookMemory()
-    layout: LayoutMemory = LayoutMemory()
+    look: Look = field(default_factory=Look)
+    view: int = 0  # which of the large views
+    layout: Mapping[str, QByteArray] = field(default_factory=dict)  # as Qt saves it, by the name of the part
+
+
+def memory_file() -> Path:
+    """Return the file on this system; it may not exist yet."""
+    return user_data_path("sonarhw", appauthor=False) / "window.ini"
 
 
 def read_memory(path: Path) -> Memory:
-    """What was remembered; nothing where there is no file yet. Raises InputError where it cannot be understood."""
-    try:
-        return Memory.model_validate_json(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    """Return what was remembered; nothing if there is no file yet. Raises InputError if the file is damaged."""
+    if not path.exists():
         return Memory()
-    except (OSError, UnicodeDecodeError, ValidationError) as error:
-        raise InputError(
-            f"{path}: what the window remembered cannot be read ({type(error).__name__}); it begins anew"
-        ) from error
+    file = QSettings(str(path), QSettings.Format.IniFormat)
+    names = file.allKeys()  # reads all of the file: only then does its status say whether it is damaged
+    if file.status() is not QSettings.Status.NoError:
+        raise _damaged(path, file.status().name)
+    try:
+        return Memory(
+            scene=_value(file, "scene", SceneMemory),
+            log=_text(file, "log"),
+            url=_text(file, "scanner"),
+            wish=_value(file, "scan", ScanWish),
+            recent=_texts(file, "recent/files"),
+            urls=_texts(file, "recent/scanners"),
+            look=_look(file),
+            view=TypeAdapter(int).validate_python(file.value("view", 0)),
+            layout={
+                name.removeprefix("layout/"): QByteArray(data)
+                for name in names
+                if name.startswith("layout/") and isinstance(data := file.value(name), QByteArray)
+            },
+        )
+    except ValidationError as error:
+        raise _damaged(path, type(error).__name__) from error
 
 
 def write_memory(path: Path, memory: Memory) -> None:
-    """Remember it: the whole file, or the one before. Raises OutputError."""
-    try:
-        write_whole(path, memory.model_dump_json(indent=1))
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written: {error.strerror}; the window will not open as it was left"
-        ) from error
+    """Write the whole file, or leave the one before. Raises OutputError."""
+    file = QSettings(str(path), QSettings.Format.IniFormat)
+    file.clear()
+    for name, value in (("scene", memory.scene), ("scan", memory.wish)):
+        if value is not None:
+            file.setValue(name, TypeAdapter(type(value)).dump_json(value).decode())
+    file.setValue("log", memory.log)
+    file.setValue("scanner", memory.url)
+    file.setValue("recent/files", [*memory.recent])
+    file.setValue("recent/scanners", [*memory.urls])
+    file.setValue("look/palette", memory.look.palette.name)
+    file.setValue("look/unit", memory.look.unit.name)
+    file.setValue("look/scale", memory.look.scale)
+    file.setValue("view", memory.view)
+    for name, data in memory.layout.items():
+        file.setValue(f"layout/{name}", data)
+    file.sync()
+    if file.status() is not QSettings.Status.NoError:
+        raise OutputError(f"{path}: cannot be written; the window will not open as it was left")
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file, all of it or nothing, in a folder that need not exist yet. Raises OSError."""
-    fresh = path.with_suffix(".new")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh.write_text(text, encoding="utf-8")
-    os.replace(fresh, path)
+def _damaged(path: Path, why: str) -> InputError:
+    return InputError(f"{path}: the settings of the window cannot be read ({why}); defaults are used")
+
+
+def _value(file: QSettings, name: str, kind: type[T]) -> T | None:
+    text = _text(file, name)
+    return TypeAdapter(kind).validate_json(text) if text else None
+
+
+def _text(file: QSettings, name: str) -> str:
+    return str(file.value(name) or "")
+
+
+def _texts(file: QSettings, name: str) -> tuple[str, ...]:
+    # a list of one comes back as its only item, an empty one as None
+    value = file.value(name)
+    return tuple(map(str, value)) if isinstance(value, list) else (str(value),) if value else ()
+
+
+def _look(file: QSettings) -> Look:
+    """Return the look; a palette or unit that does not exist is the default."""
+    unit = LengthUnit.__members__.get(_text(file, "look/unit"), LengthUnit.M)
+    scale = TypeAdapter(float).validate_python(file.value("look/scale", 1.0))
+    return Look(_PALETTES.get(_text(file, "look/palette"), LIGHT), unit).scaled(scale)

@@ -4,6 +4,7 @@ Takes the scene as it is opened and as it is changed; hands on what was left of 
 No widgets.
 """
 
+import os
 import time
 from dataclasses import dataclass, replace
 from itertools import count
@@ -13,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw_gui.scene.scene import Scene, room_name
-from sonarhw_gui.session.memory import SceneMemory, write_whole
+from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shown.notices import Notice
 
 _SOON = 1.0  # s from a change to the file: what a crash may cost
@@ -172,7 +173,7 @@ class UnsavedRooms:
         if self._file is None or not self._is_ours(self._file):
             self._file = _free_name(folder, Path(opened.room_file or "room").stem)
         text = unsaved.model_dump_json(indent=1)
-        write_whole(self._file, text)
+        _write_whole(self._file, text)
         self._text, self._kept = text, changed
 
     def _remove(self) -> None:
@@ -218,6 +219,14 @@ def _read(path: Path) -> UnsavedRoom:
         raise InputError(
             f"{path}: a room that was not saved cannot be read ({type(error).__name__}); what it says stands there"
         ) from error
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write a file, all of it or nothing, in a folder that need not exist yet. Raises OSError."""
+    fresh = path.with_suffix(".new")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh.write_text(text, encoding="utf-8")
+    os.replace(fresh, path)
 
 
 def _free_name(folder: Path, stem: str) -> Path:

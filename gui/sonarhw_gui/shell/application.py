@@ -88,7 +88,7 @@ def open_window(start: WindowStart) -> MainWindow:
     if start.resume and memory.wish is not None:
         wish = replace(memory.wish, folder=start.recordings)
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(WindowSession(begun.scene, opener, wish, memory.look.look(), start.find_way, unsaved))
+    window = MainWindow(WindowSession(begun.scene, opener, wish, memory.look, start.find_way, unsaved))
     window.session.scanners.url = begun.url
     put_back(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)

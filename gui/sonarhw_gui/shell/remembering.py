@@ -1,7 +1,4 @@
-"""The window remembered when it closes, and put back as it was left.
-
-Takes a window and what was remembered; hands on what is to be remembered of it.
-"""
+"""Remember the window when it closes, and restore it as it was left."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -10,7 +7,8 @@ from PySide6.QtCore import QByteArray, QObject, Slot
 from PySide6.QtWidgets import QSplitter
 
 from sonarhw.errors import OutputError
-from sonarhw_gui.session.memory import LayoutMemory, LookMemory, Memory, SceneMemory, write_memory
+from sonarhw_gui.session.memory import Memory, write_memory
+from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 
 
@@ -25,12 +23,12 @@ class Remembering(QObject):
 
     @Slot()
     def _write(self) -> None:
-        with suppress(OutputError):  # nobody is there any more to be told, and the next window opens as usual
+        with suppress(OutputError):  # the window is closing: the next one opens with the defaults
             write_memory(self._path, remembered(self._window))
 
 
 def remembered(window: MainWindow) -> Memory:
-    """What is to be remembered of a window, before it is hidden."""
+    """Return what is to be remembered of a window; before it is hidden."""
     session = window.session
     return Memory(
         scene=SceneMemory.of(session.shown.scene),
@@ -39,37 +37,27 @@ def remembered(window: MainWindow) -> Memory:
         wish=session.live.wish,
         recent=session.documents.recent,
         urls=session.scanners.urls,
-        look=LookMemory.of(session.shown.look),
-        layout=LayoutMemory(
-            geometry=_text(window.saveGeometry()),
-            docks=_text(window.saveState()),
-            splitters={splitter.objectName(): _text(splitter.saveState()) for splitter in _splitters(window)},
-            view=window.stage.currentIndex(),
-        ),
+        look=session.shown.look,
+        view=window.stage.currentIndex(),
+        layout={
+            "window": window.saveGeometry(),
+            "docks": window.saveState(),
+            **{splitter.objectName(): splitter.saveState() for splitter in _splitters(window)},
+        },
     )
 
 
 def put_back(window: MainWindow, memory: Memory) -> None:
-    """Lists and layout as they were; what has no place any more is left as usual."""
-    layout = memory.layout
+    """Restore lists and layout; a part that no longer exists, or that Qt refuses, keeps its default."""
     window.session.remember_used(memory.recent, memory.urls)
-    window.restoreGeometry(_bytes(layout.geometry))
-    window.restoreState(_bytes(layout.docks))
+    window.restoreGeometry(memory.layout.get("window", QByteArray()))
+    window.restoreState(memory.layout.get("docks", QByteArray()))
     for splitter in _splitters(window):
-        if splitter.objectName() in layout.splitters:
-            splitter.restoreState(_bytes(layout.splitters[splitter.objectName()]))
+        splitter.restoreState(memory.layout.get(splitter.objectName(), QByteArray()))
     views = window.commands.views.actions()
-    if 0 <= layout.view < len(views):
-        views[layout.view].trigger()
+    if 0 <= memory.view < len(views):
+        views[memory.view].trigger()
 
 
 def _splitters(window: MainWindow) -> list[QSplitter]:
     return [splitter for splitter in window.findChildren(QSplitter) if splitter.objectName()]
-
-
-def _text(data: QByteArray) -> str:
-    return bytes(data.toBase64().data()).decode("ascii")
-
-
-def _bytes(text: str) -> QByteArray:
-    return QByteArray.fromBase64(text.encode("ascii", "replace"))

@@ -4,15 +4,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QByteArray, Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.live.errands import ScanWish
 from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import heard_by, in_air, sensor_at
-from sonarhw_gui.session.memory import LookMemory, Memory, SceneMemory, read_memory, write_memory
+from sonarhw_gui.session.memory import Memory, read_memory, write_memory
 from sonarhw_gui.session.scanner_choice import ScannerWay
+from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
 from sonarhw_sim.choices import Unit
@@ -47,7 +49,7 @@ def reopened(open_with: OpenWith, memory: Path, scene: Scene) -> MainWindow:
 def test_a_window_closed_over_a_log_opens_over_it_again(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "memory" / "window.json"
+    memory = tmp_path / "memory" / "window.ini"
     window = open_with(scene=shipped, memory=memory, find_way=never)
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.replay.loaded)
@@ -71,7 +73,7 @@ def test_a_window_closed_over_a_log_opens_over_it_again(
 def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wished(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     window = open_with(scene=shipped, memory=memory, find_way=never)
     there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
     options = replace(shipped.options, unit=Unit.BLOCK)
@@ -89,7 +91,7 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wishe
 def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_log(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     window = open_with(scene=shipped, memory=memory, find_way=never)
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.replay.loaded)
@@ -111,7 +113,7 @@ def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_
 def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothing(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     window = open_with(
         scene=shipped, memory=memory, find_way=never, url="socket://scanner", source=fake(4.0), autostart=True
     )
@@ -131,7 +133,7 @@ def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothin
 def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
     open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     window = reopened(open_with, memory, shipped)
     assert window.session.shown.scene.place.name == "figure7"
     assert window.banner.message == ""
@@ -143,40 +145,58 @@ def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
 def test_a_log_that_is_gone_is_told_and_the_room_is_there(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     write_memory(memory, Memory(scene=SceneMemory.of(shipped), log=str(tmp_path / "gone.mcap")))
     window = reopened(open_with, memory, shipped)
     until(qtbot, lambda: "gone.mcap" in window.banner.message)
     assert window.session.shown.scene.place.name == "figure9"
 
 
-@pytest.mark.parametrize("text", ["", "{", '{"scene": 3}', '{"unknown": 1}', "\udcff"])
+@pytest.mark.parametrize("text", ["{", "scene=3", 'scene="{}"', "scan=[]", "look/scale=large", "[look", "\udcff"])
 def test_a_spoilt_memory_is_told_and_the_window_opens_all_the_same(
     open_with: OpenWith, tmp_path: Path, shipped: Scene, text: str
 ) -> None:
-    memory = tmp_path / "window.json"
+    memory = tmp_path / "window.ini"
     memory.write_bytes(text.encode("utf-8", "surrogateescape"))
     window = reopened(open_with, memory, shipped)
-    assert "window.json" in window.banner.message
+    assert "window.ini" in window.banner.message
     assert window.session.shown.scene.place.name == "figure7"
 
 
 def test_a_layout_of_another_screen_or_version_is_left_as_usual(
     open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
-    memory = tmp_path / "window.json"
-    layout = Memory().layout.model_copy(
-        update={"geometry": "nonsense", "docks": "AAAA", "splitters": {"gone": "AAAA", "views": "?"}, "view": 99}
-    )
-    write_memory(memory, Memory(layout=layout, look=LookMemory(palette="pink", unit="PARSEC", scale=99.0)))
+    memory = tmp_path / "window.ini"
+    nonsense = QByteArray(b"nonsense")
+    layout = {"window": nonsense, "docks": nonsense, "gone": nonsense, "views": nonsense}
+    write_memory(memory, Memory(layout=layout, view=99))
+    text = memory.read_text().replace("palette=light", "palette=pink").replace("unit=M", "unit=PARSEC")
+    memory.write_text(text.replace("scale=1", "scale=99"))
     window = open_with(scene=shipped, memory=memory)
     assert window.plan.isVisible()
-    assert window.session.shown.look.unit is LengthUnit.M
+    assert window.session.shown.look == Look().scaled(99.0)
+    assert "PARSEC" in text
+
+
+@pytest.mark.parametrize("used", [(), ("a, b.mcap",), ("ä.mcap", "@c;d.mcap")])
+def test_what_was_written_is_read_again(tmp_path: Path, shipped: Scene, used: tuple[str, ...]) -> None:
+    wish = ScanWish(tmp_path, ORDER, traces=False, max_range=1.5)
+    memory = Memory(
+        *(SceneMemory.of(shipped), "x.mcap", "socket://x", wish, used, used, Look(DARK, LengthUnit.FT, 1.5), 2),
+        layout={"side": QByteArray(b"\0\xff,;")},
+    )
+    write_memory(tmp_path / "new" / "window.ini", memory)
+    assert read_memory(tmp_path / "new" / "window.ini") == memory
+
+
+def test_an_empty_file_is_as_good_as_none(tmp_path: Path) -> None:
+    (tmp_path / "window.ini").touch()
+    assert read_memory(tmp_path / "window.ini") == Memory()
 
 
 def test_a_folder_that_cannot_be_written_is_an_error_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError, match="cannot be written"):
-        write_memory(tmp_path / "file" / "window.json", Memory())
-    with pytest.raises(InputError, match="begins anew"):
+        write_memory(tmp_path / "file" / "window.ini", Memory())
+    with pytest.raises(InputError, match="defaults are used"):
         read_memory(tmp_path)

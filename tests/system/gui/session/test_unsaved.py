@@ -39,7 +39,7 @@ def start(open_with: OpenWith, tmp_path: Path) -> Callable[[Path], MainWindow]:
 
     def start_it(path: Path) -> MainWindow:
         scene = OpenRoomRequest(path, load_board("polaroid-6500")).answer().scene
-        return open_with(scene=scene, memory=tmp_path / "data" / "window.json")
+        return open_with(scene=scene, memory=tmp_path / "data" / "window.ini")
 
     return start_it
 
@@ -167,7 +167,7 @@ def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_wi
     window.close()
     log = read_log(recorded)
     scene, _ = sensor_at(scene_of_log(log.metadata), (0.5, 0.4))
-    window = open_with(scene=scene, source=log, memory=tmp_path / "data" / "window.json")
+    window = open_with(scene=scene, source=log, memory=tmp_path / "data" / "window.ini")
     until_asked(qtbot, window, "simple.toml")
     qtbot.mouseClick(window.banner.offer_button, LEFT)
     there = window.session.shown.scene
