@@ -1,23 +1,20 @@
 """The host's side of the protocol, without threads, ports or clock.
 
-Takes bytes and commands, each with the time; hands on bytes for the device, answers and readings. What the protocol
-promises is kept here: commands are repeated until answered, missing readings are asked for again, the device hears a
-sign of life, silence and resets are errors. One driver lasts as long as one greeting; `session` begins the next.
+What the protocol promises is kept here: commands are repeated until answered, missing readings are requested again, the
+device gets signs of life, silence and resets are errors. One driver lasts for one conversation: until the next Hello.
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
-from sonarhw.host.recorder import Recorder
 from sonarhw.link.link_statistics import LinkStatistics, smoothed
 from sonarhw.readings import Reading
 from sonarhw.wire.arrivals import Arrivals
 from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.device_clock import DeviceClock
-from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode_frame
+from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
     Accepted,
@@ -44,7 +41,7 @@ from sonarhw.wire.messages import (
     TurntableSettings,
     unpack_message,
 )
-from sonarhw.wire.units import microseconds_of, seconds_of
+from sonarhw.wire.units import microseconds_of
 
 ANSWER_WITHIN = 0.5  # s, then the command is sent again
 TRIES = 6
@@ -55,6 +52,13 @@ ASK_AGAIN = 0.3  # s after a Resend was accepted
 ASKS = 20  # for one stretch of readings, or for one Finished
 _ACTIONS = (Home, Turn, StartScan)
 Answer = Info | Accepted | Refused | Settings | Started | Capabilities | TurntableSettings | Statistics | LinkTested
+
+
+Tap = Callable[[bool, float, bytes], None]  # whether from the device, when, the frame with its delimiter
+
+
+def _ignore(received: bool, time: float, wire: bytes) -> None:
+    """The tap of a driver without one."""
 
 
 class Command:
@@ -70,7 +74,7 @@ class Command:
         self.tries = tries
         self.given_up = False  # after fewer tries than usual; the caller knows what to do
         self.answer: Answer | None = None
-        self.answered_at = 0.0  # s on the device's clock
+        self.answered_us = 0  # on the device's clock
         self.finished: Finished | None = None
 
     @property
@@ -90,11 +94,14 @@ class Driver:
     def __init__(
         self,
         first_sequence: int = 0,
-        recorder: Recorder | None = None,
         where: str = "the device",
         clock: DeviceClock | None = None,
+        tap: Tap | None = None,
     ) -> None:
-        """`clock` maps the device's time to the host's and may have known the device before."""
+        """`clock` maps the device's time to the host's and may have known the device before.
+
+        `tap` is called with every undamaged frame that passes, as it is on the line.
+        """
         self.where = where  # for messages
         self.info: Info | None = None
         self.kept = KEPT_READINGS  # readings the device holds ready to be sent again
@@ -104,8 +111,7 @@ class Driver:
         self._lost_before = 0  # readings lost in earlier scans
         self.heartbeat: Heartbeat | None = None
         self.assembler = ReadingAssembler(clock)
-        self._recorder = recorder
-        self.greeting: list[tuple[bool, float, bytes]] = []  # Hello and Info, for a recorder that comes later
+        self._tap = tap or _ignore
         self._decoder = FrameDecoder()
         self._outgoing = bytearray()
         self._sequence = first_sequence % 0x10000
@@ -174,15 +180,9 @@ class Driver:
         """Whether a home, turn or scan was ordered and has not finished."""
         return self._action is not None and self._action.finished is None
 
-    def record(self, recorder: Recorder) -> None:
-        """Hand everything from now on to `recorder`, and first the greeting, so that it knows who speaks."""
-        for received, time, wire in self.greeting:
-            recorder.frame(received, time, wire)
-        self._recorder = recorder
-
     def flush(self) -> None:
         """Nothing more will come: complete what waits for its trace."""
-        self._hand_on(self.assembler.flush())
+        self._readings += self.assembler.flush()
 
     def forget(self, command: Command) -> None:
         """Wait for a command no longer."""
@@ -201,11 +201,12 @@ class Driver:
         self._heard = now
         self._arrived = now if arrived is None else arrived
         self._count(bytes_received=len(data))
-        for item in self._decoder.feed(data):
-            if isinstance(item, Rejected):
+        for block in self._decoder.blocks(data):
+            frame = decode_block(block)
+            if isinstance(frame, Rejected):
                 self._count(rejected_blocks=1)
             else:
-                self._take(item, now)
+                self._take(frame, block + DELIMITER, now)
         self._ask_for_missing(now)
 
     def advance(self, now: float) -> None:
@@ -246,20 +247,17 @@ class Driver:
         info = self.info
         return info is not None and info.major == PROTOCOL_MAJOR and info.minor >= 1
 
-    def _take(self, frame: Frame, now: float) -> None:
+    def _take(self, frame: Frame, wire: bytes, now: float) -> None:
         self._count_gap(frame.sequence)
         self._device_time = frame.time_us
-        wire = encode_frame(frame)
         # before its Info a device may still say what belongs to a conversation that broke, and is heard by nobody
         if self.info is not None or frame.type == Info.TYPE:
-            self._record(True, self._arrived, wire)
+            self._tap(True, self._arrived, wire)
         try:
             message = unpack_message(frame.type, frame.payload)
         except MessageError:
             self._count(rejected_messages=1)
             return
-        if isinstance(message, Info):
-            self.greeting = [*self.greeting[:1], (True, self._arrived, wire)]
         if message is not None:
             self._handle(message, now)
 
@@ -282,7 +280,7 @@ class Driver:
             case _:
                 if not self._answered(message, now):
                     return
-        self._hand_on(self.assembler.feed(message, self._device_time, self._arrived))
+        self._readings += self.assembler.feed(message, self._device_time, self._arrived)
 
     def _answered(self, message: Message, now: float) -> bool:
         # an answer to a command of an earlier conversation is none
@@ -290,7 +288,7 @@ class Driver:
         if command is None or not isinstance(message, Answer):
             return False
         self._sound = now
-        command.answer, command.answered_at = message, seconds_of(self._device_time)
+        command.answer, command.answered_us = message, self._device_time
         match message:
             case Info():
                 self.info = message
@@ -367,7 +365,7 @@ class Driver:
         wanted = self._arrivals.wanted()
         if wanted is None:
             if self._action and self._action.finished:  # nothing more will come for the last reading's trace
-                self._hand_on(self.assembler.flush())
+                self._readings += self.assembler.flush()
             return
         if self._asking is not None or now < self._ask_at:
             return
@@ -379,27 +377,6 @@ class Driver:
         self._count(resends=1)
         self._asking = self.command(Resend(*wanted), now)
 
-    def _hand_on(self, readings: list[Reading]) -> None:
-        for reading in readings:
-            self._readings.append(reading)
-            with self._recording() as recorder:
-                if recorder:
-                    recorder.reading(reading)
-
-    def _record(self, received: bool, time: float, wire: bytes) -> None:
-        with self._recording() as recorder:
-            if recorder:
-                recorder.frame(received, time, wire)
-
-    @contextmanager
-    def _recording(self) -> Iterator[Recorder | None]:
-        try:
-            yield self._recorder
-        except BaseException:
-            # one that failed is let go, so that the device can still be stopped
-            self._recorder = None
-            raise
-
     # commands out, silence, books
 
     def _send(self, command: Command, now: float, repeat: bool = False) -> None:
@@ -407,9 +384,7 @@ class Driver:
         self._spoke = now
         self._outgoing += DELIMITER + command.wire
         self._count(frames_sent=1, repeated_commands=int(repeat))
-        if command.name == "Hello":
-            self.greeting = [(False, now, command.wire)]
-        self._record(False, now, command.wire)
+        self._tap(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:
         if command is self._asking:  # asked anew instead: a Resend that fails must not end a scan that goes on

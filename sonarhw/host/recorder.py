@@ -1,22 +1,72 @@
-"""What keeps a conversation with a scanner: the scanner hands every frame and every reading to one of these.
+"""Recording of what passes between host and scanner: the protocol of a recorder, and the one place that calls it.
 
-`sonarhw.log` has the one that writes a file; the scanner knows only this page.
+`sonarhw.log` has the recorder that writes a file.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 from sonarhw.readings import Reading
+from sonarhw.wire.frames import frame_type
+from sonarhw.wire.messages import Hello, Info
 
 
 class Recorder(Protocol):
     """Takes what passes over the link, in order, from the thread that drives the scanner."""
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Keep one undamaged frame's bytes with its delimiter.
+        """Keep one undamaged frame's bytes as they were on the line, with its delimiter.
 
-        `received` tells which way it went: True from the device, False from the host. `time` is the host's clock in
+        `received` is True for a frame from the device, False for one from the host. `time` is the host's clock in
         s since the epoch, taken from a clock that does not run backwards.
         """
 
     def reading(self, reading: Reading) -> None:
         """Keep one decoded reading; its frames have been handed over before."""
+
+
+class Recording:
+    """What passes while a job runs goes to a recorder; a recorder that comes later gets the greeting first.
+
+    A recorder that raises is dropped, so that the device can still be stopped; `failure` is then what it raised.
+    """
+
+    def __init__(self, wanted: Callable[[], bool]) -> None:
+        """`wanted` returns whether a job runs."""
+        self.failure: BaseException | None = None
+        self._wanted = wanted
+        self._recorder: Recorder | None = None
+        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and Info where it has come
+
+    def use(self, recorder: Recorder | None) -> None:
+        """Record with `recorder` from now on; None: no longer record. Raises what `recorder` raises."""
+        self._recorder = recorder
+        if recorder:
+            for received, time, wire in self._greeting:
+                recorder.frame(received, time, wire)
+
+    def frame(self, received: bool, time: float, wire: bytes) -> None:
+        """Record a frame; a `Tap` of a driver."""
+        kind = frame_type(wire[:-1])
+        if kind == Hello.TYPE and not received:
+            self._greeting = [(received, time, wire)]
+        elif kind == Info.TYPE and received:
+            self._greeting = [*self._greeting[:1], (received, time, wire)]
+        self._record(lambda recorder: recorder.frame(received, time, wire))
+
+    def reading(self, reading: Reading) -> None:
+        """Record a reading, after its frames."""
+        self._record(lambda recorder: recorder.reading(reading))
+
+    def take_failure(self) -> BaseException | None:
+        """What the recorder raised, once."""
+        failure, self.failure = self.failure, None
+        return failure
+
+    def _record(self, act: Callable[[Recorder], None]) -> None:
+        if self._recorder is None or not self._wanted():
+            return
+        try:
+            act(self._recorder)
+        except BaseException as error:  # noqa: BLE001 - raised again in the thread that waits for the job
+            self._recorder, self.failure = None, error

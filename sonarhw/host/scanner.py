@@ -19,9 +19,10 @@ from contextlib import contextmanager, nullcontext, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
+from sonarhw.host.actions import asking, configuring, configuring_turntable, homing, scanning, turning
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
+from sonarhw.host.job import Job
 from sonarhw.host.recorder import Recorder
-from sonarhw.host.scripts import Job
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Session
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.link.ports import Whereabouts
@@ -126,22 +127,21 @@ class Scanner:
     @property
     def info(self) -> DeviceInfo:
         """Who answered the greeting, and what it can."""
-        info = self._session.dialogue.info
+        info = self._session.device.info
         if info is None:
             raise NoAnswer(f"{self.url}: has not said who it is")
-        return device_info(info, self._session.dialogue.capabilities)
+        return device_info(info, self._session.device.capabilities)
 
     @property
     def settings(self) -> PingSettings | None:
         """Settings in force; None before `configure`."""
-        settings = self._session.dialogue.settings
+        settings = self._session.device.settings
         return None if settings is None else ping_settings(settings)
 
     @property
     def baud(self) -> int | None:
         """Speed of the line; None where it has none of its own."""
-        dialogue = self._session.dialogue
-        return dialogue.baud if dialogue.bauds else None
+        return self._session.device.baud if self._session.bauds else None
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -173,7 +173,7 @@ class Scanner:
         What passes while nothing is done is not recorded. None: no longer record.
         """
         with self._changed:
-            self._session.record(recorder)
+            self._session.recording.use(recorder)
 
     # what it does
 
@@ -208,7 +208,7 @@ class Scanner:
             trace_rate=round(trace_rate),
             trace_bits=trace_bits,
         )
-        return ping_settings(self._answer(self._session.configuring(wish), Settings))
+        return ping_settings(self._answer(configuring(wish), Settings))
 
     def configure_turntable(
         self,
@@ -224,22 +224,22 @@ class Scanner:
         wish = ConfigureTurntable(
             microdegrees_of(speed), microdegrees_of(acceleration), microseconds_of(settling), int(approach)
         )
-        return turn_settings(self._answer(self._session.configuring_turntable(wish), TurntableSettings))
+        return turn_settings(self._answer(configuring_turntable(wish), TurntableSettings))
 
     def device_statistics(self) -> Statistics:
         """What the device has counted since it started. Raises CommandRefused where its firmware is too old."""
-        return self._answer(self._session.asking(AskStatistics()), Statistics)
+        return self._answer(asking(AskStatistics()), Statistics)
 
     def home(self) -> Outcome:
         """Find the zero of the turntable; returns how it ended: DONE, or STOPPED by `stop`.
 
         Raises DeviceError where it fails, CommandRefused, NoAnswer, LinkLost.
         """
-        return self._outcome(self._session.homing())
+        return self._outcome(homing())
 
     def turn(self, angle: float) -> Outcome:
         """Turn to `angle`, rad, finding the zero first where it is not known; otherwise as `home`."""
-        return self._outcome(self._session.turning(Turn(microdegrees_of(angle))))
+        return self._outcome(turning(Turn(microdegrees_of(angle))))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Readings as they are completed, each once; one sent again comes later than its number says.
@@ -249,7 +249,7 @@ class Scanner:
         what `home` does, and LostSteps, after all readings, where the mark was out of its place.
         """
         with self._using():
-            self._scan = job = self._begin(self._session.scanning(start_scan(order or sector())))
+            self._scan = job = self._begin(scanning(start_scan(order or sector())))
             try:
                 while ready := self._next_readings(job):
                     yield from ready
@@ -281,7 +281,7 @@ class Scanner:
         if self._in_use.acquire(blocking=False):  # nobody is at work who would notice
             try:
                 self._stop_wanted = False
-                self._perform(self._session.asking(Stop()))
+                self._perform(asking(Stop()))
             finally:
                 self._in_use.release()
 
@@ -445,7 +445,7 @@ class Scanner:
 
     def _write(self, link: Link) -> None:
         with self._changed:
-            baud, data = self._session.dialogue.baud, self._session.outgoing()
+            baud, data = self._session.device.baud, self._session.outgoing()
         link.set_baud(baud)
         if data:
             link.write(data)

@@ -5,9 +5,8 @@
                        |           +-------- silence, reset -----------+
                        +-- LOST <----------- port gone, no answer -----+
 
-Takes what happens to the link, bytes and jobs, each with the time; hands on what is to be done to the link, bytes and
-readings. It has no threads, ports or clock. What is said to the device is `dialogue`; here is when: a job is begun as
-soon as the device is ready, and begun again after each loss.
+It has no threads, ports or clock: its caller opens the link and brings the bytes and the time. A job is begun as soon
+as the device is ready, and begun again after each loss; what is said to the device is in `greeting` and `actions`.
 """
 
 import math
@@ -28,13 +27,14 @@ from sonarhw.errors import (
     SonarError,
     WrongDevice,
 )
+from sonarhw.host.conversation import Conversation, KnownDevice
 from sonarhw.host.driver import Driver
-from sonarhw.host.recorder import Recorder
-from sonarhw.host.scripts import Dialogue, Job, Script, Wait
+from sonarhw.host.greeting import greet, prepare
+from sonarhw.host.job import Job, Script, Wait
+from sonarhw.host.recorder import Recording
 from sonarhw.link.link_statistics import LinkStatistics
-from sonarhw.readings import Reading
 from sonarhw.wire.device_clock import DeviceClock
-from sonarhw.wire.messages import Configure, ConfigureTurntable, Message, Outcome, StartScan, Turn
+from sonarhw.wire.messages import Outcome
 
 PATIENCE = 10.0  # s for a first greeting: each speed of the line three times, or fewer where setting it takes its time
 GREET_AGAIN = 3.0  # s on a port that is still open
@@ -68,7 +68,9 @@ class Session:
     ) -> None:
         """`where` names the device in messages; `chance` says where frames begin to count."""
         self.clock = DeviceClock()
-        self.dialogue = Dialogue(where, self.clock)
+        self.device = KnownDevice(where)
+        self.bauds = False  # whether the speed of the line can be set
+        self.recording = Recording(wanted=lambda: bool(self._jobs))
         self.failed: SonarError | None = None  # why it never came to a conversation
         self.wants_close = False
         self._patience, self._reconnect = patience, reconnect
@@ -81,11 +83,8 @@ class Session:
         self._lost_at: float | None = None
         self._why: SonarError = NoAnswer(f"{where}: nobody has answered yet")
         self._earlier = LinkStatistics()  # of former connections
-        self._script: Script[None] | None = None
-        self._wait: Wait | None = None
+        self._conversation: Conversation | None = None
         self._jobs: deque[Job] = deque()  # the first is at work
-        self._recorder: Recorder | None = None
-        self._recorder_failed: BaseException | None = None
 
     # how it stands
 
@@ -99,8 +98,8 @@ class Session:
     @property
     def statistics(self) -> LinkStatistics:
         """What has passed over all connections."""
-        driver = self.dialogue.driver
-        books = self._earlier + driver.statistics if driver else self._earlier
+        talk = self._conversation
+        books = self._earlier + talk.driver.statistics if talk else self._earlier
         return replace(books, resets=self.clock.resets)
 
     @property
@@ -136,41 +135,8 @@ class Session:
 
     def hold(self, now: float) -> None:
         """Nobody takes the bytes that come; only show life."""
-        if self.dialogue.driver:
-            self.dialogue.driver.hold(now)
-
-    def record(self, recorder: Recorder | None) -> None:
-        """Hand what passes during jobs to `recorder`, and first the greeting; None: no longer."""
-        self._recorder = recorder
-        if recorder and self.dialogue.driver:
-            for received, time, wire in self.dialogue.driver.greeting:
-                recorder.frame(received, time, wire)
-
-    def configuring(self, wish: Configure) -> Job:
-        """Set how to ping; results in Settings."""
-        return Job(lambda _: self.dialogue.configure(wish))
-
-    def configuring_turntable(self, wish: ConfigureTurntable) -> Job:
-        """Set how to turn; results in TurntableSettings."""
-        return Job(lambda _: self.dialogue.configure_turntable(wish))
-
-    def asking(self, message: Message) -> Job:
-        """Ask anything that does no harm twice; results in its answer."""
-        return Job(lambda _: self.dialogue.ask(message))
-
-    def homing(self) -> Job:
-        """Find the zero; results in an Outcome."""
-        return Job(self.dialogue.home)
-
-    def turning(self, message: Turn) -> Job:
-        """Turn, having found the zero; results in an Outcome."""
-        return Job(lambda job: self.dialogue.turn(message, job))
-
-    def scanning(self, order: StartScan) -> Job:
-        """Scan, having found the zero; `readings` of the job fill, the result is an Outcome."""
-        job = Job(lambda job: self.dialogue.scan(order, job))
-        job.progress.total = order.headings * order.sweeps * order.pings
-        return job
+        if self._conversation:
+            self._conversation.driver.hold(now)
 
     # the link
 
@@ -180,7 +146,7 @@ class Session:
 
     def opened(self, now: float, quiet: float = 0.0, bauds: bool = False) -> None:
         """The port is open: listen for `quiet` s before greeting; `bauds` tells whether its speed can be set."""
-        self._open, self.dialogue.bauds = True, bauds
+        self._open, self.bauds = True, bauds
         self._earlier = self._earlier.more(reopened=int(self._met))
         self._greet(now, quiet, GREET_AGAIN if self._met else self._patience)
         self._step(now)
@@ -208,84 +174,51 @@ class Session:
         self._open = self.wants_close = False
 
     def outgoing(self) -> bytes:
-        """Bytes to write, at the speed of `dialogue.baud`."""
-        return self.dialogue.driver.outgoing() if self.dialogue.driver else b""
+        """Bytes to write, at the speed of `device.baud`."""
+        return self._conversation.driver.outgoing() if self._conversation else b""
 
     def receive(self, data: bytes, now: float, arrived: float | None = None) -> None:
         """Take bytes from the device."""
-        if self.dialogue.driver:
-            driver = self.dialogue.driver
+        if self._conversation:
+            driver = self._conversation.driver
             self._guarded(lambda: driver.receive(data, now, arrived), now)
         self._step(now)
 
     def advance(self, now: float) -> None:
         """Do what is due; to be called when all bytes that wait have been received."""
-        if self.dialogue.driver:
-            driver = self.dialogue.driver
+        if self._conversation:
+            driver = self._conversation.driver
             self._guarded(lambda: driver.advance(now), now)
         self._step(now)
 
     def next_event(self) -> float:
         """When `advance` next has something to do, s."""
-        driver = self.dialogue.driver
-        due = [driver.next_event() if driver else self._next_open if not self._open else math.inf]
-        due += [self._wait.until] if self._wait else []
+        talk = self._conversation
+        due = [talk.next_event() if talk else self._next_open if not self._open else math.inf]
         due += [self._deadline()] if self._jobs and self._lost_at is not None else []
         return min(due)
-
-    # Recorder: what the driver hands over goes on while a job is at work
-
-    def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Pass a frame on to the recorder."""
-        self._recorded(lambda recorder: recorder.frame(received, time, wire))
-
-    def reading(self, reading: Reading) -> None:
-        """Nothing: readings are handed on by `_collect`, which knows those that came before."""
-
-    def _recorded(self, hand_on: Callable[[Recorder], None]) -> None:
-        if self._recorder is None or not self._jobs:
-            return
-        try:
-            hand_on(self._recorder)
-        except BaseException as error:  # noqa: BLE001 - raised again by whoever waits for the job
-            # one that failed is let go, so that the device can still be stopped
-            self._recorder, self._recorder_failed = None, error
-
-    def _collect(self) -> None:
-        if self._jobs:
-            self.dialogue.heed_start(self._jobs[0])
-        for reading in self.dialogue.driver.readings() if self.dialogue.driver else ():
-            if self._jobs and self._jobs[0].take(reading):
-                self._jobs[0].fruitless = 0
-                self._pass_on(reading)
-                # nothing is handed on that could not be recorded
-                if self._recorder_failed is None and self._jobs[0].error is None:
-                    self._jobs[0].readings.append(reading)
-
-    def _pass_on(self, reading: Reading) -> None:
-        self._recorded(lambda recorder: recorder.reading(reading))
 
     # life of a connection
 
     def _greet(self, now: float, quiet: float, patience: float) -> None:
         self._phase = Connection.GREETING
-        self.dialogue.now = now
-        self.dialogue.driver = Driver(self._chance.randrange(0x10000), self, self.dialogue.where, self.clock)
-        self._script, self._wait = self._live(quiet, patience), None
+        driver = Driver(self._chance.randrange(0x10000), self.device.where, self.clock, self.recording.frame)
+        self._conversation = Conversation(driver, self.device, self.bauds, now)
+        self._conversation.begin(self._live(self._conversation, quiet, patience))
 
-    def _live(self, quiet: float, patience: float) -> Script[None]:
-        yield from self.dialogue.greet(quiet, patience)
+    def _live(self, talk: Conversation, quiet: float, patience: float) -> Script[None]:
+        yield from greet(talk, quiet, patience)
         self._phase = Connection.PREPARING
-        yield from self._prepare(self._jobs[0] if self._jobs else None)
+        yield from self._prepare(talk, self._jobs[0] if self._jobs else None)
         self._phase, self._met = Connection.READY, True
         self._lost_at, self._pauses = None, iter(PAUSES)
         while True:
             yield Wait(lambda: bool(self._jobs))
-            yield from self._work(self._jobs[0])
+            yield from self._work(talk, self._jobs[0])
 
-    def _prepare(self, job: Job | None) -> Script[None]:
+    def _prepare(self, talk: Conversation, job: Job | None) -> Script[None]:
         try:
-            yield from self.dialogue.prepare(job)
+            yield from prepare(talk, job)
         except (NoAnswer, DeviceReset):
             raise
         except DeviceError as error:
@@ -295,12 +228,12 @@ class Session:
             if job:
                 self._end(job, error=error)
 
-    def _work(self, job: Job) -> Script[None]:
+    def _work(self, talk: Conversation, job: Job) -> Script[None]:
         if job.stop_wanted:
             self._end(job, Outcome.STOPPED)
             return
         try:
-            result = yield from job.script(job)
+            result = yield from job.script(talk, job)
         except (DeviceError, InputError) as error:
             self._end(job, error=error)
         else:
@@ -309,16 +242,25 @@ class Session:
 
     def _step(self, now: float) -> None:
         """Go on with the script as far as it goes."""
-        self.dialogue.now = now
         self._collect()
         self._give_up_recording()
-        while self._script is not None and (self._wait is None or self._wait.done() or now >= self._wait.until):
+        if self._conversation:
             try:
-                self._wait = next(self._script)
+                self._conversation.step(now)
             except SonarError as error:
-                self._script = None
                 self._script_failed(error, now)
         self._complain_of_loss(now)
+
+    def _collect(self) -> None:
+        if self._jobs:
+            self._jobs[0].heed_start(self.clock)
+        for reading in self._conversation.driver.readings() if self._conversation else ():
+            if self._jobs and self._jobs[0].take(reading):
+                self._jobs[0].fruitless = 0
+                self.recording.reading(reading)
+                # nothing is handed on that could not be recorded
+                if self.recording.failure is None and self._jobs[0].error is None:
+                    self._jobs[0].readings.append(reading)
 
     def _end(self, job: Job, result: object = None, error: BaseException | None = None) -> None:
         job.end(result, error)
@@ -326,7 +268,7 @@ class Session:
             self._jobs.popleft()
 
     def _give_up_recording(self) -> None:
-        error, self._recorder_failed = self._recorder_failed, None
+        error = self.recording.take_failure()
         if error is not None and self._jobs:
             self._jobs[0].end(error=error)
             self._jobs[0].stop_wanted = True
@@ -352,18 +294,17 @@ class Session:
         self._open_later(now)
 
     def _lose(self, error: SonarError, now: float) -> None:
-        driver = self.dialogue.driver
-        if driver:
-            driver.flush()
+        talk = self._conversation
+        if talk:
+            talk.driver.flush()
             self._collect()
-            self._earlier += driver.statistics
+            self._earlier += talk.driver.statistics
+            talk.end()
         if self._lost_at is None:
             self._lost_at, self._why = now, error
             self._earlier = self._earlier.more(losses=1)
             self._complain_of_losses(error)
-        if self._script:
-            self._script.close()
-        self._script = self._wait = self.dialogue.driver = None
+        self._conversation = None
         self._phase = Connection.LOST
         for job in [*self._jobs]:
             job.moving = False
@@ -376,7 +317,7 @@ class Session:
 
     def _fail(self, error: SonarError) -> None:
         self.failed, self.wants_close, self._phase = error, self._open, Connection.DISCONNECTED
-        self._script = self._wait = self.dialogue.driver = None
+        self._conversation = None
         for job in [*self._jobs]:
             self._end(job, error=error)
 

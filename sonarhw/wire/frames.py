@@ -89,14 +89,18 @@ class FrameDecoder:
         self._block = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Frame | Rejected]:
-        """What the bytes completed, in order; empty blocks (doubled delimiters) are silence, not errors."""
+        """What the bytes completed, in order."""
+        return map(decode_block, self.blocks(data))
+
+    def blocks(self, data: bytes) -> Iterator[bytes]:
+        """The blocks that the bytes completed, for `decode_block`; empty ones (doubled delimiters) are left out."""
         *ended, rest = data.split(DELIMITER)
         for piece in ended:
             self._keep(piece)
             block = bytes(self._block)
             self._block.clear()
             if block:
-                yield decode_block(block)
+                yield block
         self._keep(rest)
 
     def _keep(self, piece: bytes) -> None:

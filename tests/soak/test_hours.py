@@ -19,13 +19,12 @@ INDEX = 24  # allocated blocks of a reading in the index that closes a log, less
 @pytest.mark.parametrize("recorded", [False, True], ids=["scanning", "recording"])
 def test_memory_is_flat_but_for_the_index_of_the_log(tmp_path: Path, count: Count, recorded: bool) -> None:
     sweeps = count(4, 200)
-    path, joined = tmp_path / "hour.mcap", Joined()
+    path = tmp_path / "hour.mcap"
     if recorded:
         with LogWriter(path, METADATA) as writer:
-            joined.driver.record(writer)
-            half, end = blocks_while_scanning(joined, sweeps)
+            half, end = blocks_while_scanning(Joined(recorder=writer), sweeps)
     else:
-        half, end = blocks_while_scanning(joined, sweeps)
+        half, end = blocks_while_scanning(Joined(), sweeps)
     readings = (sweeps - 1 - sweeps // 2) * SWEEP
     assert end - half < SLACK + (INDEX * readings if recorded else 0)
     if recorded:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sonarhw.errors import LostSteps
+from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, copy_log, read_log
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome, StartScan, Turn
@@ -24,7 +25,7 @@ FAULTS = ["wedge@r5", "wedge=0.3@r30", "slip=40@r5", "slip=-3@r70", "slip@r72"]
 
 def scan_that_loses_steps(plugged: Plugged, order: StartScan) -> tuple[list[Reading], str]:
     """The readings that came, and how it was told that steps were lost."""
-    job = plugged.session.scanning(order)
+    job = scanning(order)
     with pytest.raises(LostSteps) as told:
         plugged.do(job, within=600)
     return [*job.readings], str(told.value)
@@ -51,7 +52,7 @@ def test_steps_lost_in_a_single_sweep_are_told_behind_its_last_reading(faults: s
 def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(faults: str, tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
-        plugged.session.record(log)
+        plugged.session.recording.use(log)
         scan_that_loses_steps(plugged, WHOLE_TURN)
     for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
@@ -62,9 +63,9 @@ def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(fau
 def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty("slip=40@r72"))
     with LogWriter(path, METADATA) as log:
-        plugged.session.record(log)
+        plugged.session.recording.use(log)
         plugged.scan(StartScan(0, 5_000_000, 71, 1, 1))
-        plugged.do(plugged.session.homing())
+        plugged.do(homing())
         scan_that_loses_steps(plugged, StartScan(0, 5_000_000, 2, 1, 1))
     first, second = read_log(path).scans
     assert first.doubt is None
@@ -75,12 +76,12 @@ def test_a_scan_that_lost_no_steps_ends_done_near_the_mark_and_hardly_later() ->
     plugged = Plugged(faulty(""))
     readings = plugged.scan(WHOLE_TURN)
     assert plugged.now - readings[-1].time < 0.4
-    assert plugged.do(plugged.session.turning(Turn(0))).result is Outcome.DONE
+    assert plugged.do(turning(Turn(0))).result is Outcome.DONE
 
 
 def test_a_scan_that_is_stopped_is_not_turned_over_the_mark() -> None:
     plugged = Plugged(faulty(""))
-    job = plugged.session.scanning(WHOLE_TURN)
+    job = scanning(WHOLE_TURN)
     plugged.session.start(job, plugged.now)
     plugged.until(lambda: len(job.readings) == 10, within=30)
     plugged.session.stop(job, plugged.now)
@@ -118,8 +119,8 @@ def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_i
 ) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
-        plugged.session.record(log)
-        job = plugged.do(plugged.session.scanning(WHOLE_TURN), within=600)
+        plugged.session.recording.use(log)
+        job = plugged.do(scanning(WHOLE_TURN), within=600)
     assert len(job.readings) == 72
     assert job.unchecked == f"{count} {UNCHECKED}"
     for file in whole_torn_and_copied(path):
@@ -140,7 +141,7 @@ def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_tol
     slip = choice.randrange(1, 40)
     reset = slip + choice.randrange(1, 8)
     plugged = Plugged(faulty(f"slip=30@r{slip},reset@r{reset}"))
-    job = plugged.session.scanning(order)
+    job = scanning(order)
     with suppress(LostSteps):  # where the mark came by before the reset
         plugged.do(job, within=600)
     times, angles = zip(*((reading.time, reading.angle) for reading in job.readings), strict=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sonarhw.errors import DeviceError, Incompatible, LinkLost, NoAnswer, SonarError
+from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, read_log
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome, StartScan, Turn
@@ -93,7 +94,7 @@ def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace
 def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
-        plugged.session.record(log)
+        plugged.session.recording.use(log)
         shown = plugged.scan(SECTOR, trace=True)
     recorded = read_log(path)
     assert recorded.torn is None
@@ -108,9 +109,9 @@ def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
 def test_a_turn_that_was_broken_off_is_made_all_the_same(faults: str) -> None:
     plugged = Plugged(faulty(faults))
-    plugged.do(plugged.session.homing())
+    plugged.do(homing())
     for angle in (700_000_000, 10_000_000):  # 4 s each
-        assert plugged.do(plugged.session.turning(Turn(angle))).result is Outcome.DONE
+        assert plugged.do(turning(Turn(angle))).result is Outcome.DONE
     readings = plugged.scan(SECTOR)
     assert len(readings) == 80
     assert_right(readings)
@@ -122,7 +123,7 @@ def test_what_cannot_be_mended_is_told_and_nothing_more_is_shown(
 ) -> None:
     plugged = Plugged(faulty(faults))
     order = StartScan(-10_000_000, 2_500_000, 10, 40, 1)
-    job = plugged.session.scanning(order)
+    job = scanning(order)
     with pytest.raises(told[0], match=told[1]) as error:
         plugged.do(job, within=120)
     assert "\n" not in str(error.value)

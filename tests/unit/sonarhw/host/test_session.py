@@ -9,7 +9,8 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity
 from sonarhw.errors import CommandRefused, DeviceError, Incompatible, LinkLost, LogError, NoAnswer, WrongDevice
-from sonarhw.host.scripts import MOVE_WITHIN
+from sonarhw.host.actions import configuring, configuring_turntable, homing, scanning, turning
+from sonarhw.host.conversation import MOVE_WITHIN
 from sonarhw.host.session import Connection, Session
 from sonarhw.link.serial_link import BOOTLOADER
 from sonarhw.readings import Reading
@@ -69,9 +70,9 @@ def scan_with_unplugs(world: World, chance: random.Random) -> int:
 def test_one_fault_in_ten_thousand_bytes_costs_no_reading(cable: type[object], trace: bool) -> None:
     world = World().meet()
     world.up, world.down = cable(5, 1e-4), cable(6, 1e-4)  # type: ignore[call-arg]
-    world.run(world.session.configuring(Configure(62_500, 2_380, int(trace), 343_200)))
+    world.run(configuring(Configure(62_500, 2_380, int(trace), 343_200)))
     order = StartScan(0, 1_000_000, 360, 1, 1)
-    scan = world.run(world.session.scanning(order))
+    scan = world.run(scanning(order))
     assert scan.error is None
     check([*scan.readings], order)
     books = world.session.statistics
@@ -85,7 +86,7 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
     world.until(lambda: len(scan.readings) == 5)
     # heartbeats pass, nothing else does: the readings go out of what the device keeps
     world.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
-    world.until(lambda: world.session.dialogue.driver.statistics.lost_readings == 3)  # type: ignore[union-attr]
+    world.until(lambda: world.session.statistics.lost_readings == 3)
     world.up = lambda data: data
     world.until(lambda: scan.done)
     check([*scan.readings])
@@ -94,8 +95,8 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
 
 def test_a_reset_in_mid_scan_is_seen_the_settings_are_set_again_and_the_zero_is_found_again() -> None:
     world = World().meet()
-    world.run(world.session.configuring(TRACES))
-    world.run(world.session.configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
+    world.run(configuring(TRACES))
+    world.run(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 7)
     world.reset()
@@ -140,7 +141,7 @@ def test_a_short_unplug_is_no_reason_to_home_again() -> None:
 
 def test_the_motor_is_released_when_the_host_is_silent_and_held_while_it_is_there() -> None:
     world = World().meet()
-    world.run(world.session.homing())
+    world.run(homing())
     start = world.now
     world.until(lambda: world.now > start + 10)
     assert world.board.homed
@@ -152,7 +153,7 @@ def test_the_motor_is_released_when_the_host_is_silent_and_held_while_it_is_ther
 
 def test_a_device_of_version_1_0_is_never_taken_to_want_signs_of_life_and_scans_whole_again_after_an_unplug() -> None:
     world = World(BoardIdentity(serial="OLD", minor=0)).meet()
-    assert world.session.dialogue.capabilities is None
+    assert world.session.device.capabilities is None
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 20)
     world.pull(1.0, power=True)
@@ -230,18 +231,18 @@ def test_pauses_between_tries_grow() -> None:
 
 def test_an_idle_session_finds_its_device_again_however_long_it_was_away() -> None:
     world = World(reconnect=5.0).meet()
-    world.run(world.session.homing())
+    world.run(homing())
     world.pull(100.0, power=True)
     world.until(lambda: world.session.state is Connection.LOST)
     world.until(lambda: world.session.state is Connection.READY, within=200)
-    assert world.run(world.session.turning(Turn(5_000_000))).result is Outcome.DONE
+    assert world.run(turning(Turn(5_000_000))).result is Outcome.DONE
 
 
 def test_a_job_given_while_the_device_is_lost_is_done_when_it_is_back() -> None:
     world = World().meet()
     world.pull(5.0)
     world.until(lambda: world.session.state is Connection.LOST)
-    scan = world.run(world.session.scanning(ORDER))
+    scan = world.run(scanning(ORDER))
     check([*scan.readings])
 
 
@@ -258,22 +259,22 @@ def test_a_lost_scan_that_is_stopped_has_ended() -> None:
 
 def test_turning_and_scanning_find_the_zero_first() -> None:
     world = World().meet()
-    assert world.run(world.session.turning(Turn(1_000_000))).result is Outcome.DONE
+    assert world.run(turning(Turn(1_000_000))).result is Outcome.DONE
     other = World(seed=9).meet()
-    check([*other.run(other.session.scanning(ORDER)).readings])
+    check([*other.run(scanning(ORDER)).readings])
 
 
 def test_a_refused_order_is_an_error_and_the_next_is_served() -> None:
     world = World().meet()
-    refused = world.run(world.session.turning(Turn(800_000_000)))
+    refused = world.run(turning(Turn(800_000_000)))
     assert isinstance(refused.error, CommandRefused)
-    assert world.run(world.session.turning(Turn(80_000_000))).result is Outcome.DONE
+    assert world.run(turning(Turn(80_000_000))).result is Outcome.DONE
 
 
 def test_a_turntable_that_does_not_move_is_a_fault_and_no_loss() -> None:
     world = World().meet()
     world.board.wedge(5.0)
-    home = world.run(world.session.homing())
+    home = world.run(homing())
     assert isinstance(home.error, DeviceError)
     assert "zero mark" in str(home.error)
     assert world.session.statistics.losses == 0
@@ -292,13 +293,13 @@ def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session
     assert world.now - reset < 5.0
     assert world.session.state is Connection.READY
     world.until(lambda: world.now > reset + 9.0)
-    check([*world.run(world.session.scanning(ORDER)).readings])
+    check([*world.run(scanning(ORDER)).readings])
 
 
 def test_a_home_that_never_ends_is_stopped_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World().meet()
     monkeypatch.setattr(world.board._turntable, "home", lambda now: now + 1e6)
-    home = world.session.start(world.session.homing(), world.now)
+    home = world.session.start(homing(), world.now)
     world.until(lambda: home.done, within=MOVE_WITHIN + 5)
     assert isinstance(home.error, DeviceError)
     assert "does something hold the turntable" in str(home.error)
@@ -314,12 +315,12 @@ def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
             raise LogError("no space left")
 
     world = World().meet()
-    world.session.record(FullDisk())
+    world.session.recording.use(FullDisk())
     scan = world.scan(ORDER)
     world.until(lambda: scan.done)
     assert isinstance(scan.error, LogError)
     world.until(lambda: not world.board.busy)
-    check([*world.run(world.session.scanning(ORDER)).readings])
+    check([*world.run(scanning(ORDER)).readings])
 
 
 def test_a_recorder_hears_of_nothing_between_jobs() -> None:
@@ -334,9 +335,9 @@ def test_a_recorder_hears_of_nothing_between_jobs() -> None:
             pass
 
     world, recorder = World().meet(), Counting()
-    world.session.record(recorder)
+    world.session.recording.use(recorder)
     assert recorder.frames == 2  # the greeting
-    world.run(world.session.homing())
+    world.run(homing())
     heard, now = recorder.frames, world.now
     assert heard > 4
     world.until(lambda: world.now > now + 5)
@@ -362,8 +363,8 @@ def test_the_line_runs_as_fast_as_it_carries_without_error(sound_up_to: int) -> 
     world = World(FAST, bauds=True)
     world.highest_sound_baud = sound_up_to
     world.meet()
-    assert world.session.dialogue.baud == world.board.line.baud == sound_up_to
-    check([*world.run(world.session.scanning(ORDER)).readings])
+    assert world.session.device.baud == world.board.line.baud == sound_up_to
+    check([*world.run(scanning(ORDER)).readings])
 
 
 def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
@@ -412,7 +413,7 @@ def test_a_first_greeting_tries_each_speed_of_the_line_three_times_before_it_giv
     spoken, now = [], 0.0
     while session.failed is None:
         if session.outgoing():
-            spoken.append(session.dialogue.baud)
+            spoken.append(session.device.baud)
         now = session.next_event()
         session.advance(now)
     assert min(Counter(baud for baud, _ in itertools.groupby(spoken)).values()) >= 3

@@ -6,6 +6,7 @@ import pytest
 
 from sonarhw.errors import InputError
 from sonarhw.export.encoded_log import write_scan
+from sonarhw.host.actions import scanning
 from sonarhw.host.driver import Driver
 from sonarhw.log import Log, read_log
 from sonarhw.readings import Reading
@@ -360,7 +361,7 @@ def test_a_log_of_a_device_that_counts_its_starts_is_no_device_that_starts_anew_
     # several heartbeats come before the first reading
     late = replace(log.scans[0], began=log.scans[0].began - 1.0)
     world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1, boot=3), scans=(late,))))
-    scan = world.run(world.session.scanning(ORDER))
+    scan = world.run(scanning(ORDER))
     assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
     assert world.session.statistics.losses == 0
 

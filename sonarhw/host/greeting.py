@@ -1,0 +1,114 @@
+"""Scripts that begin a conversation: greet the device, read its capabilities, raise the speed of the line."""
+
+import itertools
+import random
+
+from sonarhw.errors import Incompatible, NoAnswer, WrongDevice
+from sonarhw.host.actions import home
+from sonarhw.host.conversation import Conversation, settled
+from sonarhw.host.job import Job, Script, Wait
+from sonarhw.wire.limits import FIRST_BAUD, MAX_TEST, MAX_TESTED, PROTOCOL_MAJOR, PROTOCOL_MINOR, UNHEARD
+from sonarhw.wire.messages import (
+    Accepted,
+    AskCapabilities,
+    Capabilities,
+    Hello,
+    Info,
+    LinkTested,
+    SetBaud,
+    Settings,
+    TestLink,
+)
+
+SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # of a fresh device, of one of version 1.0, and of one left at more
+LINK_TESTS = 32
+_BACK_AT_OLD_BAUD = UNHEARD + 0.1  # s
+
+
+def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
+    """Listen for `quiet` s, then say Hello until Info comes. Raises NoAnswer, Incompatible, WrongDevice."""
+    device = talk.device
+    # a bootloader would listen; a device that speaks already has none running
+    yield Wait(lambda: talk.driver.statistics.frames_received > 0, talk.now + quiet)
+    deadline = talk.now + patience
+    for baud in itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,)):
+        device.baud = baud
+        hello = talk.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR), tries=2)
+        yield settled(hello, deadline)
+        if isinstance(hello.answer, Info):
+            _check_identity(talk, hello.answer)
+            return
+        talk.driver.forget(hello)
+        if talk.now >= deadline:
+            raise NoAnswer(
+                f"{device.where}: no scanner answered within {patience:g} s; is it powered, and is this its port?"
+            )
+
+
+def _check_identity(talk: Conversation, info: Info) -> None:
+    where, known = talk.device.where, talk.device.info
+    if info.major != PROTOCOL_MAJOR:
+        raise Incompatible(
+            f"{where}: {info.firmware} speaks protocol {info.major}.{info.minor}, this program "
+            f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}; update the older of the two"
+        )
+    if known is not None and info.serial != known.serial:
+        raise WrongDevice(
+            f"{where}: scanner {info.serial or 'without serial number'} answers; it was "
+            f"{known.serial or 'one without'} before; plug that one in again"
+        )
+
+
+def prepare(talk: Conversation, job: Job | None) -> Script[None]:
+    """Find out what it can, speed up the line, set again what was set, find the zero again if it was known."""
+    device, info = talk.device, talk.driver.info
+    known = device.info
+    if info is None:
+        raise NoAnswer(f"{device.where}: has not said who it is")
+    if info.minor >= 1:
+        yield from _ask_capabilities(talk)
+        yield from _speed_up(talk)
+    device.info = info
+    if device.turntable:
+        yield from talk.ask(device.turntable)
+    if device.configured:
+        device.settings = yield from talk.asked(device.configured, Settings)
+    kept_zero = info.minor >= 1 and bool(info.homed) and (known is None or info.boot == known.boot)
+    if known is None:
+        device.homed = kept_zero
+    elif device.homed and not kept_zero:
+        yield from home(talk, job)
+
+
+def _ask_capabilities(talk: Conversation) -> Script[None]:
+    command = talk.send(AskCapabilities())
+    yield settled(command)
+    if isinstance(command.answer, Capabilities):  # a replayed log refuses
+        talk.device.capabilities = command.answer
+
+
+def _speed_up(talk: Conversation) -> Script[None]:
+    """As fast as device and line can without a wrong byte."""
+    device = talk.device
+    slow, baud = device.baud, device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
+    while baud > slow:
+        change = talk.send(SetBaud(baud))
+        yield settled(change)
+        if isinstance(change.answer, Accepted):
+            device.baud = baud
+            if (yield from _line_is_sound(talk)):
+                return
+            device.baud = slow
+            yield Wait(lambda: False, talk.now + _BACK_AT_OLD_BAUD)
+        baud //= 2
+
+
+def _line_is_sound(talk: Conversation) -> Script[bool]:
+    rejected = talk.driver.statistics.rejected_blocks
+    for number in range(LINK_TESTS):
+        data = random.Random(number).randbytes(MAX_TEST)
+        test = talk.send(TestLink(MAX_TESTED, data), tries=1)
+        yield settled(test)
+        if not isinstance(test.answer, LinkTested) or test.answer.data != (data * 8)[:MAX_TESTED]:
+            return False
+    return talk.driver.statistics.rejected_blocks == rejected
