@@ -13,14 +13,40 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
 class Trace:
-    """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale."""
+    """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale.
 
-    samples: FloatArray  # (n,), 0..1; of a carrier −1..1
-    rate: float  # Hz
-    start: float  # s from the start of transmission to the first sample
-    carrier: bool = False  # the signal itself rather than its envelope
+    A subclass may read or compute the samples on demand.
+    """
+
+    def __init__(self, samples: FloatArray, rate: float, start: float, carrier: bool = False) -> None:
+        self._samples = samples
+        self._rate = rate
+        self._start = start
+        self._carrier = carrier
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.samples!r}, {self.rate!r}, {self.start!r}, {self.carrier!r})"
+
+    @property
+    def samples(self) -> FloatArray:
+        """The samples, (n,) float from 0 to 1; of a carrier from −1 to 1."""
+        return self._samples
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, Hz."""
+        return self._rate
+
+    @property
+    def start(self) -> float:
+        """From the start of transmission to the first sample, s."""
+        return self._start
+
+    @property
+    def carrier(self) -> bool:
+        """Whether it is the signal itself rather than its envelope."""
+        return self._carrier
 
     @property
     def times(self) -> FloatArray:

@@ -1,19 +1,15 @@
-"""The frames in a log's file, and the traces that are put together from them when somebody looks.
-
-Takes an open file; hands on recorded frames, all or those of one stretch, and lazily read traces.
-"""
+"""The frames in a log's file, and traces that are read from it on demand."""
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
-from typing import Any
 
 from sonarhw.errors import NotALog
 from sonarhw.log.contents import FRAMES_RECEIVED, FRAMES_SENT, TOPICS, RecordedFrame
 from sonarhw.log.mcap_records import Damage, Message, OpenFile, read_records
 from sonarhw.log.reading_columns import Span
-from sonarhw.readings import Reading, Trace
+from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import MessageError, Settings, unpack_message
@@ -104,25 +100,39 @@ class StoredTraces:
 
 
 class StoredTrace(Trace):
-    """A trace that stays in its log until it is looked at, and is not kept by those who looked.
+    """A trace that stays in its log: every access reads it from there, and only `StoredTraces` keeps the last few.
 
-    Looking raises NotALog where the log can no longer be read.
+    Access raises NotALog where the log can no longer be read.
     """
 
     def __init__(self, traces: StoredTraces, number: int, span: Span) -> None:
-        object.__setattr__(self, "_where", (traces, number, span))
+        self._traces = traces
+        self._number = number
+        self._span = span
 
     def __repr__(self) -> str:
-        return f"StoredTrace{self.__dict__['_where'][1:]}"
+        return f"StoredTrace({self._number}, {self._span})"
 
+    @property
+    def samples(self) -> FloatArray:
+        """As of any trace."""
+        return self._loaded.samples
 
-def _loaded(name: str) -> property:
-    def value(trace: StoredTrace) -> Any:
-        traces, number, span = trace.__dict__["_where"]
-        return getattr(traces.load(number, span), name)
+    @property
+    def rate(self) -> float:
+        """As of any trace."""
+        return self._loaded.rate
 
-    return property(value, doc="As of any trace.")
+    @property
+    def start(self) -> float:
+        """As of any trace."""
+        return self._loaded.start
 
+    @property
+    def carrier(self) -> bool:
+        """As of any trace."""
+        return self._loaded.carrier
 
-for _field in fields(Trace):
-    setattr(StoredTrace, _field.name, _loaded(_field.name))
+    @property
+    def _loaded(self) -> Trace:
+        return self._traces.load(self._number, self._span)

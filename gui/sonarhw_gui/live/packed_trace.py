@@ -12,20 +12,20 @@ from sonarhw.readings import FloatArray, Reading, Trace
 
 _FORMS = np.uint8, np.uint16  # of samples on the wire
 _SAME = 1e-12
+_IN_STEPS: FloatArray = np.empty(0)  # in place of the samples
 
 
 class PackedTrace(Trace):
     """A trace of whole steps of a converter."""
 
     def __init__(self, steps: NDArray[np.unsignedinteger], like: Trace) -> None:
-        for name, value in (("_steps", steps), ("rate", like.rate), ("start", like.start), ("carrier", like.carrier)):
-            object.__setattr__(self, name, value)
+        super().__init__(_IN_STEPS, like.rate, like.start, like.carrier)
+        self._steps = steps
 
     @property
     def samples(self) -> FloatArray:
         """The samples as they were before."""
-        steps: NDArray[np.unsignedinteger] = self.__dict__["_steps"]
-        levels = steps / np.float64(np.iinfo(steps.dtype).max)
+        levels = self._steps / np.float64(np.iinfo(self._steps.dtype).max)
         return 2 * levels - 1 if self.carrier else levels
 
 

@@ -139,7 +139,7 @@ class RoomEchoes:
     def _trace(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> Trace:
         clean = scan.signal_at(0, ping.listen).envelope()
         noise = np.abs(random.normal(0, self._disturbance.trace_noise, len(clean.samples)))
-        return replace(clean, samples=np.minimum(np.hypot(clean.samples, noise), 1.0))
+        return Trace(np.minimum(np.hypot(clean.samples, noise), 1.0), clean.rate, clean.start, clean.carrier)
 
 
 def with_furniture(room: Room, position: tuple[float, float], random: np.random.Generator) -> Room:
