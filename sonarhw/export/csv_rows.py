@@ -1,16 +1,12 @@
-"""Readings as lines of CSV: what `scan --print` writes as they arrive and `log export` writes from a log.
-
-Takes readings; hands on text without line ends, degrees and metres for a person and other programs to read.
-"""
+"""Readings as lines of CSV, in degrees and metres: the output of `scan --print` and of `log export`."""
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from sonarhw.readings import Reading
 
 if TYPE_CHECKING:
-    from sonarhw.log import RecordedScan
+    from sonarhw.log import Log
 
 HEADER = "time_s,heading_deg,range_m,echoes_s"
 
@@ -26,11 +22,11 @@ def row(reading: Reading, began: float) -> str:
     return f"{number(reading.time - began)},{number(math.degrees(reading.angle))},{distance},{echoes}"
 
 
-def lines(scans: "Iterable[RecordedScan]") -> Iterator[str]:
-    """The file that `log export` writes of those scans, line by line, with line ends."""
-    yield HEADER + "\n"
-    for scan in scans:
-        yield from (row(reading, scan.began) + "\n" for reading in scan.readings)
+def write_csv(log: "Log", file: BinaryIO) -> None:
+    """Write the readings of all scans to `file`, one line a reading below a header."""
+    file.write(f"{HEADER}\n".encode())
+    for scan in log.scans:
+        file.writelines(f"{row(reading, scan.began)}\n".encode() for reading in scan.readings)
 
 
 def number(value: float) -> str:

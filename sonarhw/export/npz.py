@@ -1,25 +1,26 @@
-"""Readings as named arrays in an .npz file, for NumPy and everything that reads it.
+"""Readings as named arrays in an .npz file, one row a reading.
 
-Takes the scans of a log; fills a file with plain arrays, one row a reading. Traces go into it one by one: an hour of
-them is more than a memory holds.
+Traces are written one by one: an hour of them does not fit into memory.
 """
 
 import math
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.log.contents import RecordedScan
 from sonarhw.readings import FloatArray, Reading
+
+if TYPE_CHECKING:
+    from sonarhw.log import Log
 
 _TRACE_TYPE = np.dtype("<f4")  # holds the converter's 16 bits exactly
 _QUICKLY = 1  # deflate; the best is no smaller by a tenth and takes many times as long
 
 
-def write_arrays(file: BinaryIO, scans: Sequence[RecordedScan]) -> None:
+def write_npz(log: "Log", file: BinaryIO) -> None:
     """Write the readings of all scans to `file`.
 
     One row a reading: `scan`, `number`, `sweep`, `ping`; `time_s` since its scan began; `heading_deg`, the turntable
@@ -27,7 +28,7 @@ def write_arrays(file: BinaryIO, scans: Sequence[RecordedScan]) -> None:
     a thermometer; `speed_of_sound`. Where there are traces also `traces` (n, longest) float32, padded with NaN,
     `trace_rate_hz` and `trace_start_s`. Raises NotALog where a trace can no longer be read.
     """
-    rows = [(index, scan, reading) for index, scan in enumerate(scans) for reading in scan.readings]
+    rows = [(index, scan, reading) for index, scan in enumerate(log.scans) for reading in scan.readings]
     readings = [reading for _, _, reading in rows]
     columns = {
         "scan": np.array([index for index, _, _ in rows], np.int64),

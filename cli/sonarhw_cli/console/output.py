@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import StringIO
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw.whole_file import whole_file as whole_file
@@ -30,6 +30,17 @@ def text_output(out: str) -> Iterator[TextIO]:
     yield text
     with whole_file(Path(out)) as file:
         file.write(text.getvalue().encode())
+
+
+@contextmanager
+def binary_output(out: str) -> Iterator[BinaryIO]:
+    """Standard output for `-`, else the file `out`, written when the block has ended well. Raises OutputError."""
+    if out != STDOUT:
+        with whole_file(Path(out)) as file:
+            yield file
+        return
+    with _flushed(standard_output()) as text:
+        yield text.buffer
 
 
 def standard_output() -> TextIO:

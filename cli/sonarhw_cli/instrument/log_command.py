@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sonarhw.export.export_formats import FORMATS, export_format, export_suffixes
 from sonarhw_cli.console.log_input import LogFile, load_log, open_log
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, STDOUT, Force, checked_out
-from sonarhw_cli.console.output import text_output, whole_file
+from sonarhw_cli.console.output import binary_output
 
 if TYPE_CHECKING:
     from sonarhw.log import Log, RecordedScan
@@ -25,26 +26,26 @@ def info(log: LogFile) -> None:
         typer.echo(f"{name:<9} {text}")
 
 
-@app.command()
+_FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
+
+
+@app.command(help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (The log anew).")
 def export(
     log: LogFile,
-    out: Annotated[str, typer.Option("--out", help="File to write; - is CSV on standard output.")],
+    out: Annotated[str, typer.Option("--out", help=f"File to write; - is {FORMATS[0].suffix} on standard output.")],
     force: Force = False,
 ) -> None:
-    """Write the readings of a log as CSV or arrays (FILE.npz), or the log anew (FILE.mcap)."""
-    kind = checked_out(out, (".csv", ".npz", LOG, STDOUT), force, log)
+    """Write a log to a file in the format of its suffix."""
+    kind = checked_out(out, (*export_suffixes(), LOG, STDOUT), force, log)
     recorded = open_log(log)
     if kind == LOG:
         from sonarhw.log import copy_log
 
         copy_log(recorded, Path(out), overwrite=force)
-    elif kind == ".npz":
-        from sonarhw.export.npz import write_arrays
-
-        with whole_file(Path(out)) as file:
-            write_arrays(file, recorded.scans)
-    else:
-        _write_csv(recorded, out)
+        return
+    chosen = FORMATS[0] if kind == STDOUT else export_format(kind)
+    with binary_output(out) as file:
+        chosen.write(recorded, file)
 
 
 @app.command()
@@ -73,13 +74,6 @@ def _lost(log: "Log") -> str:
     if not missing:
         return "no reading is known to be missing"
     return f"{missing} of {counted(sum(made), 'reading')} {'is' if missing == 1 else 'are'} missing"
-
-
-def _write_csv(log: "Log", out: str) -> None:
-    from sonarhw.export.csv_rows import lines
-
-    with text_output(out) as file:
-        file.writelines(lines(log.scans))
 
 
 def _described(log: "Log") -> list[tuple[str, str]]:

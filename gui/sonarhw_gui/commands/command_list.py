@@ -7,6 +7,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QWidget
 
+from sonarhw.export.export_formats import export_suffixes
+
+_FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())
+
 
 class Commands:
     """What can be done with one key."""
@@ -22,7 +26,7 @@ class Commands:
         self.keep_trace = self._add("Picture of the trace…", "Ctrl+Alt+T", "Keep the trace as PNG or SVG")
         self.keep_ranges = self._add("Picture of the ranges…", "Ctrl+Alt+R", "Keep ranges and residuals as PNG or SVG")
         self.keep_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Keep all that is seen as PNG")
-        self.keep_data = self._add("Export data…", "Ctrl+E", "Keep the readings as CSV or NPZ, or the figures as JSON")
+        self.keep_data = self._add("Export data…", "Ctrl+E", f"Keep the readings as {_FORMATS}, or the figures as JSON")
         self.report = self._add("Report…", "Ctrl+Shift+E", "One HTML file: pictures, figures, every reading, settings")
         self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: the ports of this machine, or a URL")
         self.help = self._add("Help", "F1", "Every key on one page")

@@ -10,21 +10,21 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 
+from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_words import line_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession
-from sonarhw_gui.store.keep_requests import CSV, HTML, JSON, NPZ, PNG, SVG, Content, Data, Picture, ReportPage
+from sonarhw_gui.store.keep_requests import HTML, JSON, PNG, SVG, Content, Data, Picture, ReportPage
 
 _FILTERS = {
     PNG: "Picture (*.png)",
     SVG: "Drawing that can be scaled (*.svg)",
-    CSV: "Readings (*.csv)",
-    NPZ: "Readings with traces, for NumPy (*.npz)",
+    **{known.suffix: f"{known.title} (*{known.suffix})" for known in FORMATS},
     JSON: "Figures of the comparison (*.json)",
     HTML: "Report (*.html)",
 }
-PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (CSV, NPZ, JSON), (HTML,), (PNG,)
+PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (*export_suffixes(), JSON), (HTML,), (PNG,)
 
 
 @dataclass(frozen=True)

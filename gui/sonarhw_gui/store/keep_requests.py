@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from sonarhw.errors import InputError
+from sonarhw.export.export_formats import export_format, export_suffixes
 from sonarhw.log import Log, read_log
 from sonarhw.readings import Reading
 from sonarhw_gui.parts.pixels import Pixels
@@ -14,7 +15,7 @@ from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import furnished
 
-CSV, NPZ, JSON, HTML, PNG, SVG = ".csv", ".npz", ".json", ".html", ".png", ".svg"
+JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
 
 
 class Content(Protocol):
@@ -52,21 +53,15 @@ class Data:
 
     recorded: Log | Path
     scene: Scene
-    endings: Sequence[str] = (CSV, NPZ, JSON)
+    endings: Sequence[str] = (*export_suffixes(), JSON)
 
     def write(self, file: BinaryIO, ending: str) -> None:
         """Write them."""
         log = _log_of(self.recorded)
         if ending == JSON:
             file.write(_figures(log.readings, self.scene).encode())
-        elif ending == NPZ:
-            from sonarhw.export.npz import write_arrays
-
-            write_arrays(file, log.scans)
         else:
-            from sonarhw.export.csv_rows import lines
-
-            file.writelines(line.encode() for line in lines(log.scans))
+            export_format(ending).write(log, file)
 
 
 @dataclass(frozen=True)

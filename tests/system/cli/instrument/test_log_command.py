@@ -4,13 +4,18 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
 from mcap.writer import MCAP0_MAGIC, Writer
 from sonarhw_cli.app import run
+from sonarhw_gui.scene.scene import scene_with
+from sonarhw_gui.store.keep_requests import Data, KeepRequest
+from sonarhw_sim.board.profile import load_board
 
-from sonarhw.log import read_log
+from sonarhw.export import export_formats
+from sonarhw.log import Log, read_log
 from tests.fixtures.example_logs import assert_readings_close, example_reading, write_example
 from tests.system.cli.instrument.test_scan_command import end, lines, sonarhw, started
 
@@ -240,6 +245,20 @@ def test_an_export_of_no_known_kind_is_refused(log: Path, tmp_path: Path, capsys
     assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
     assert ".csv, .npz or .mcap, or - for" in capsys.readouterr().err
     assert not (tmp_path / "scan.txt").exists()
+
+
+def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_count(log: Log, file: BinaryIO) -> None:
+        file.write(str(len(log.readings)).encode())
+
+    added = (*export_formats.FORMATS, export_formats.ExportFormat(".count", "How many readings", write_count))
+    monkeypatch.setattr(export_formats, "FORMATS", added)
+    assert run(["log", "export", str(log), "--out", str(tmp_path / "command.count")]) == 0
+    endings = export_formats.export_suffixes()
+    KeepRequest(
+        Data(log, scene_with(load_board("polaroid-6500")), endings), tmp_path / "window.count", overwrite=False
+    ).answer()
+    assert (tmp_path / "command.count").read_text() == (tmp_path / "window.count").read_text() == "4"
 
 
 def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) -> None:

@@ -1,0 +1,41 @@
+"""The file formats in which readings are exported, by `sonarhw log export` and by Export data in the window.
+
+To add a format, write a function `write_x(log, file)` in a module of its own and add an entry to FORMATS. The command,
+its help, the window's file dialog and its tooltip follow.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, BinaryIO
+
+from sonarhw.export.csv_rows import write_csv
+from sonarhw.export.npz import write_npz
+
+if TYPE_CHECKING:
+    from sonarhw.log import Log
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """One file format."""
+
+    suffix: str  # of the file's name, in small letters
+    title: str  # in a file dialog
+    write: "Callable[[Log, BinaryIO], None]"
+
+
+# the first one is what `--out -` writes
+FORMATS = (
+    ExportFormat(".csv", "Readings", write_csv),
+    ExportFormat(".npz", "Readings with traces, for NumPy", write_npz),
+)
+
+
+def export_suffixes() -> tuple[str, ...]:
+    """Return the suffix of every format, in order."""
+    return tuple(known.suffix for known in FORMATS)
+
+
+def export_format(suffix: str) -> ExportFormat:
+    """Return the format with this suffix. Raises KeyError for any other."""
+    return {known.suffix: known for known in FORMATS}[suffix]
