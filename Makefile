@@ -1,7 +1,9 @@
-# make setup | demo | check | test | soak | firmware | board | docs: each does all the set-up it needs, and is quick the second time.
+# make setup | demo | check | test | soak | firmware | board | docs | fresh: each installs only what it needs, and is quick
+# the second time. Another Python: make check PYTHON=python3.13 VENV=.venv313
 
 PYTHON ?= python3
-BIN := .venv/bin
+VENV ?= .venv
+BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # tests wait half the time, so several files run at once; wheel and notebook take longest, and begin
@@ -11,13 +13,20 @@ IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -nore
 # a window wants the keys for itself, so each of those processes has a screen of its own
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
-.PHONY: setup demo check lint test soak firmware board docs clean
+.PHONY: setup tools demo check lint test soak firmware board docs fresh clean
 
-setup: .venv/installed
+# the product alone; the tools of its developers come with `tools`
+setup: $(VENV)/installed
 
-.venv/installed: pyproject.toml setup.py constraints.txt setup/debian_packages.sh
-	setup/debian_packages.sh
-	$(PYTHON) -m venv .venv
+tools: $(VENV)/tools
+
+$(VENV)/installed: pyproject.toml setup.py constraints.txt setup/debian_packages.sh
+	setup/debian_packages.sh demo
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
@@ -26,30 +35,32 @@ demo: setup
 	$(BIN)/sonarhw demo
 
 # the firmware, and an emulated board to run it on
-firmware: setup
+firmware:
+	setup/debian_packages.sh firmware
 	$(MAKE) --no-print-directory -C firmware WERROR=-Werror all emulator host
 
 # that board in the demo room; its URL is the first line, Ctrl-C ends it
-board: firmware
+board: setup firmware
 	$(BIN)/sonarhw board
 
 # lint, layers, types and the tests without ports, processes and windows
 check: lint
 	$(BIN)/pytest tests/unit $(AT_ONCE) --numprocesses 2
 
-lint: setup
+lint: tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
 test: lint firmware
+	setup/debian_packages.sh test
 	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
 	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3
 
 # the long tests in full, and the figures that name seconds: some hours
-soak: setup firmware
-	setup/debian_packages.sh clang libclang-rt-dev
+soak: tools firmware
+	setup/debian_packages.sh test soak
 	$(MAKE) --no-print-directory -C firmware build/libfuzzer
 	firmware/build/libfuzzer -max_total_time=3600 -max_len=600
 	$(BIN)/pytest tests/soak tests/system/firmware/test_fuzz.py tests/system/firmware/test_long.py --soak --timeout 36000
@@ -62,5 +73,9 @@ docs: setup
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
+# the README's commands on a new Debian 12: needs root and debootstrap; FRESH="demo check" runs others
+fresh:
+	setup/fresh_machine.sh $(FRESH)
+
 clean:
-	rm -rf .venv build dist *.egg-info demo-result firmware/build
+	rm -rf $(VENV) build dist *.egg-info demo-result firmware/build

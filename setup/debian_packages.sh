@@ -1,17 +1,36 @@
 #!/bin/sh
-# The Debian packages that make demo and make test need: installed where we may, otherwise named in one line. The first
-# line of them is for the firmware and its emulated board. Named as arguments, others are installed instead.
-# Elsewhere than on Debian and its children there is nothing to do here.
+# Install the Debian packages of the named sets, or print them in one line where this needs a password.
+# Sets: demo, firmware, test, soak. Does nothing on systems without dpkg.
 set -eu
 
-PACKAGES="make gcc libc6-dev pkg-config gcc-avr avr-libc libsimavr-dev libelf-dev
-python3-venv ser2net xvfb xauth xdotool fonts-dejavu-core libegl1 libgl1 libxkbcommon-x11-0 libdbus-1-3 libfontconfig1
+# the window; without a display Qt still loads these libraries
+DEMO="python3-venv fonts-dejavu-core libegl1 libgl1 libglib2.0-0 libxkbcommon-x11-0 libdbus-1-3 libfontconfig1
 libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xinerama0"
+# the firmware, its library for tests, and the emulated board
+FIRMWARE="make gcc libc6-dev pkg-config gcc-avr avr-libc libsimavr-dev libelf-dev"
+# a screen for window tests, keys to press there, a serial port server
+TEST="xvfb xauth xdotool ser2net"
+# libFuzzer
+SOAK="clang libclang-rt-dev"
+
+packages=""
+for set in "$@"; do
+    case "$set" in
+    demo) packages="$packages $DEMO" ;;
+    firmware) packages="$packages $FIRMWARE" ;;
+    test) packages="$packages $TEST" ;;
+    soak) packages="$packages $SOAK" ;;
+    *)
+        echo "$0: unknown set $set; expected demo, firmware, test or soak" >&2
+        exit 2
+        ;;
+    esac
+done
 
 command -v dpkg-query >/dev/null || exit 0
 
 missing=""
-for package in ${*:-$PACKAGES}; do
+for package in $packages; do
     dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed ||
         missing="$missing $package"
 done
@@ -31,7 +50,7 @@ $as_root apt-get update -qq
 $as_root apt-get install -y -qq --no-install-recommends $missing >/dev/null
 case "$missing" in
 *" ser2net"*)
-    # the tests start their own; the service that comes with it would offer this machine's serial ports to everyone on it
+    # the tests start their own; the package's service would offer this machine's serial ports to the network
     ! command -v systemctl >/dev/null || $as_root systemctl disable --quiet --now ser2net 2>/dev/null || true
     ;;
 esac

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Run make targets inside ROOT, a system made by fresh_machine.sh: in_fresh_machine.sh ROOT CHECKOUT TARGET...
+# Runs in mount and process namespaces of its own; all mounts end with them.
+set -euo pipefail
+root=$1 checkout=$2
+shift 2
+
+# Show a file or folder of this machine inside, read-only, at TO; ignored where it is missing here.
+show() {
+    local from=$1 to=$root${2:-$1}
+    [ -e "$from" ] && [ ! -e "$to" ] || return 0
+    mkdir -p "$(dirname "$to")"
+    if [ -d "$from" ]; then mkdir "$to"; else touch "$to"; fi
+    mount --bind -o ro "$from" "$to"
+}
+
+mount -t proc proc "$root/proc"
+mount -t devpts -o newinstance,ptmxmode=0666 devpts "$root/dev/pts"
+mkdir -p "$root/dev/shm"
+mount -t tmpfs shm "$root/dev/shm"
+
+# settings of apt and pip, certificates, and local package folders that pip's settings name
+[ ! -d /etc/apt/apt.conf.d ] || mount --bind -o ro /etc/apt/apt.conf.d "$root/etc/apt/apt.conf.d"
+[ ! -d /etc/ssl/certs ] || { rm -rf "$root/etc/ssl/certs" && cp -rL /etc/ssl/certs "$root/etc/ssl/"; }
+for item in /etc/apt/apt.conf /etc/pip.conf /etc/xdg/pip; do show "$item"; done
+show "$HOME/.config/pip" /root/.config/pip
+show "$HOME/.pip" /root/.pip
+settings=()
+while read -r name; do
+    settings+=("$name=${!name}")
+done < <(compgen -e | grep -E '^PIP_|^SSL_CERT_|^REQUESTS_CA_BUNDLE$|_(proxy|PROXY)$' || true)
+while read -r item; do
+    show "$item"
+done < <({ python3 -m pip config list 2>/dev/null || true; } | sed 's/\\n/ /g; s|file://||g' | tr "'\" =," '\n' | grep '^/.' | sort -u)
+show "$checkout/../shared/real_scans" /src/shared/real_scans
+
+for target in "$@"; do
+    # a background job ignores Ctrl-C; the tests of Ctrl-C would inherit that
+    if ! env -i --default-signal=INT,QUIT,HUP HOME=/root LANG=C.UTF-8 "${settings[@]}" \
+        PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+        chroot "$root" make -C /src/sonarhw "$target" </dev/null; then
+        echo "$target" >"$root/failed"
+        exit 1
+    fi
+    if [ "$target" = demo ] && { [ -e "$root/usr/bin/gcc" ] || [ -e "$root/src/sonarhw/.venv/bin/pytest" ]; } && [ "$1" = demo ]; then
+        echo "demo: it installed a compiler or test tools" >"$root/failed"
+        exit 1
+    fi
+done
