@@ -47,7 +47,10 @@ fi
 export DEBIAN_FRONTEND=noninteractive
 $as_root apt-get update -qq
 # shellcheck disable=SC2086  # a list of words is meant
-$as_root apt-get install -y -qq --no-install-recommends $missing >/dev/null
+log=$($as_root apt-get install -y -qq --no-install-recommends $missing 2>&1) || {
+    printf '%s\n' "$log" >&2
+    exit 1
+}
 case "$missing" in
 *" ser2net"*)
     # the tests start their own; the package's service would offer this machine's serial ports to the network
