@@ -1,9 +1,9 @@
 """Write the C that must agree with another source: messages with `sonarhw/wire/messages.py`, tables with formulas.
 
-    python firmware/generate.py            writes core/messages.h, core/messages.c and core/tables.c anew
-    python firmware/generate.py --check    says which of them differ, and ends with 1 where one does
+    python firmware/generate.py            write the files of GENERATED in core/
+    python firmware/generate.py --check    list those that differ; ends with 1 if there are any
 
-The results are kept beside the sources, so that whoever builds the firmware needs no Python.
+The results are in the repository, so that building the firmware needs no Python.
 """
 
 import math
@@ -49,10 +49,9 @@ def constants() -> dict[str, int]:
     return found
 
 
-def header() -> str:
-    """messages.h."""
-    lines = [BORN, "#ifndef MESSAGES_H", "#define MESSAGES_H\n", '#include "fields.h" // struct payload', ""]
-    lines += [f"#define {name} {value}{'u' * (value > 0x7FFFFFFF)}" for name, value in constants().items()] + [""]
+def messages_header() -> str:
+    """messages.h: limits, codes, and a struct for each message."""
+    lines = [f"#define {name} {value}{'u' * (value > 0x7FFFFFFF)}" for name, value in constants().items()] + [""]
     lines.append("enum message_type {")
     lines += [f"    {snake(kind.__name__).upper()} = 0x{kind.TYPE:02x}," for kind in FROM_HOST + FROM_DEVICE] + ["};\n"]
     for codes in enumerations():
@@ -61,12 +60,13 @@ def header() -> str:
         lines += [f"    {name.upper()}_{code.name} = {code.value}," for code in codes] + ["};\n"]
     for kind in FROM_HOST + FROM_DEVICE:
         lines += structure(kind)
-    lines += [f"bool {snake(kind.__name__)}_unpack(struct {snake(kind.__name__)} *to, struct payload *from);"
-              for kind in FROM_HOST if fields(kind)]  # fmt: skip
-    lines += [""]
-    lines += [f"void {snake(kind.__name__)}_pack(struct payload *to, const struct {snake(kind.__name__)} *from);"
-              for kind in FROM_DEVICE]  # fmt: skip
-    return "\n".join([*lines, "\n#endif", ""])
+    return header("messages", '#include "fields.h" // struct text', lines)
+
+
+def header(name: str, includes: str, lines: list[str]) -> str:
+    """A header file."""
+    guard = f"{name.upper()}_H"
+    return "\n".join([BORN, f"#ifndef {guard}", f"#define {guard}\n", includes, "", *lines, "#endif", ""])
 
 
 def structure(kind: type[Message]) -> Iterator[str]:
@@ -100,49 +100,104 @@ def taken(item: "Field[Any]") -> str:
     return get if item.default is MISSING else f"more(from) ? {get} : {item.default}"
 
 
-def source() -> str:
-    """messages.c."""
-    lines = [BORN, '#include "messages.h"\n']
+def handler(kind: type[Message]) -> str:
+    """The declaration of the function that carries out a command."""
+    name = snake(kind.__name__)
+    command = f", const struct {name} *command" if fields(kind) else ""
+    return f"void on_{name}(const struct command_frame *frame{command})"
+
+
+def commands_header() -> str:
+    """commands.h: reads commands, and declares the handler of each."""
+    lines = ["union command {"]
+    lines += [f"    struct {snake(kind.__name__)} {snake(kind.__name__)};" for kind in FROM_HOST if fields(kind)]
+    lines += ["};\n", "enum command_reading { COMMAND_READ, COMMAND_CUT_OFF, COMMAND_UNKNOWN };\n"]
+    lines.append("// Read the payload of a frame.")
+    lines.append("enum command_reading command_read(const struct command_frame *frame, union command *to);")
+    lines.append("// Call the handler of a command that was read.")
+    lines.append("void command_handle(const struct command_frame *frame, const union command *command);\n")
+    lines.append("// The handlers: each answers its command, or refuses it.")
+    lines += [f"{handler(kind)};" for kind in FROM_HOST] + [""]
+    includes = '#include "frames.h" // struct command_frame\n#include "messages.h" // the commands'
+    return header("commands", includes, lines)
+
+
+def commands_source() -> str:
+    """commands.c."""
+    lines = [BORN, '#include "commands.h"\n']
     for kind in FROM_HOST:
         if fields(kind):
             name = snake(kind.__name__)
-            lines.append(f"bool {name}_unpack(struct {name} *to, struct payload *from)\n{{")
+            lines.append(f"static bool read_{name}(struct {name} *to, struct payload *from)\n{{")
             lines += [f"    to->{item.name} = {taken(item)};" for item in fields(kind)]
             lines.append("    return from->whole;\n}\n")
-    for kind in FROM_DEVICE:
+    lines.append("enum command_reading command_read(const struct command_frame *frame, union command *to)\n{")
+    lines.append("    struct payload from = payload_of((uint8_t *)frame->payload, frame->size);")
+    lines.append("    bool whole = true;")
+    lines.append("    switch (frame->type) {")
+    for kind in sorted(FROM_HOST, key=lambda kind: not fields(kind)):
         name = snake(kind.__name__)
-        lines.append(f"void {name}_pack(struct payload *to, const struct {name} *from)\n{{")
-        for item in fields(kind):
-            wire = item.metadata["wire"]
-            given = f"from->{item.name}" if isinstance(wire, Scalar) else f"&from->{item.name}"
-            lines.append(f"    put_{field_name(wire)}(to, {given});")
-        lines.append("}\n")
+        lines.append(f"    case {name.upper()}:")
+        if fields(kind):
+            lines += [f"        whole = read_{name}(&to->{name}, &from);", "        break;"]
+    lines += ["        break;", "    default:", "        return COMMAND_UNKNOWN;", "    }"]
+    lines.append("    return whole ? COMMAND_READ : COMMAND_CUT_OFF;\n}\n")
+    lines.append("void command_handle(const struct command_frame *frame, const union command *command)\n{")
+    lines.append("    switch (frame->type) {")
+    for kind in FROM_HOST:
+        name = snake(kind.__name__)
+        lines.append(f"    case {name.upper()}:")
+        lines += [f"        on_{name}(frame{f', &command->{name}' if fields(kind) else ''});", "        break;"]
+    lines.append("    }\n}\n")
     return "\n".join(lines)
 
 
-def tables() -> str:
-    """tables.c."""
-    return "\n".join(
-        [
-            BORN,
-            '#include "tables.h"\n',
-            *table("uint32_t crc_table[256]", [f"0x{crc(byte):08x}" for byte in range(256)], 8),
-            *table(f"uint16_t ramp_table[{RAMP_STEPS}]", [str(step_time(n)) for n in range(RAMP_STEPS)], 16),
-            *table(
-                f"int16_t thermistor_table[{THERMISTOR_POINTS}]",
-                [str(centidegrees(n / (THERMISTOR_POINTS - 1))) for n in range(THERMISTOR_POINTS)],
-                11,
-            ),
-        ]
-    )
+def send_header() -> str:
+    """send_messages.h: a function for each message from the device."""
+    lines = ["// Each waits for the message before it. Echoes and samples must stay where they are until outbox_idle."]
+    lines += [f"{sender(kind)};" for kind in FROM_DEVICE] + [""]
+    return header("send_messages", '#include "messages.h" // the messages', lines)
 
 
-def table(declared: str, values: list[str], columns: int) -> Iterator[str]:
-    """A constant array in flash."""
-    yield f"FLASH const {declared} = {{"
-    for at in range(0, len(values), columns):
-        yield "    " + ", ".join(values[at : at + columns]) + ","
-    yield "};\n"
+def sender(kind: type[Message]) -> str:
+    """The declaration of the function that sends a message."""
+    return f"void send_{snake(kind.__name__)}(const struct {snake(kind.__name__)} *message)"
+
+
+def send_source() -> str:
+    """send_messages.c."""
+    lines = [BORN, '#include "send_messages.h"\n\n#include "outbox.h" // outbox_send\n']
+    for kind in FROM_DEVICE:
+        lines.append(f"{sender(kind)}\n{{\n    struct payload payload = outbox_payload();")
+        for item in fields(kind):
+            wire = item.metadata["wire"]
+            given = f"message->{item.name}" if isinstance(wire, Scalar) else f"&message->{item.name}"
+            lines.append(f"    put_{field_name(wire)}(&payload, {given});")
+        lines.append(f"    outbox_send({snake(kind.__name__).upper()}, &payload);\n}}\n")
+    return "\n".join(lines)
+
+
+def table(name: str, declared: str, values: list[str], columns: int) -> str:
+    """A constant array in flash, in a file of its own."""
+    rows = [", ".join(values[at : at + columns]) for at in range(0, len(values), columns)]
+    lines = [BORN, f'#include "{name}.h"\n', f"FLASH const {declared} = {{", *(f"    {row}," for row in rows), "};\n"]
+    return "\n".join(lines)
+
+
+def crc_table() -> str:
+    """crc_table.c."""
+    return table("crc_table", "uint32_t crc_table[256]", [f"0x{crc(byte):08x}" for byte in range(256)], 8)
+
+
+def ramp_table() -> str:
+    """ramp_table.c."""
+    return table("ramp_table", f"uint16_t ramp_table[{RAMP_STEPS}]", [str(step_time(n)) for n in range(RAMP_STEPS)], 16)
+
+
+def thermistor_table() -> str:
+    """thermistor_table.c."""
+    values = [str(centidegrees(n / (THERMISTOR_POINTS - 1))) for n in range(THERMISTOR_POINTS)]
+    return table("thermistor_table", f"int16_t thermistor_table[{THERMISTOR_POINTS}]", values, 11)
 
 
 def crc(byte: int) -> int:
@@ -174,13 +229,25 @@ def centidegrees(ratio: float) -> int:
     return round(max(coldest, min(hottest, 1 / inverse - KELVIN)) * 100)
 
 
+GENERATED = {
+    "wire/messages.h": messages_header,
+    "conversation/commands.h": commands_header,
+    "conversation/commands.c": commands_source,
+    "sending/send_messages.h": send_header,
+    "sending/send_messages.c": send_source,
+    "wire/crc_table.c": crc_table,
+    "motion/ramp_table.c": ramp_table,
+    "board/thermistor_table.c": thermistor_table,
+}
+
+
 def main(arguments: list[str]) -> int:
     """Write the files, or compare them."""
-    made = {"messages.h": header(), "messages.c": source(), "tables.c": tables()}
+    made = {name: make() for name, make in GENERATED.items()}
     stale = [name for name, text in made.items() if not (CORE / name).exists() or (CORE / name).read_text() != text]
     for name in stale:
         if "--check" in arguments:
-            sys.stderr.write(f"{CORE.name}/{name} is not what generate.py makes; run it and build again\n")
+            sys.stderr.write(f"core/{name} differs from what firmware/generate.py writes; run it and build again\n")
         else:
             (CORE / name).write_text(made[name])
     return 1 if stale and "--check" in arguments else 0

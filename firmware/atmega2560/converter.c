@@ -6,7 +6,7 @@
 #include "board_facts.h" // TRACE_SAMPLES
 #include "hardware.h" // thermometer
 #include "messages.h" // NO_TEMPERATURE
-#include "tables.h" // thermistor_table
+#include "thermistor_table.h" // thermistor_table
 
 #define SUPPLY_REFERENCE _BV(REFS0) // thermistor and trace are both measured against the supply
 #define TRACE_CHANNEL 0

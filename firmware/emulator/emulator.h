@@ -1,10 +1,10 @@
 /* The board that is not there: the real firmware on libsimavr, and round it the things it is wired to.
  *
- *   emulator.c  loads the firmware, lets time pass
- *   ranging.c   the 6500: INIT, BLNK and BINH in, ECHO and the envelope out
- *   turntable.c motor, gear, table, home switch
- *   line.c      the serial line, on a pseudo-terminal
- *   parent.c    the program that started it, which knows the room
+ *   emulator.c         loads the firmware, lets time pass
+ *   ranging_model.c    the 6500: INIT, BLNK and BINH in, ECHO and the envelope out
+ *   turntable_model.c  motor, gear, table, home switch
+ *   serial_line.c      the serial line, on a pseudo-terminal
+ *   parent.c           the program that started it, which has the room
  */
 #ifndef EMULATOR_H
 #define EMULATOR_H
@@ -56,19 +56,19 @@ void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *,
 void set_pin(avr_t *avr, char port, int bit, bool high);
 const uint32_t *longest_interrupts(void); // cycles of each vector's handler, INTERRUPTS of them
 
-/* ranging.c */
+/* ranging_model.c */
 void ranging_start(avr_t *avr, double temperature);
 void ranging_reset(avr_t *avr);
 bool ranging_listens(void); // INIT is high
 
-/* turntable.c */
+/* turntable_model.c */
 void turntable_start(avr_t *avr, double degrees);
 void turntable_reset(avr_t *avr);
 double turntable_degrees(void);
 void turntable_slip(double microsteps);
 void turntable_wedge(avr_t *avr, double seconds);
 
-/* line.c */
+/* serial_line.c */
 void line_start(avr_t *avr, const char *link, bool any_baud);
 void line_reset(void);
 void line_poll(avr_t *avr);

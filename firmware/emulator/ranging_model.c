@@ -62,7 +62,7 @@ static avr_cycle_count_t noise(avr_t *avr, avr_cycle_count_t when, void *unused)
 
 static void ask(avr_t *avr)
 {
-    // struct place of core/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
+    // struct place of core/scan/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
     struct ping ping = {.degrees = turntable_degrees(), .index = avr->data[board.place + 2]};
     memcpy(&ping.sweep, avr->data + board.place, 2);
     parent_hear(avr, &ping, &board.heard);

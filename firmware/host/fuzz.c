@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "frames.h" // crc_of
-#include "host.h"
+#include "host_board.h"
 
 #define BYTE_US 40
 #define PAUSE_US 10000

@@ -3,7 +3,7 @@
  * Time passes when `host_advance` says so. The motor steps as the ramp has it, at once, or not at all; every ping hears
  * what was laid down for it. The line carries everything at once.
  */
-#include "host.h"
+#include "host_board.h"
 
 #include <string.h>
 

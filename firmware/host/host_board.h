@@ -1,6 +1,6 @@
 /* What a test does to the board of plain variables. */
-#ifndef HOST_H
-#define HOST_H
+#ifndef HOST_BOARD_H
+#define HOST_BOARD_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -4,6 +4,7 @@
 #define TURNTABLE_FACTS_H
 
 #define MICROSTEPS 7200 // of a whole turn: a twentieth of a degree each
+#define MICRODEGREES_A_STEP (360000000L / MICROSTEPS)
 #define FULL_STEPS 450
 #define REACH_DEGREES 720 // either way, as far as the cable winds
 #define MARGIN_DEGREES 30 // that homing may go beyond, where the table was left at the end of its reach

@@ -1,130 +1,79 @@
 #include "conversation.h"
 
-#include "action.h" // home, turn, scan
-#include "board_facts.h" // defaults
-#include "commands.h" // obey
+#include "action.h" // action_work
+#include "answers.h" // answer_refused
+#include "commands.h" // command_handle
 #include "hardware.h" // clock_us
+#include "host_link.h" // host_link_receive
 #include "kept.h" // kept_end
-#include "line.h" // line_read
+#include "outbox.h" // outbox_pump
+#include "send_messages.h" // send_heartbeat
 #include "turntable.h" // turntable_release
-#include "voice.h" // say_heartbeat
-
-static struct receiver receiver;
-static bool greeted;
-static bool watching; // the host has promised signs of life
-static uint64_t heard_us; // when the last sound frame came
-static uint64_t heartbeat_us; // when the next is due
-
-static struct {
-    uint32_t now;
-    uint32_t next; // to be changed to; 0: none
-    uint32_t former; // to go back to where nothing is heard at the new one; 0: it is settled
-    bool on_trial; // whether the next one has to be heard at
-} baud;
 
 void conversation_reset(void)
 {
-    receiver_start(&receiver);
-    receiver.frames = receiver.rejected = 0;
-    greeted = watching = false;
-    baud.now = FIRST_BAUD;
-    baud.next = baud.former = 0;
-    ping_settings = (struct configure){
-        .listen_us = LISTEN_MOST_US,
-        .blanking_us = BLANKING_US,
-        .speed_of_sound = 343200,
-        .pulses = PULSES_SENT,
-        .echoes = ECHOES_BESIDE_TRACE,
-        .rearm_us = REARM_LEAST_US,
-    };
-    voice_reset();
+    host_link_reset();
+    outbox_reset();
     turntable_reset();
     action_reset();
 }
 
-void conversation_greeted(const struct hello *hello)
+static void refuse_unknown(const struct command_frame *frame)
 {
-    greeted = true;
-    watching = hello->major > 1 || (hello->major == 1 && hello->minor >= 1);
-    heartbeat_us = clock_us() + HEARTBEAT_US;
+    struct words words = {.size = 0};
+    words_add(&words, FLASH_TEXT("message type 0x"));
+    words_hex(&words, frame->type);
+    words_add(&words, FLASH_TEXT(" is not known to this firmware"));
+    answer_refused_in_words(frame, REFUSAL_UNKNOWN, &words);
 }
 
-/* The speed of the line. */
-
-void conversation_change_baud(uint32_t wanted)
+static void obey(const struct command_frame *frame)
 {
-    baud.next = wanted;
-    baud.on_trial = true;
-}
-
-static void use_baud(uint32_t wanted)
-{
-    baud.now = wanted;
-    line_set_baud(wanted);
-}
-
-static void change_baud_when_quiet(uint64_t now_us)
-{
-    if (!baud.next || !voice_idle() || !line_quiet())
+    if (host_link_greeted() && action_is(frame)) {
+        action_repeat();
         return;
-    baud.former = baud.on_trial ? baud.now : 0;
-    use_baud(baud.next);
-    baud.next = 0;
-    heard_us = now_us;
+    }
+    union command command;
+    enum command_reading reading = command_read(frame, &command);
+    if (reading == COMMAND_UNKNOWN)
+        refuse_unknown(frame);
+    else if (reading == COMMAND_CUT_OFF)
+        answer_refused(frame, REFUSAL_MALFORMED, FLASH_TEXT("the payload ends too soon"));
+    else if (!host_link_greeted() && frame->type != HELLO)
+        answer_refused(frame, REFUSAL_NO_HELLO, FLASH_TEXT("say Hello first"));
+    else
+        command_handle(frame, &command);
 }
 
-/* The host. */
-
-static void miss_host(void)
+// A command that fires a ping or changes the speed of the line ends the receiving.
+static void receive(void)
 {
-    action_stop();
-    action_forget();
-    action_send_again(0, 0);
-    turntable_release();
-    greeted = false;
-    baud.next = FIRST_BAUD;
-    baud.on_trial = false;
+    struct command_frame frame;
+    while (!action_listening() && host_link_receive(&frame))
+        obey(&frame);
 }
 
 static void watch_host(uint64_t now_us)
 {
-    if (action_listening())
+    if (action_listening() || !host_link_lost(now_us))
         return;
-    if (baud.former && now_us - heard_us >= UNHEARD_US) {
-        use_baud(baud.former);
-        baud.former = 0;
-        heard_us = now_us;
-    } else if (greeted && watching && now_us - heard_us >= HOST_SILENCE_US) {
-        miss_host();
-    }
+    action_stop();
+    action_forget();
+    action_send_again(0, 0);
+    turntable_release();
+    host_link_drop();
 }
 
-static void hear(void)
+// One message at a time, the most urgent first; an answer always finds room in between.
+static void send_next(uint64_t now_us)
 {
-    struct command_frame frame;
-    // a command that fires a ping, or changes the speed of the line, ends the hearing
-    for (int16_t byte; !action_listening() && !baud.next && (byte = line_read()) >= 0;) {
-        if (!receiver_take(&receiver, (uint8_t)byte, &frame))
-            continue;
-        heard_us = clock_us();
-        baud.former = 0;
-        obey(&frame, &receiver, greeted);
-    }
-}
-
-// One thing at a time, the most wanted first; there is always room for an answer in between.
-static void speak(uint64_t now_us)
-{
-    if (!voice_idle() || action_listening())
+    if (!outbox_idle() || action_listening())
         return;
-    if (!greeted || now_us < heartbeat_us) {
-        action_speak();
+    if (!host_link_heartbeat_due(now_us)) {
+        action_send();
         return;
     }
-    heartbeat_us += HEARTBEAT_US;
-    if (heartbeat_us <= now_us)
-        heartbeat_us = now_us + HEARTBEAT_US;
-    say_heartbeat(&(struct heartbeat){
+    send_heartbeat(&(struct heartbeat){
         .state = action_state(),
         .angle = turntable_microdegrees(),
         .readings = kept_end(),
@@ -136,11 +85,11 @@ static void speak(uint64_t now_us)
 
 void conversation_run(void)
 {
-    voice_pump();
-    hear();
+    outbox_pump();
+    receive();
     uint64_t now_us = clock_us();
-    change_baud_when_quiet(now_us);
+    host_link_work(now_us);
     watch_host(now_us);
     action_work(now_us);
-    speak(now_us);
+    send_next(now_us);
 }

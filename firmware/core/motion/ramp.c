@@ -1,6 +1,6 @@
 #include "ramp.h"
 
-#include "tables.h" // ramp_table
+#include "ramp_table.h" // ramp_table
 
 static uint16_t root(uint32_t square)
 {

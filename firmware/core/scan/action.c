@@ -3,12 +3,13 @@
 #include <string.h> // memcmp
 
 #include "board_facts.h" // PING_PERIOD_US
-#include "conversation.h" // ping_place
 #include "hardware.h" // pings
 #include "kept.h" // readings
 #include "line.h" // line_quiet
+#include "outbox.h" // outbox_idle
+#include "send_messages.h" // send_reading_message
 #include "turntable.h" // turntable
-#include "voice.h" // say_reading
+#include "words.h" // struct words
 
 #define KEY_MOST 24 // bytes of an order's payload by which it is known again, and its size; no order of ours has more
 
@@ -57,6 +58,14 @@ void action_reset(void)
     scan.next_ping = 0;
     pings = 0;
     kept_clear(0);
+    ping_settings = (struct configure){
+        .listen_us = LISTEN_MOST_US,
+        .blanking_us = BLANKING_US,
+        .speed_of_sound = 343200,
+        .pulses = PULSES_SENT,
+        .echoes = ECHOES_BESIDE_TRACE,
+        .rearm_us = REARM_LEAST_US,
+    };
 }
 
 bool action_running(void) { return action.running; }
@@ -85,22 +94,22 @@ bool action_is(const struct command_frame *order)
 
 void action_forget(void) { action.type = 0; }
 
-static void say_begun(void)
+static void answer_begun(void)
 {
     if (action.type == START_SCAN)
-        say_started(&(struct started){action.sequence, scan_count(&scan.order), scan.order.first});
+        send_started(&(struct started){action.sequence, scan_count(&scan.order), scan.order.first});
     else
-        say_accepted(action.sequence);
+        send_accepted(&(struct accepted){action.sequence});
 }
 
-static void say_ended(void)
+static void answer_ended(void)
 {
     struct words words = {.size = 0};
     if (action.trouble == TROUBLE_NO_MARK)
         words_add(&words, FLASH_TEXT("no zero mark: are home switch and cam in place, and does the table turn?"));
     else if (action.trouble == TROUBLE_LOST_STEPS)
         words_add(&words, FLASH_TEXT("the zero mark is not where it was: steps were lost; home again"));
-    say_finished(&(struct finished){
+    send_finished(&(struct finished){
         .command = action.sequence,
         .outcome = action.outcome,
         .readings = action.type == START_SCAN ? action.next : 0,
@@ -110,9 +119,9 @@ static void say_ended(void)
 
 void action_repeat(void)
 {
-    say_begun();
+    answer_begun();
     if (!action.running)
-        say_ended();
+        answer_ended();
 }
 
 /* Beginning and ending. */
@@ -125,7 +134,7 @@ static void begin(const struct command_frame *order)
     action.size = order->size;
     memcpy(action.key, order->payload, key_size(order));
     action.trouble = TROUBLE_NONE;
-    say_begun();
+    answer_begun();
 }
 
 static void end(enum outcome outcome)
@@ -134,7 +143,7 @@ static void end(enum outcome outcome)
     action.outcome = outcome;
     action.trouble = turntable_trouble();
     action.next = kept_end();
-    say_ended();
+    answer_ended();
 }
 
 void action_home(const struct command_frame *order)
@@ -171,14 +180,14 @@ void action_stop(void)
 
 /* Readings and traces. */
 
-static void say_kept(uint32_t number)
+static void send_kept(uint32_t number)
 {
     struct reading reading;
     kept_get(number, &reading);
     struct place place = scan_place(&scan.order, number);
     for (uint8_t echo = 0; echo < reading.echo_count; echo++)
         reading.echoes[echo] *= 500; // ns
-    say_reading(&(struct reading_message){
+    send_reading_message(&(struct reading_message){
         .number = number,
         .sweep = place.sweep,
         .ping = place.ping,
@@ -187,9 +196,10 @@ static void say_kept(uint32_t number)
         .temperature = reading.temperature,
         .echoes = {reading.echoes, reading.echo_count},
     });
+    outbox_finish(); // the echoes lie on the stack
 }
 
-static void say_chunk(void)
+static void send_chunk(void)
 {
     uint16_t left = trace.total - trace.sent;
     uint16_t count = left < CHUNK ? left : CHUNK;
@@ -204,7 +214,7 @@ static void say_chunk(void)
         .bits = 8,
     };
     trace.sent += count;
-    say_trace_chunk(&chunk);
+    send_trace_chunk(&chunk);
 }
 
 // The echoes of a ping that count, moved to the front; how many they are.
@@ -226,7 +236,7 @@ static void take_reading(void)
     trace.sent = 0;
     kept_add(result.fired_us, thermometer(), result.echoes, sift(result.echoes, result.echo_count));
     pings++;
-    say_kept(trace.number);
+    send_kept(trace.number);
     scan.next_ping = result.fired_us + PING_PERIOD_US;
     scan.phase = kept_end() != scan.end ? AIMING : SENDING_TRACE;
 }
@@ -240,12 +250,12 @@ void action_send_again(uint32_t first, uint8_t count)
         again.next = again.end;
 }
 
-bool action_speak(void)
+bool action_send(void)
 {
     if (again.next < again.end)
-        say_kept(again.next++);
+        send_kept(again.next++);
     else if (trace.sent < trace.total)
-        say_chunk();
+        send_chunk();
     else
         return false;
     return true;
@@ -256,7 +266,7 @@ bool action_speak(void)
 // Fire where nothing is left to be said, so that the line is silent while it listens.
 static void fire_when_quiet(uint64_t now_us)
 {
-    bool all_said = voice_idle() && trace.sent == trace.total && again.next == again.end;
+    bool all_said = outbox_idle() && trace.sent == trace.total && again.next == again.end;
     if (now_us < scan.next_ping || !all_said || !line_quiet())
         return;
     ping_start(&(struct ping_order){
@@ -291,7 +301,7 @@ static void work_on_scan(uint64_t now_us, bool turning)
             take_reading();
         break;
     case SENDING_TRACE:
-        if (trace.sent == trace.total && voice_idle())
+        if (trace.sent == trace.total && outbox_idle())
             end(OUTCOME_DONE);
         break;
     }

@@ -1,209 +1,169 @@
 /* Written by generate.py; change that, not this. */
 
-#include "messages.h"
+#include "send_messages.h"
 
-bool hello_unpack(struct hello *to, struct payload *from)
+#include "outbox.h" // outbox_send
+
+void send_info(const struct info *message)
 {
-    to->major = get_u8(from);
-    to->minor = get_u8(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u8(&payload, message->major);
+    put_u8(&payload, message->minor);
+    put_text(&payload, &message->firmware);
+    put_text(&payload, &message->serial);
+    put_text(&payload, &message->board);
+    put_i16(&payload, message->temperature);
+    put_u32(&payload, message->trace_rate);
+    put_u32(&payload, message->microsteps);
+    put_u32(&payload, message->boot);
+    put_u8(&payload, message->homed);
+    outbox_send(INFO, &payload);
 }
 
-bool configure_unpack(struct configure *to, struct payload *from)
+void send_accepted(const struct accepted *message)
 {
-    to->listen_us = get_u32(from);
-    to->blanking_us = get_u32(from);
-    to->trace = get_u8(from);
-    to->speed_of_sound = get_u32(from);
-    to->pulses = more(from) ? get_u8(from) : 0;
-    to->echoes = more(from) ? get_u8(from) : 122;
-    to->rearm_us = more(from) ? get_u16(from) : 0;
-    to->trace_rate = more(from) ? get_u32(from) : 0;
-    to->trace_bits = more(from) ? get_u8(from) : 0;
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    outbox_send(ACCEPTED, &payload);
 }
 
-bool turn_unpack(struct turn *to, struct payload *from)
+void send_refused(const struct refused *message)
 {
-    to->angle = get_i32(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u8(&payload, message->code);
+    put_text(&payload, &message->text);
+    outbox_send(REFUSED, &payload);
 }
 
-bool start_scan_unpack(struct start_scan *to, struct payload *from)
+void send_settings(const struct settings *message)
 {
-    to->start = get_i32(from);
-    to->step = get_i32(from);
-    to->headings = get_u16(from);
-    to->sweeps = get_u16(from);
-    to->pings = get_u8(from);
-    to->first = more(from) ? get_u32(from) : 0;
-    to->count = more(from) ? get_u32(from) : 0;
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u32(&payload, message->listen_us);
+    put_u32(&payload, message->blanking_us);
+    put_u8(&payload, message->trace);
+    put_u32(&payload, message->speed_of_sound);
+    put_u8(&payload, message->pulses);
+    put_u8(&payload, message->echoes);
+    put_u16(&payload, message->rearm_us);
+    put_u32(&payload, message->trace_rate);
+    put_u8(&payload, message->trace_bits);
+    outbox_send(SETTINGS, &payload);
 }
 
-bool resend_unpack(struct resend *to, struct payload *from)
+void send_started(const struct started *message)
 {
-    to->first = get_u32(from);
-    to->count = get_u8(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u32(&payload, message->readings);
+    put_u32(&payload, message->first);
+    outbox_send(STARTED, &payload);
 }
 
-bool configure_turntable_unpack(struct configure_turntable *to, struct payload *from)
+void send_finished(const struct finished *message)
 {
-    to->speed = get_u32(from);
-    to->acceleration = get_u32(from);
-    to->settle_us = get_u32(from);
-    to->approach = get_u8(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u8(&payload, message->outcome);
+    put_u32(&payload, message->readings);
+    put_text(&payload, &message->text);
+    outbox_send(FINISHED, &payload);
 }
 
-bool set_baud_unpack(struct set_baud *to, struct payload *from)
+void send_reading_message(const struct reading_message *message)
 {
-    to->baud = get_u32(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u32(&payload, message->number);
+    put_u16(&payload, message->sweep);
+    put_u8(&payload, message->ping);
+    put_i32(&payload, message->angle);
+    put_u64(&payload, message->fired_us);
+    put_i16(&payload, message->temperature);
+    put_numbers(&payload, &message->echoes);
+    outbox_send(READING_MESSAGE, &payload);
 }
 
-bool test_link_unpack(struct test_link *to, struct payload *from)
+void send_trace_chunk(const struct trace_chunk *message)
 {
-    to->size = get_u16(from);
-    to->data = get_samples(from);
-    return from->whole;
+    struct payload payload = outbox_payload();
+    put_u32(&payload, message->number);
+    put_u16(&payload, message->offset);
+    put_u16(&payload, message->total);
+    put_u32(&payload, message->period_ns);
+    put_u32(&payload, message->start_ns);
+    put_samples(&payload, &message->samples);
+    put_u8(&payload, message->kind);
+    put_u8(&payload, message->bits);
+    outbox_send(TRACE_CHUNK, &payload);
 }
 
-void info_pack(struct payload *to, const struct info *from)
+void send_heartbeat(const struct heartbeat *message)
 {
-    put_u16(to, from->command);
-    put_u8(to, from->major);
-    put_u8(to, from->minor);
-    put_text(to, &from->firmware);
-    put_text(to, &from->serial);
-    put_text(to, &from->board);
-    put_i16(to, from->temperature);
-    put_u32(to, from->trace_rate);
-    put_u32(to, from->microsteps);
-    put_u32(to, from->boot);
-    put_u8(to, from->homed);
+    struct payload payload = outbox_payload();
+    put_u8(&payload, message->state);
+    put_i32(&payload, message->angle);
+    put_u32(&payload, message->readings);
+    put_i16(&payload, message->temperature);
+    put_u32(&payload, message->boot);
+    put_u8(&payload, message->homed);
+    outbox_send(HEARTBEAT, &payload);
 }
 
-void accepted_pack(struct payload *to, const struct accepted *from)
+void send_capabilities(const struct capabilities *message)
 {
-    put_u16(to, from->command);
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u32(&payload, message->features);
+    put_i32(&payload, message->lowest_angle);
+    put_i32(&payload, message->highest_angle);
+    put_u16(&payload, message->steps);
+    put_u32(&payload, message->fastest);
+    put_u32(&payload, message->hardest);
+    put_u32(&payload, message->backlash);
+    put_u32(&payload, message->longest_listen_us);
+    put_u32(&payload, message->shortest_blanking_us);
+    put_u16(&payload, message->shortest_rearm_us);
+    put_u8(&payload, message->most_pulses);
+    put_u8(&payload, message->most_echoes);
+    put_u32(&payload, message->ping_period_us);
+    put_u32(&payload, message->fastest_trace);
+    put_u16(&payload, message->longest_trace);
+    put_u32(&payload, message->fastest_baud);
+    put_u16(&payload, message->readings_kept);
+    outbox_send(CAPABILITIES, &payload);
 }
 
-void refused_pack(struct payload *to, const struct refused *from)
+void send_turntable_settings(const struct turntable_settings *message)
 {
-    put_u16(to, from->command);
-    put_u8(to, from->code);
-    put_text(to, &from->text);
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u32(&payload, message->speed);
+    put_u32(&payload, message->acceleration);
+    put_u32(&payload, message->settle_us);
+    put_u8(&payload, message->approach);
+    outbox_send(TURNTABLE_SETTINGS, &payload);
 }
 
-void settings_pack(struct payload *to, const struct settings *from)
+void send_statistics(const struct statistics *message)
 {
-    put_u16(to, from->command);
-    put_u32(to, from->listen_us);
-    put_u32(to, from->blanking_us);
-    put_u8(to, from->trace);
-    put_u32(to, from->speed_of_sound);
-    put_u8(to, from->pulses);
-    put_u8(to, from->echoes);
-    put_u16(to, from->rearm_us);
-    put_u32(to, from->trace_rate);
-    put_u8(to, from->trace_bits);
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_u32(&payload, message->frames);
+    put_u32(&payload, message->rejected);
+    put_u32(&payload, message->overruns);
+    put_u32(&payload, message->pings);
+    put_i32(&payload, message->lost_steps);
+    put_u8(&payload, message->reset_cause);
+    put_u16(&payload, message->stack_free);
+    outbox_send(STATISTICS, &payload);
 }
 
-void started_pack(struct payload *to, const struct started *from)
+void send_link_tested(const struct link_tested *message)
 {
-    put_u16(to, from->command);
-    put_u32(to, from->readings);
-    put_u32(to, from->first);
-}
-
-void finished_pack(struct payload *to, const struct finished *from)
-{
-    put_u16(to, from->command);
-    put_u8(to, from->outcome);
-    put_u32(to, from->readings);
-    put_text(to, &from->text);
-}
-
-void reading_message_pack(struct payload *to, const struct reading_message *from)
-{
-    put_u32(to, from->number);
-    put_u16(to, from->sweep);
-    put_u8(to, from->ping);
-    put_i32(to, from->angle);
-    put_u64(to, from->fired_us);
-    put_i16(to, from->temperature);
-    put_numbers(to, &from->echoes);
-}
-
-void trace_chunk_pack(struct payload *to, const struct trace_chunk *from)
-{
-    put_u32(to, from->number);
-    put_u16(to, from->offset);
-    put_u16(to, from->total);
-    put_u32(to, from->period_ns);
-    put_u32(to, from->start_ns);
-    put_samples(to, &from->samples);
-    put_u8(to, from->kind);
-    put_u8(to, from->bits);
-}
-
-void heartbeat_pack(struct payload *to, const struct heartbeat *from)
-{
-    put_u8(to, from->state);
-    put_i32(to, from->angle);
-    put_u32(to, from->readings);
-    put_i16(to, from->temperature);
-    put_u32(to, from->boot);
-    put_u8(to, from->homed);
-}
-
-void capabilities_pack(struct payload *to, const struct capabilities *from)
-{
-    put_u16(to, from->command);
-    put_u32(to, from->features);
-    put_i32(to, from->lowest_angle);
-    put_i32(to, from->highest_angle);
-    put_u16(to, from->steps);
-    put_u32(to, from->fastest);
-    put_u32(to, from->hardest);
-    put_u32(to, from->backlash);
-    put_u32(to, from->longest_listen_us);
-    put_u32(to, from->shortest_blanking_us);
-    put_u16(to, from->shortest_rearm_us);
-    put_u8(to, from->most_pulses);
-    put_u8(to, from->most_echoes);
-    put_u32(to, from->ping_period_us);
-    put_u32(to, from->fastest_trace);
-    put_u16(to, from->longest_trace);
-    put_u32(to, from->fastest_baud);
-    put_u16(to, from->readings_kept);
-}
-
-void turntable_settings_pack(struct payload *to, const struct turntable_settings *from)
-{
-    put_u16(to, from->command);
-    put_u32(to, from->speed);
-    put_u32(to, from->acceleration);
-    put_u32(to, from->settle_us);
-    put_u8(to, from->approach);
-}
-
-void statistics_pack(struct payload *to, const struct statistics *from)
-{
-    put_u16(to, from->command);
-    put_u32(to, from->frames);
-    put_u32(to, from->rejected);
-    put_u32(to, from->overruns);
-    put_u32(to, from->pings);
-    put_i32(to, from->lost_steps);
-    put_u8(to, from->reset_cause);
-    put_u16(to, from->stack_free);
-}
-
-void link_tested_pack(struct payload *to, const struct link_tested *from)
-{
-    put_u16(to, from->command);
-    put_samples(to, &from->data);
+    struct payload payload = outbox_payload();
+    put_u16(&payload, message->command);
+    put_samples(&payload, &message->data);
+    outbox_send(LINK_TESTED, &payload);
 }

@@ -1,7 +1,7 @@
 #include "frames.h"
 
+#include "crc_table.h" // crc_table
 #include "line.h" // line_write
-#include "tables.h" // crc_table
 
 #define LONGEST_PIECE 254
 

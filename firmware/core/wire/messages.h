@@ -3,7 +3,7 @@
 #ifndef MESSAGES_H
 #define MESSAGES_H
 
-#include "fields.h" // struct payload
+#include "fields.h" // struct text
 
 #define NO_TEMPERATURE -32768
 #define PROTOCOL_MAJOR 1
@@ -280,28 +280,5 @@ struct link_tested {
     uint16_t command; // sequence number of the command
     struct samples data; // those of the TestLink over and over, as many as it asked for
 };
-
-bool hello_unpack(struct hello *to, struct payload *from);
-bool configure_unpack(struct configure *to, struct payload *from);
-bool turn_unpack(struct turn *to, struct payload *from);
-bool start_scan_unpack(struct start_scan *to, struct payload *from);
-bool resend_unpack(struct resend *to, struct payload *from);
-bool configure_turntable_unpack(struct configure_turntable *to, struct payload *from);
-bool set_baud_unpack(struct set_baud *to, struct payload *from);
-bool test_link_unpack(struct test_link *to, struct payload *from);
-
-void info_pack(struct payload *to, const struct info *from);
-void accepted_pack(struct payload *to, const struct accepted *from);
-void refused_pack(struct payload *to, const struct refused *from);
-void settings_pack(struct payload *to, const struct settings *from);
-void started_pack(struct payload *to, const struct started *from);
-void finished_pack(struct payload *to, const struct finished *from);
-void reading_message_pack(struct payload *to, const struct reading_message *from);
-void trace_chunk_pack(struct payload *to, const struct trace_chunk *from);
-void heartbeat_pack(struct payload *to, const struct heartbeat *from);
-void capabilities_pack(struct payload *to, const struct capabilities *from);
-void turntable_settings_pack(struct payload *to, const struct turntable_settings *from);
-void statistics_pack(struct payload *to, const struct statistics *from);
-void link_tested_pack(struct payload *to, const struct link_tested *from);
 
 #endif

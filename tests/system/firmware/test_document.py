@@ -1,7 +1,6 @@
 """docs/firmware.md is what people wire and build by: its tables are held against the sources."""
 
 import re
-from pathlib import Path
 
 from tests.system.firmware.conftest import FIRMWARE
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
@@ -35,6 +34,8 @@ def test_memory_is_documented_as_it_is_held() -> None:
 
 
 def test_every_file_named_is_there() -> None:
-    for name in re.findall(r"^    (\w+\.[ch])  .*?(?:  (\w+\.c)  .*)?$", DOCUMENT, re.M):
-        assert all((FIRMWARE / "core" / file).exists() for file in name if file)
-    assert Path(FIRMWARE / "host").is_dir()
+    (listing,) = re.findall(r"```text\n(firmware/core/.*?)```", DOCUMENT, re.S)
+    sources = {file.name for file in FIRMWARE.rglob("*.[ch]")}
+    assert set(re.findall(r"\w+\.[ch]\b", listing)) <= sources
+    assert set(re.findall(r"^    (\w+)/ ", listing, re.M)) == {path.name for path in (FIRMWARE / "core").iterdir()}
+    assert all((FIRMWARE.parent / path).exists() for path in re.findall(r"^firmware/\S+", listing, re.M))

@@ -32,10 +32,3 @@ def test_the_thermistor_table_inverts_its_beta_equation_to_a_tenth_of_a_kelvin(b
     resistance = np.exp(3950 * (1 / (celsius + 273.15) - 1 / 298.15))  # of that at 25 degrees
     ratio = resistance / (1 + resistance)
     assert np.interp(ratio * 32, np.arange(33), table) == pytest.approx(celsius * 100, abs=30)
-
-
-def test_the_portable_part_names_no_chip() -> None:
-    for file in (FIRMWARE / "core").iterdir():
-        text = file.read_text()
-        assert "avr" not in text.lower(), file
-        assert "#ifdef" not in text, file

@@ -1,0 +1,101 @@
+/* Commands of the connection: Hello, AskCapabilities, AskStatistics, SetBaud, TestLink. */
+#include "commands.h"
+
+#include "action.h" // action_stop
+#include "answers.h" // answer_accepted
+#include "board_facts.h" // what the board can do
+#include "hardware.h" // thermometer
+#include "host_link.h" // host_link_greet
+#include "kept.h" // ECHOES_MOST
+#include "line.h" // line_can
+#include "outbox.h" // outbox_finish
+#include "refusals.h" // refused_while_busy
+#include "send_messages.h" // send_info
+#include "turntable.h" // turntable_homed
+
+void on_hello(const struct command_frame *frame, const struct hello *hello)
+{
+    action_stop();
+    action_forget();
+    action_send_again(0, 0);
+    host_link_greet(hello);
+    send_info(&(struct info){
+        .command = frame->sequence,
+        .major = PROTOCOL_MAJOR,
+        .minor = PROTOCOL_MINOR,
+        .firmware = board_firmware(),
+        .serial = board_serial(),
+        .board = board_profile(),
+        .temperature = thermometer(),
+        .trace_rate = TRACE_RATE,
+        .microsteps = MICROSTEPS,
+        .boot = boot_count(),
+        .homed = turntable_homed(),
+    });
+}
+
+void on_ask_capabilities(const struct command_frame *frame)
+{
+    send_capabilities(&(struct capabilities){
+        .command = frame->sequence,
+        .features = FEATURE_HOME_MARK | FEATURE_LOST_STEPS | FEATURE_BLANKING | FEATURE_REARM |
+                    (thermometer() == NO_TEMPERATURE ? 0 : FEATURE_THERMOMETER) |
+                    (TRACE_KIND == TRACE_KIND_CARRIER ? FEATURE_CARRIER : FEATURE_ENVELOPE),
+        .lowest_angle = -REACH_DEGREES * 1000000L,
+        .highest_angle = REACH_DEGREES * 1000000L,
+        .steps = FULL_STEPS,
+        .fastest = SPEED * MICRODEGREES_A_STEP,
+        .hardest = ACCELERATION * (uint32_t)MICRODEGREES_A_STEP,
+        .backlash = BACKLASH_DEGREES * 1000000L,
+        .longest_listen_us = LISTEN_MOST_US,
+        .shortest_blanking_us = BLANKING_LEAST_US,
+        .shortest_rearm_us = REARM_LEAST_US,
+        .most_pulses = PULSES_SENT,
+        .most_echoes = ECHOES_MOST,
+        .ping_period_us = PING_PERIOD_US,
+        .fastest_trace = TRACE_RATE,
+        .longest_trace = TRACE_SAMPLES,
+        .fastest_baud = FASTEST_BAUD,
+        .readings_kept = kept_promised(ping_settings.echoes),
+    });
+}
+
+void on_ask_statistics(const struct command_frame *frame)
+{
+    const struct receiver *receiver = host_link_receiver();
+    send_statistics(&(struct statistics){
+        .command = frame->sequence,
+        .frames = receiver->frames,
+        .rejected = receiver->rejected,
+        .overruns = line_overruns(),
+        .pings = action_pings(),
+        .lost_steps = turntable_lost(),
+        .reset_cause = reset_cause(),
+        .stack_free = stack_free(),
+    });
+}
+
+void on_set_baud(const struct command_frame *frame, const struct set_baud *order)
+{
+    if (refused_while_busy(frame))
+        return;
+    if (!line_can(order->baud)) {
+        answer_out_of_range(frame, FLASH_TEXT("the line can run at 250000, 500000 or 1000000 baud"));
+        return;
+    }
+    answer_accepted(frame);
+    host_link_change_baud(order->baud);
+}
+
+void on_test_link(const struct command_frame *frame, const struct test_link *wish)
+{
+    if (!wish->data.count || wish->data.count > MAX_TEST || wish->size > MAX_TESTED) {
+        answer_out_of_range(frame, FLASH_TEXT("1 to 64 bytes, to come back as at most 480"));
+        return;
+    }
+    send_link_tested(&(struct link_tested){
+        .command = frame->sequence,
+        .data = {.bytes = wish->data.bytes, .count = wish->size, .period = wish->data.count},
+    });
+    outbox_finish(); // the bytes lie in the receiver
+}

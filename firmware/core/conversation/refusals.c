@@ -1,0 +1,34 @@
+#include "refusals.h"
+
+#include "action.h" // action_running
+#include "answers.h" // answer_refused
+#include "board_facts.h" // REACH_DEGREES
+#include "turntable.h" // turntable_reaches
+
+bool refused_while_busy(const struct command_frame *frame)
+{
+    if (!action_running())
+        return false;
+    answer_refused(frame, REFUSAL_BUSY, FLASH_TEXT("homes, turns or scans; send Stop first"));
+    return true;
+}
+
+bool refused_angle(const struct command_frame *frame, int64_t microdegrees)
+{
+    if (!turntable_homed()) {
+        answer_refused(frame, REFUSAL_NOT_HOMED,
+                       FLASH_TEXT("the turntable does not know its angle; send Home first"));
+        return true;
+    }
+    if (turntable_reaches(microdegrees))
+        return false;
+    struct words words = {.size = 0};
+    words_degrees(&words, microdegrees);
+    words_add(&words, FLASH_TEXT(" degrees; the cable winds from "));
+    words_number(&words, -REACH_DEGREES);
+    words_add(&words, FLASH_TEXT(" to "));
+    words_number(&words, REACH_DEGREES);
+    words_add(&words, FLASH_TEXT(" degrees"));
+    answer_refused_in_words(frame, REFUSAL_OUT_OF_RANGE, &words);
+    return true;
+}

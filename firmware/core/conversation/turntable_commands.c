@@ -1,0 +1,51 @@
+/* Commands of the turntable: Home, Turn, ConfigureTurntable. */
+#include "commands.h"
+
+#include "action.h" // action_home, action_turn
+#include "answers.h" // answer_out_of_range
+#include "board_facts.h" // SPEED
+#include "refusals.h" // refused_while_busy
+#include "send_messages.h" // send_turntable_settings
+#include "turntable.h" // struct turntable_manner
+
+void on_home(const struct command_frame *frame)
+{
+    if (!refused_while_busy(frame))
+        action_home(frame);
+}
+
+void on_turn(const struct command_frame *frame, const struct turn *order)
+{
+    if (!refused_while_busy(frame) && !refused_angle(frame, order->angle))
+        action_turn(frame, order->angle);
+}
+
+static uint32_t microsteps(uint32_t microdegrees)
+{
+    return microdegrees ? 1 + (microdegrees - 1) / MICRODEGREES_A_STEP : 0;
+}
+
+void on_configure_turntable(const struct command_frame *frame, const struct configure_turntable *wish)
+{
+    if (refused_while_busy(frame))
+        return;
+    if (wish->approach > APPROACH_CLOCKWISE) {
+        answer_out_of_range(frame, FLASH_TEXT("approach is 0, 1 or 2"));
+        return;
+    }
+    uint32_t speed = microsteps(wish->speed);
+    turntable_set_manner((struct turntable_manner){
+        .speed = speed < SPEED ? (uint16_t)speed : SPEED,
+        .acceleration = microsteps(wish->acceleration),
+        .settle_us = wish->settle_us,
+        .approach = wish->approach,
+    });
+    struct turntable_manner manner = turntable_manner();
+    send_turntable_settings(&(struct turntable_settings){
+        .command = frame->sequence,
+        .speed = manner.speed * (uint32_t)MICRODEGREES_A_STEP,
+        .acceleration = manner.acceleration * MICRODEGREES_A_STEP,
+        .settle_us = manner.settle_us,
+        .approach = manner.approach,
+    });
+}

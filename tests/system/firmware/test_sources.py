@@ -1,0 +1,41 @@
+"""The firmware's folders: few files in each, names used once, no files that include each other."""
+
+import re
+from collections import Counter
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+from tests.system.firmware.conftest import FIRMWARE
+
+CORE = FIRMWARE / "core"
+BOARDS = ["atmega2560", "host"]
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_names_are_used_once_on_the_include_path(board: str) -> None:
+    names = Counter(file.name for folder in (CORE, FIRMWARE / board) for file in folder.rglob("*.[ch]"))
+    assert [name for name, times in names.items() if times > 1] == []
+
+
+def test_a_folder_has_at_most_twelve_files_and_that_of_a_board_fifteen() -> None:
+    for folder in [*CORE.iterdir(), *(FIRMWARE / board for board in BOARDS), FIRMWARE / "emulator"]:
+        files = [file for file in folder.iterdir() if file.suffix in (".c", ".h")]
+        assert len(files) <= (12 if folder.parent == CORE else 15), folder
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_no_two_files_include_each_other(board: str) -> None:
+    includes: dict[str, set[str]] = {}
+    for file in [*CORE.rglob("*.[ch]"), *(FIRMWARE / board).glob("*.[ch]")]:
+        included = {Path(name).stem for name in re.findall(r'#include "(.+?)"', file.read_text())}
+        includes.setdefault(file.stem, set()).update(included - {file.stem})
+    TopologicalSorter(includes).prepare()  # raises CycleError
+
+
+def test_the_portable_part_names_no_chip() -> None:
+    for file in CORE.rglob("*.[ch]"):
+        text = file.read_text()
+        assert "avr" not in text.lower(), file
+        assert "#ifdef" not in text, file
