@@ -16,8 +16,8 @@ from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
-from sonarhw_compare.fit import FitOptions, FitResult, Kind, Parameter, PlacedScan, fit_scans, free_parameters
-from sonarhw_compare.fit.values.parameters import OF_PLACE
+from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fit_scans, free_parameters
+from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, X, Y
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -194,7 +194,7 @@ def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
         place = place_in(room, random)
         scans.append(PlacedScan(synthetic_scan(real, place, board, 100 * seed + k, echoes=5), place, f"scan{k}"))
     free = free_parameters(("position", "heading", "reflectance"), [one.name for one in scans], room, board)
-    near = [_around(one, scans) if one.kind in OF_PLACE else one for one in free]
+    near = [_around(one, scans) if isinstance(one.quantity, PlaceQuantity) else one for one in free]
     result = fit_scans(scans, room, board, near, options=FitOptions(seed=seed))
     found = [result.estimates[f"reflectance:{name}"] for name in ("board", "foam")]
     return [(float(one), each.value, each.deviation) for one, each in zip(true, found, strict=True)]
@@ -203,10 +203,10 @@ def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
 def _around(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
     place = scans[parameter.scan or 0].place
     at, reach = {
-        Kind.X: (place.position[0], NEAR),
-        Kind.Y: (place.position[1], NEAR),
-        Kind.HEADING: (place.heading, math.radians(10)),
-    }[parameter.kind]
+        X: (place.position[0], NEAR),
+        Y: (place.position[1], NEAR),
+        HEADING: (place.heading, math.radians(10)),
+    }[parameter.quantity]
     return replace(parameter, lower=at - reach, upper=at + reach)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_compare.fit.values.quantities import QUANTITIES, BoardQuantity, X, Y, words_of
 from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
@@ -49,8 +50,7 @@ def fit(
     free: Annotated[
         str,
         typer.Option(
-            help="What the fit may choose: position, heading, offset, axis (ahead, aside), temperature or speed, "
-            "threshold, aperture, reflectance[:MATERIAL], wall:NAME, walls.",
+            help=f"What the fit may choose: {words_of()}.",
             metavar="NAME,...",
         ),
     ] = "position,heading",
@@ -72,7 +72,7 @@ def fit(
     board_out: Annotated[
         Path | None,
         typer.Option(
-            help="Write the board profile with what was found of it: offset, axis, threshold, aperture.",
+            help=f"Write the board profile with what was found of it: {words_of(BoardQuantity)}.",
             metavar="BOARD.toml",
         ),
     ] = None,
@@ -129,7 +129,7 @@ def fit_logs(
     wanted = wanted or [chosen_place(room, place) for place in places]
     names = _names(log_files)
     parameters = free_parameters(words, names, room, chosen)
-    kinds = {parameter.kind.value for parameter in parameters}
+    kinds = {parameter.quantity.name for parameter in parameters}
     scans = [
         PlacedScan(log.readings, wanted[k] if wanted else _recorded(file, log, room, kinds), names[k])
         for k, (file, log) in enumerate(zip(log_files, logs, strict=True))
@@ -147,18 +147,19 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
     """Raises InputError where a file cannot be written, or nothing that is free would be in it."""
     if out is None and board_out is None:
         return
-    from sonarhw_compare.fit.findings import OF_BOARD, OF_ROOM
-    from sonarhw_compare.fit.values.parameters import kinds_of
+    from sonarhw_compare.fit.values.parameters import quantities_of
 
     if out is not None and board_out is not None and out.resolve() == board_out.resolve():
         raise InputError(f"--out and --board-out: both are {out}; give each a file of its own")
-    kinds = {kind for word in free.split(",") if word.strip() for kind in kinds_of(word)}
-    for option, file, those in (("--out", out, OF_ROOM), ("--board-out", board_out, OF_BOARD)):
+    quantities = {quantity for word in free.split(",") if word.strip() for quantity in quantities_of(word)}
+    of_board = [one for one in QUANTITIES if isinstance(one, BoardQuantity)]
+    of_room = [one for one in QUANTITIES if one not in of_board]
+    for option, file, those in (("--out", out, of_room), ("--board-out", board_out, of_board)):
         if file is None:
             continue
         checked_out(file, (".toml",), force, *inputs, option=option)
-        if kinds.isdisjoint(those):
-            raise InputError(f"{option} {file}: nothing of it is free; --free has none of {', '.join(those)}")
+        if quantities.isdisjoint(those):
+            raise InputError(f"{option} {file}: nothing of it is free; --free has none of {', '.join(map(str, those))}")
 
 
 def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
@@ -190,9 +191,9 @@ def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) ->
 
 def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
     """Raises InputError where `--free` or `--prior` is wrong whatever the logs say: they may take seconds to read."""
-    from sonarhw_compare.fit.values.parameters import kinds_of
+    from sonarhw_compare.fit.values.parameters import quantities_of
 
-    free = [kind for word in words for kind in kinds_of(word)]
+    free = [quantity.name for word in words for quantity in quantities_of(word)]
     for prior in priors:
         name, _, text = prior.partition("=")
         if free and re.split("[:@]", name)[0] not in free:
@@ -257,9 +258,9 @@ def _middle(room: "Room") -> tuple[float, float]:
 
 
 def _near(parameter: "Parameter", scans: "Sequence[PlacedScan]") -> "Parameter":
-    if parameter.kind not in ("x", "y"):
+    if parameter.quantity not in (X, Y):
         return parameter
-    at = scans[parameter.scan or 0].place.position[0 if parameter.kind == "x" else 1]
+    at = scans[parameter.scan or 0].place.position[0 if parameter.quantity is X else 1]
     return replace(parameter, lower=at - NEAR, upper=at + NEAR)
 
 
@@ -268,7 +269,7 @@ def with_priors(parameters: "Sequence[Parameter]", priors: Sequence[str]) -> "tu
     found = list(parameters)
     for prior in priors:
         name, _, text = prior.partition("=")
-        rows = [k for k, parameter in enumerate(found) if name in (parameter.name, parameter.kind.value)]
+        rows = [k for k, parameter in enumerate(found) if name in (parameter.name, parameter.quantity.name)]
         if not rows:
             known = ", ".join(parameter.name for parameter in parameters)
             raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {known}")
@@ -278,7 +279,7 @@ def with_priors(parameters: "Sequence[Parameter]", priors: Sequence[str]) -> "tu
 
 
 def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
-    unit = math.radians(1) if parameter.kind == "heading" else 1.0
+    unit = 1 / parameter.quantity.per_unit
     if bounds := _range_of(text):
         return replace(parameter, lower=bounds[0] * unit, upper=bounds[1] * unit)
     if normal := _normal_of(text):

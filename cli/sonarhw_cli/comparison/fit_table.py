@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, FitResult, Parameter
 
 _CORRELATED = 0.5  # from where on a correlation is told
-_UNITS = {"heading": "°", "temperature": "°C", "speed": "m/s", "threshold": "dB", "reflectance": ""}  # others: m
 _DIGITS = 6  # of what has no error to speak of
 
 
@@ -16,7 +15,7 @@ def figures(result: "FitResult") -> dict[str, Any]:
     """The figures of a fit: the keys of `fit --json`; headings in degrees."""
     return {
         "estimates": {
-            parameter.name: {"unit": _unit(parameter), **_scaled(parameter, result.estimates[parameter.name])}
+            parameter.name: {"unit": parameter.quantity.unit, **_scaled(parameter, result.estimates[parameter.name])}
             for parameter in result.parameters
         },
         "correlations": result.correlations.tolist(),
@@ -25,7 +24,7 @@ def figures(result: "FitResult") -> dict[str, Any]:
         "answers": [
             {
                 "log_likelihood": result.score + mode.score,
-                **{one.name: mode.values[one.name] * _per_unit(one) for one in result.parameters},
+                **{one.name: mode.values[one.name] * one.quantity.per_unit for one in result.parameters},
             }
             for mode in result.modes
         ],
@@ -58,9 +57,9 @@ def _row(parameter: "Parameter", estimate: "Estimate") -> str:
     shown = _scaled(parameter, estimate)
     deviation = shown["deviation"]
     digits = min(_DIGITS, max(0, 1 - math.floor(math.log10(deviation)))) if deviation > 0 else _DIGITS
-    unit = _unit(parameter)
+    unit = parameter.quantity.unit
     # a heading that rounds to 360 is told as 0, and its region about that
-    turn = 360 if parameter.kind == "heading" and round(shown["value"], digits) == 360 else 0
+    turn = 360 if parameter.quantity.is_angle and round(shown["value"], digits) == 360 else 0
     value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
     error = f"{deviation:.{digits}f} {unit}".rstrip()
     return f"{f'{value} {unit}'.rstrip():>12}  {error:>10}  {lower} to {upper}"
@@ -85,13 +84,5 @@ def _stretch(noise: dict[str, float]) -> str:
 
 
 def _scaled(parameter: "Parameter", estimate: "Estimate") -> dict[str, float]:
-    per_unit = _per_unit(parameter)
+    per_unit = parameter.quantity.per_unit
     return {key: getattr(estimate, key) * per_unit for key in ("value", "deviation", "lower", "upper")}
-
-
-def _per_unit(parameter: "Parameter") -> float:
-    return math.degrees(1.0) if parameter.kind == "heading" else 1.0
-
-
-def _unit(parameter: "Parameter") -> str:
-    return _UNITS.get(parameter.kind.value, "m")

@@ -1,26 +1,9 @@
-"""Fit: where the sensor stood and what room and board must be for scans to come out as they were measured.
+"""Fit: the place, room and board that explain measured scans best, and how certain they are.
 
-Takes scans, a room, a board and what is free; hands on a `FitResult`. Files: `parameters` says what may be free and
-what it changes, `echo_paths` how paths move with it, `likelihood` how well paths explain readings, `search` where to
-begin, `refine` how to get to the top, `posterior` how sure that is; `fitting` is the whole; `plain` is the search of
-`compare --fit` for heading and offset alone.
+`values` has the quantities, parameters and results, `likelihood` the probability of readings, `search` the way to its
+maximum and the posterior; `fitting` runs a whole fit. `plain_fit` is the search of `compare --fit`.
 """
 
-from sonarhw_compare.fit.fitting import fit_scans
-from sonarhw_compare.fit.plain_fit import Fit, fit_scan
-from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan
-from sonarhw_compare.fit.values.parameters import Kind, Parameter, free_parameters
+import lazy_loader
 
-__all__ = [
-    "Estimate",
-    "Fit",
-    "FitOptions",
-    "FitResult",
-    "Kind",
-    "Mode",
-    "Parameter",
-    "PlacedScan",
-    "fit_scan",
-    "fit_scans",
-    "free_parameters",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

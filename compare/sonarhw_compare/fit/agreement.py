@@ -10,7 +10,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 
 from sonarhw.readings import Reading
 from sonarhw_compare.fit.values.fit_result import FitResult, PlacedScan
-from sonarhw_compare.fit.values.parameters import Kind
+from sonarhw_compare.fit.values.quantities import AirQuantity
 from sonarhw_compare.matching.match import Summary, compare_readings
 
 
@@ -24,6 +24,6 @@ def agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: Predic
 
 def _ranged(readings: Sequence[Reading], result: FitResult) -> Sequence[Reading]:
     """The readings, with ranges by the speed of sound that was found where the air was free."""
-    if not any(parameter.kind in (Kind.TEMPERATURE, Kind.SPEED) for parameter in result.parameters):
+    if not any(isinstance(parameter.quantity, AirQuantity) for parameter in result.parameters):
         return readings
     return [replace(reading, speed_of_sound=result.room.air.speed_of_sound) for reading in readings]

@@ -9,22 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import tomlkit
 from sonarhw_sim.board.profile import Board, parse_board
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.room.room_writing import materials, with_air, with_corners, with_material, with_place
+from sonarhw_sim.room.room_writing import with_air, with_place
 
-from sonarhw_compare.fit.values.free_walls import with_shifted_walls
-from sonarhw_compare.fit.values.parameters import OF_PLACE, Kind, Parameter, temperature_at
-
-OF_ROOM = (*OF_PLACE, Kind.TEMPERATURE, Kind.SPEED, Kind.REFLECTANCE, Kind.WALL)
-OF_BOARD = (Kind.OFFSET, Kind.AHEAD, Kind.ASIDE, Kind.THRESHOLD, Kind.APERTURE)
-_LENGTH = 5  # digits behind the point, of m
-_APERTURE = 6
-_SHARE = 4  # of a reflectance
-_DEGREES = 3
-_DECIBELS = _KELVINS = 2
+from sonarhw_compare.fit.values.parameters import Parameter, values_by_part
+from sonarhw_compare.fit.values.quantities import HEADING, AirQuantity, BoardQuantity, PlaceQuantity, X
 
 Values = Mapping[Parameter, float]
 
@@ -34,33 +25,23 @@ def found_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
 
     Raises InputError where that is no room: a place inside a post, a wall of no length.
     """
-    shifts = {parameter.of: value for parameter, value in values.items() if parameter.kind is Kind.WALL}
-    if shifts:
-        room = _with_walls(room, with_shifted_walls(room, shifts))
+    for parts, by_part in values_by_part(values).items():
+        room = parts.write(room, by_part)
     for parameter, value in values.items():
-        if parameter.kind is Kind.TEMPERATURE:
-            room = with_air(room, replace(room.air, temperature_c=round(value, _KELVINS)))
-        elif parameter.kind is Kind.SPEED:
-            room = with_air(room, replace(room.air, temperature_c=round(temperature_at(value, room.air), _KELVINS)))
-        elif parameter.kind is Kind.REFLECTANCE:
-            scatter = materials(room)[parameter.of].scatter
-            room = with_material(room, parameter.of, round(value, _SHARE), scatter)
-    if any(parameter.kind in OF_PLACE for parameter in values):
+        if isinstance(quantity := parameter.quantity, AirQuantity):
+            found = getattr(quantity.put(room.air, value), quantity.key)
+            room = with_air(room, replace(room.air, **{quantity.key: round(found, quantity.digits)}))
+    if any(isinstance(parameter.quantity, PlaceQuantity) for parameter in values):
         for place in places:
             room = with_place(room, _rounded(place))
     return room
 
 
-def _with_walls(room: Room, shifted: Room) -> Room:
-    ends = zip(
-        room.walls.reshape(-1, 2).tolist(), np.round(shifted.walls, _LENGTH).reshape(-1, 2).tolist(), strict=True
-    )
-    return with_corners(room, {(x, y): (new_x, new_y) for (x, y), (new_x, new_y) in ends})
-
-
 def _rounded(place: Place) -> Place:
-    x, y = (round(at, _LENGTH) for at in place.position)
-    return replace(place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), _DEGREES) % 360))
+    x, y = (round(at, X.digits) for at in place.position)
+    return replace(
+        place, position=(x, y), heading=math.radians(round(math.degrees(place.heading), HEADING.digits) % 360)
+    )
 
 
 def found_board(
@@ -73,20 +54,16 @@ def found_board(
     """
     profile: Any = tomlkit.parse(board.text)
     profile["name"] = name
-    found = [parameter.kind for parameter in values if parameter.kind in OF_BOARD]
+    found = []
     for parameter, value in values.items():
-        deviation = None if deviations is None else deviations.get(parameter)
-        match parameter.kind:
-            case Kind.OFFSET:
-                _set(profile, "range_offset", board.range_offset, board.range_offset - value, deviation, _LENGTH)
-            case Kind.THRESHOLD:
-                _set(profile, "threshold_db", board.threshold_db, value, deviation, _DECIBELS)
-            case Kind.APERTURE:
-                _set(profile, "aperture_radius", board.aperture_radius, value, deviation, _APERTURE)
-            case Kind.AHEAD | Kind.ASIDE:
-                mount = profile.setdefault("mount", tomlkit.table())
-                before = board.mount.ahead if parameter.kind is Kind.AHEAD else board.mount.aside
-                _set(mount, parameter.kind.value, before, value, deviation, _LENGTH)
+        if isinstance(quantity := parameter.quantity, BoardQuantity):
+            deviation = None if deviations is None else deviations.get(parameter)
+            section, _, key = quantity.key.rpartition(".")
+            table = profile.setdefault(section, tomlkit.table()) if section else profile
+            _set(
+                table, key, quantity.read(board), quantity.read(quantity.put(board, value)), deviation, quantity.digits
+            )
+            found.append(quantity.name)
     text = _with_provenance(tomlkit.dumps(profile), board.name, found, logs)
     return parse_board(text, f"profile {name!r}")
 
@@ -100,7 +77,7 @@ def _set(table: Any, key: str, before: float, value: float, deviation: float | N
     table[key].trivia.comment_ws = "  "
 
 
-def _with_provenance(text: str, before: str, found: Sequence[Kind], logs: Sequence[str]) -> str:
+def _with_provenance(text: str, before: str, found: Sequence[str], logs: Sequence[str]) -> str:
     """The text under lines that say what was fitted; the header it had is quoted as that of the profile `before`."""
     lines = text.splitlines()
     behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))

@@ -7,15 +7,14 @@ import math
 from collections.abc import Sequence
 
 from sonarhw_compare.fit.values.fit_result import Estimate, FitResult, PlacedScan
-from sonarhw_compare.fit.values.parameters import Kind, Parameter
+from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Summary
 
 _INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
 _SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
 _AT_BOUND = 0.01  # of the range
-# known by which echoes come and go, and by when each is found
-_BY_LEVELS = (Kind.HEADING, Kind.OFFSET, Kind.THRESHOLD, Kind.APERTURE, Kind.REFLECTANCE)
 _ALONE = "the board's own receiver was taken to hear each echo alone; four regions of five hold the truth"
 _MANY_STRAYS = 0.3  # for every metre
 _FEW = 0.6  # of a scan's echoes: in their own rooms, real ones have more within 5 cm
@@ -27,7 +26,7 @@ def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: boo
     `lone`: echoes were heard by a receiver that was modelled as if each came alone.
     """
     lines = [*_several_answers(result)]
-    biased = [parameter.name for parameter in result.parameters if parameter.kind in _BY_LEVELS]
+    biased = [parameter.name for parameter in result.parameters if parameter.quantity.by_levels]
     if lone and biased:
         lines.append(f"± is too small for {', '.join(biased)}: {_ALONE}")
     if unending:
@@ -65,26 +64,26 @@ def _several_answers(result: FitResult) -> list[str]:
 
 
 def _pose(result: FitResult, values: dict[str, float]) -> str:
-    shown = [parameter for parameter in result.parameters if parameter.kind in (Kind.X, Kind.Y, Kind.HEADING)]
+    shown = [parameter for parameter in result.parameters if isinstance(parameter.quantity, PlaceQuantity)]
     best = result.modes[0].values
     changed = [one for one in shown if result.modes[0].values is values or abs(values[one.name] - best[one.name]) > 0]
     return ", ".join(
         f"{one.name} {heading_text(values[one.name])}"
-        if one.kind is Kind.HEADING
+        if one.quantity.is_angle
         else f"{one.name} {values[one.name]:.3f}"
         for one in changed or shown
     )
 
 
 def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
-    lower, upper = (-math.pi, math.pi) if parameter.kind is Kind.HEADING else (parameter.lower, parameter.upper)
+    lower, upper = (-math.pi, math.pi) if parameter.quantity.is_angle else (parameter.lower, parameter.upper)
     width = upper - lower
     known = width / math.sqrt(12)
     if parameter.deviation is not None:
         known = min(known, parameter.deviation)
     if estimate.deviation > _SAYS_NOTHING * known:
         return [f"the scan hardly tells {parameter.name}: ± as wide as what was known before it"]
-    if parameter.kind is not Kind.HEADING:
+    if not parameter.quantity.is_angle:
         for bound in (lower, upper):
             if abs(estimate.value - bound) < _AT_BOUND * width:
                 return [f"{parameter.name} lies at the end of its range, {bound:g}"]

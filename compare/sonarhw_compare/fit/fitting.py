@@ -23,7 +23,8 @@ from sonarhw_compare.fit.search.posterior import REGION, samples_of
 from sonarhw_compare.fit.search.refine import covariance_of, refined
 from sonarhw_compare.fit.search.ridges import unending
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
-from sonarhw_compare.fit.values.parameters import OF_PLACE, Kind, Parameter
+from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.matching.regions import mean_run
 
 _PROMISING = 25.0  # of the coarse likelihood's logarithm, of readings that err alone: what is worse is no other answer
@@ -167,7 +168,7 @@ def _pose_rows(problem: Problem, scan: int) -> list[int]:
     return [
         row
         for row, parameter in enumerate(problem.parameters)
-        if parameter.kind in OF_PLACE and parameter.scan in (scan, None)
+        if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
     ]
 
 
@@ -216,7 +217,7 @@ def _alike(problem: Problem) -> tuple[float, ...]:
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
     # a heading in 0 up to 360°, and its region about it, all round at most
-    if parameter.kind is Kind.HEADING:
+    if parameter.quantity.is_angle:
         by = value % math.tau - value
         lower, upper = max(lower, value - math.pi) + by, min(upper, value + math.pi) + by
         value, deviation = value + by, min(deviation, math.pi)
@@ -225,7 +226,7 @@ def _estimate(parameter: Parameter, value: float, deviation: float, lower: float
 
 def _mode(problem: Problem, answer: Beginning, best: float) -> Mode:
     values = {
-        parameter.name: float(value % math.tau if parameter.kind is Kind.HEADING else value)
+        parameter.name: float(value % math.tau if parameter.quantity.is_angle else value)
         for parameter, value in zip(problem.parameters, answer.values, strict=False)
     }
     return Mode(values, answer.score - best)

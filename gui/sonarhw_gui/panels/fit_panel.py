@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
     QWidget,
 )
+from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 
 from sonarhw.errors import InputError
 from sonarhw_gui.panels.fit_words import answer_line, rows, share_line, warnings
@@ -28,13 +29,6 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.fit_request import NEAR, FitWish
 
 _LEAST_WIDTH = 290  # pixels
-_FREE = {
-    "position": ("Position", "Where the sensor stands", True),
-    "heading": ("Heading", "Where step 0 of the turntable points", True),
-    "offset": ("Range offset", "What the board tells beyond the true range", True),
-    "temperature": ("Air temperature", "How fast sound goes; the ranges alone seldom tell it from an offset", False),
-    "reflectances": ("Reflectances", "How much every material leaves of an echo", False),
-}
 
 
 class FitPanel(QWidget):
@@ -49,7 +43,7 @@ class FitPanel(QWidget):
         self.setMinimumWidth(_LEAST_WIDTH)
         self._shown: Shown | None = None
         self._state = FitState()
-        self.free = {word: _box(*told) for word, told in _FREE.items()}
+        self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}
         self.where = short_list()
         self.begin = QPushButton("Find where I stood")
         self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
@@ -191,8 +185,8 @@ class FitPanel(QWidget):
         self.put_away.emit()
 
 
-def _box(name: str, tip: str, checked: bool) -> QCheckBox:
-    box = QCheckBox(name)
-    box.setToolTip(tip)
-    box.setChecked(checked)
+def _box(offer: Offer) -> QCheckBox:
+    box = QCheckBox(offer.label)
+    box.setToolTip(offer.tip)
+    box.setChecked(offer.checked)
     return box

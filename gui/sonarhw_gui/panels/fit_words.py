@@ -14,14 +14,6 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, Parameter  # what they load takes half a second
 
 _SLIGHT = 1.0  # degrees
-_NAMES = {
-    "x": "x",
-    "y": "y",
-    "heading": "step 0 at",
-    "offset": "range offset",
-    "temperature": "air",
-    "reflectance": "reflectance",
-}
 
 
 def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
@@ -45,8 +37,8 @@ def share_line(found: FitFound, answer: int) -> str:
 def answer_line(found: FitFound, answer: int, unit: LengthUnit) -> str:
     """An answer in a few words: its pose."""
     values = found.answers[answer].values
-    pose = {one.kind.value: in_words(one, value, unit) for one, value in values.items()}
-    place = ", ".join(pose[kind] for kind in ("x", "y", "heading") if kind in pose)
+    pose = {one.quantity.name: in_words(one, value, unit) for one, value in values.items()}
+    place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
     return f"{answer + 1}: {place or 'no other place'}"
 
 
@@ -60,27 +52,28 @@ def warnings(found: FitFound) -> list[str]:
 
 
 def _name(one: "Parameter") -> str:
-    return f"{_NAMES[one.kind]} {one.of}".strip()
+    return f"{one.quantity.label} {one.of}".strip()
 
 
 def in_words(one: "Parameter", value: float, unit: LengthUnit) -> str:
     """A value as people read it, with its unit."""
-    match one.kind.value:
-        case "heading":
+    match one.quantity.unit:
+        case "°":
             return _signed(f"{_near_zero(math.degrees(value)):z.2f}°")
-        case "offset":
+        case "m" if one.quantity.word == "position":
+            return _signed(unit.text(value))
+        case "m":
             small = residual_unit(unit)
             return _signed(f"{value * small.per_metre:+z.{small.decimals + 1}f} {small.label}")
-        case "temperature":
-            return _signed(f"{value:z.1f} °C")
-        case "reflectance":
+        case "":
             return f"{value:.3f}"
-    return _signed(unit.text(value))
+        case printed:
+            return _signed(f"{value:z.1f} {printed}")
 
 
 def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
     """A value with as many digits as it is known to; a position in the unit of its deviation."""
-    if one.kind.value not in ("x", "y"):
+    if one.quantity.word != "position":
         return in_words(one, value, unit)
     small = residual_unit(unit)
     decimals = min(2, _decimals(estimate.deviation * small.per_metre))
@@ -88,15 +81,14 @@ def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: Length
 
 
 def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
-    match one.kind.value:
-        case "heading":
+    match one.quantity.unit:
+        case "°":
             return f"± {_two_figures(math.degrees(estimate.deviation))}°"
-        case "temperature":
-            return f"± {_two_figures(estimate.deviation)} °C"
-        case "reflectance":
-            return f"± {_two_figures(estimate.deviation)}"
-    small = residual_unit(unit)
-    return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
+        case "m":
+            small = residual_unit(unit)
+            return f"± {_two_figures(estimate.deviation * small.per_metre)} {small.label}"
+        case printed:
+            return f"± {_two_figures(estimate.deviation)} {printed}".rstrip()
 
 
 def _near_zero(degrees: float) -> float:

@@ -7,12 +7,10 @@ saved and recorded.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import tomlkit
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.room.model import Room
-from sonarhw_sim.room.room_writing import materials, with_air, with_material
 
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, furnished, standing_at
@@ -24,7 +22,7 @@ FITTED = "finding where I stood"  # behind Undo
 _DIGITS = 4  # of lengths in m
 _DIGITS_DEG = 2
 
-_X, _Y, _HEADING, _OFFSET, _TEMPERATURE, _REFLECTANCE = "x", "y", "heading", "offset", "temperature", "reflectance"
+_X, _Y, _HEADING = "x", "y", "heading"
 
 
 def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> Edit:
@@ -32,9 +30,11 @@ def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> E
 
     Raises InputError where the room cannot take them.
     """
+    from sonarhw_compare.fit.findings import found_room
+
     room, _ = furnished(scene)
-    changed = replace(scene, room=_room(room, values), board=_board(scene.board, board, values))
-    return _stood(changed, {parameter.kind.value: value for parameter, value in values.items()}), FITTED
+    changed = replace(scene, room=found_room(room, values, ()), board=_board(scene.board, board, values))
+    return _stood(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
 
 
 def _stood(scene: Scene, of: Mapping[str, float]) -> Scene:
@@ -46,21 +46,14 @@ def _stood(scene: Scene, of: Mapping[str, float]) -> Scene:
     return standing_at(scene, (x, y), math.radians(degrees % 360))
 
 
-def _room(room: Room, values: "Mapping[Parameter, float]") -> Room:
-    for parameter, value in values.items():
-        if parameter.kind == _TEMPERATURE:
-            room = with_air(room, replace(room.air, temperature_c=round(value, 2)))
-        elif parameter.kind == _REFLECTANCE:
-            before = materials(room)[parameter.of]
-            room = with_material(room, parameter.of, round(value, _DIGITS), before.scatter)
-    return room
-
-
 def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]") -> Board:
-    offsets = [value for parameter, value in values.items() if parameter.kind == _OFFSET]
-    if not offsets:
-        return board
-    told = round(fitted_with.range_offset - offsets[0], _DIGITS)
-    profile = tomlkit.parse(board.text)
-    profile["range_offset"] = told
-    return replace(board, range_offset=told, text=tomlkit.dumps(profile))
+    from sonarhw_compare.fit.values.quantities import BoardQuantity
+
+    profile: Any = tomlkit.parse(board.text)
+    for parameter, value in values.items():
+        if isinstance(quantity := parameter.quantity, BoardQuantity):
+            section, _, key = quantity.key.rpartition(".")
+            table = profile.setdefault(section, tomlkit.table()) if section else profile
+            table[key] = round(quantity.read(quantity.put(fitted_with, value)), _DIGITS)
+            board = quantity.write(board, float(table[key]))
+    return replace(board, text=tomlkit.dumps(profile))

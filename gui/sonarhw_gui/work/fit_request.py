@@ -22,7 +22,7 @@ _SAMPLES = 8000  # of the posterior: some 300 of them are independent
 
 @dataclass(frozen=True)
 class FitWish:
-    """What a fit may choose, in words of `values.parameters`, and whether the whole room is searched."""
+    """What a fit may choose, in words of `values.quantities`, and whether the whole room is searched."""
 
     free: tuple[str, ...] = ("position", "heading", "offset")
     everywhere: bool = False
@@ -106,8 +106,8 @@ class FitRequest:
             return parameters
         at = dict(zip("xy", self.scene.standing.position, strict=True))
         return tuple(
-            replace(one, lower=at[one.kind] - NEAR, upper=at[one.kind] + NEAR) if one.kind in at else one
-            for one in parameters
+            replace(one, lower=at[name] - NEAR, upper=at[name] + NEAR) if name in at else one
+            for name, one in ((one.quantity.name, one) for one in parameters)
         )
 
     def _answer(self, values: "Mapping[Parameter, float]") -> FitAnswer:

@@ -27,14 +27,14 @@ from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, mov
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
-from sonarhw_compare.fit.values.parameters import (
-    OF_PLACE,
-    Kind,
-    Parameter,
-    applied,
+from sonarhw_compare.fit.values.parameters import Parameter, applied, start_of
+from sonarhw_compare.fit.values.quantities import (
+    REFLECTANCE,
+    WALL,
+    AirQuantity,
+    BoardQuantity,
+    PlaceQuantity,
     reflectance_of,
-    start_of,
-    temperature_at,
 )
 
 MOST_ECHOES = 5  # of a ping, that scanners tell
@@ -42,20 +42,6 @@ _ROUNDED = 1 / math.sqrt(12)  # standard deviation of what is rounded to 1
 # A path 10 dB under the threshold at its best heading is heard by no fit's board; `noticed` asks for 20. dB
 _LESS_NOTICED = 10.0
 _OVERLAPPING = 1.0  # dB, by which levels err at least where echoes that overlap are taken for lone ones
-STEPS = {  # by which a parameter changes the likelihood noticeably, in its unit
-    Kind.X: 2e-3,
-    Kind.Y: 2e-3,
-    Kind.HEADING: math.radians(0.2),
-    Kind.OFFSET: 2e-3,
-    Kind.AHEAD: 2e-3,
-    Kind.ASIDE: 2e-3,
-    Kind.TEMPERATURE: 0.5,
-    Kind.SPEED: 0.3,
-    Kind.THRESHOLD: 0.5,
-    Kind.APERTURE: 2e-4,
-    Kind.REFLECTANCE: 0.01,
-    Kind.WALL: 2e-3,
-}
 
 
 @dataclass(frozen=True)
@@ -110,7 +96,7 @@ class Problem:
     @cached_property
     def steps(self) -> FloatArray:
         """By how much each number changes the objective noticeably, (size,)."""
-        own = [STEPS[parameter.kind] for parameter in self.parameters]
+        own = [parameter.quantity.step for parameter in self.parameters]
         return np.array([*own, *(noise.step for noise in self.noises)], dtype=np.float64)
 
     @cached_property
@@ -142,8 +128,8 @@ class Problem:
         """The objective for values near these; paths are searched for with `prediction`, or the problem's own."""
         room, places, board = self.setting(values)
         search = search_for(room, self.board, prediction or self.prediction)
-        materials = [parameter.of for parameter in self.parameters if parameter.kind is Kind.REFLECTANCE]
-        walls = [parameter.of for parameter in self.parameters if parameter.kind is Kind.WALL]
+        materials = [parameter.of for parameter in self.parameters if parameter.quantity is REFLECTANCE]
+        walls = [parameter.of for parameter in self.parameters if parameter.quantity is WALL]
         found = []
         for place in places:
             paths = paths_from(room, place, search, None, board.aperture_radius)
@@ -174,7 +160,8 @@ class Objective:
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
         """Log-likelihood of every reading of a scan, (n,)."""
         noise = Noise(*np.exp(values[len(self.problem.parameters) :]).tolist())
-        ear, known = self._ear(values, scan, noise.stretch), self._known(values, scan)
+        place = self._place(values, scan)
+        ear, known = self._ear(values, place.heading, noise.stretch), self._known(values, scan, place.position)
         return np.asarray(log_likelihoods(self.problem.scans[scan], known, ear, noise, self._table, self._lateness))
 
     def _log_prior(self, values: FloatArray) -> float:
@@ -195,12 +182,11 @@ class Objective:
 
     @cached_property
     def _table(self) -> FloatArray:
-        aperture = max([self.problem.board.aperture_radius, *self._upper_of(Kind.APERTURE)])
+        board = self.problem.board
+        widest = [quantity.put(board, self.problem.parameters[row].upper) for row, quantity in self._board_rows]
+        aperture = max(one.aperture_radius for one in (board, *widest))
         coldest = replace(self.room.air, temperature_c=-10.0)
-        return beam_table(self.problem.board.wavenumber(coldest) * aperture)
-
-    def _upper_of(self, kind: Kind) -> list[float]:
-        return [parameter.upper for parameter in self.problem.parameters if parameter.kind is kind]
+        return beam_table(board.wavenumber(coldest) * aperture)
 
     @cached_property
     def _lateness(self) -> FloatArray:
@@ -209,48 +195,52 @@ class Objective:
         return lateness_by_level(self.problem.board, self.room.air.speed_of_sound)
 
     @cached_property
-    def _rows(self) -> dict[tuple[Kind, int | None], int]:
-        """Where each parameter that is the only one of its kind, for a scan or all, stands in the vector."""
-        return {(parameter.kind, parameter.scan): row for row, parameter in enumerate(self.problem.parameters)}
+    def _board_rows(self) -> list[tuple[int, BoardQuantity]]:
+        quantities = ((row, one.quantity) for row, one in enumerate(self.problem.parameters))
+        return [(row, quantity) for row, quantity in quantities if isinstance(quantity, BoardQuantity)]
 
-    def _value(self, values: FloatArray, kind: Kind, scan: int, otherwise: float) -> float:
-        row = self._rows.get((kind, scan if kind in OF_PLACE else None), self._rows.get((kind, None)))
-        return otherwise if row is None else float(values[row])
+    def _board(self, values: FloatArray) -> Board:
+        board = self.problem.board
+        for row, quantity in self._board_rows:
+            board = quantity.put(board, float(values[row]))
+        return board
 
-    def _ear(self, values: FloatArray, scan: int, stretch: float) -> Ear:
-        board, place, air = self.problem.board, self.problem.places[scan], self.room.air
-        speed = air.speed_of_sound
+    def _place(self, values: FloatArray, scan: int) -> Place:
+        place = self.places[scan]
+        for row, parameter in enumerate(self.problem.parameters):
+            if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None):
+                place = parameter.quantity.put(place, float(values[row]))
+        return place
+
+    def _air(self, values: FloatArray) -> Air:
+        air = self.room.air
+        for row, parameter in enumerate(self.problem.parameters):
+            if isinstance(parameter.quantity, AirQuantity):
+                air = parameter.quantity.put(air, float(values[row]))
+        return air
+
+    def _ear(self, values: FloatArray, heading: float, stretch: float) -> Ear:
+        board, speed = self._board(values), self.room.air.speed_of_sound
         if self.problem.told_speed is not None:
-            air = self._air(values)
-            speed = air.speed_of_sound
+            speed = self._air(values).speed_of_sound
             stretch = self.problem.told_speed / speed
-        offset = board.range_offset - self._value(values, Kind.OFFSET, scan, 0.0)
-        ahead = self._value(values, Kind.AHEAD, scan, board.mount.ahead)
-        aside, half = self._value(values, Kind.ASIDE, scan, board.mount.aside), board.mount.separation / 2
+        ahead, aside, half = board.mount.ahead, board.mount.aside, board.mount.separation / 2
         return Ear(
-            heading=self._value(values, Kind.HEADING, scan, place.heading),
-            ka=math.tau * board.frequency / speed * self._value(values, Kind.APERTURE, scan, board.aperture_radius),
-            threshold_db=self._value(values, Kind.THRESHOLD, scan, board.threshold_db),
-            opens=board.listens_from * speed / 2 * stretch + offset,
-            closes=board.max_range * stretch + offset,
+            heading=heading,
+            ka=math.tau * board.frequency / speed * board.aperture_radius,
+            threshold_db=board.threshold_db,
+            opens=board.listens_from * speed / 2 * stretch + board.range_offset,
+            closes=board.max_range * stretch + board.range_offset,
             dead=board.rearm * speed / 2 * stretch,
             stretch=stretch,
-            offset=offset,
+            offset=board.range_offset,
             sender=(ahead, aside + half),
             listener=(ahead, aside - half),
         )
 
-    def _air(self, values: FloatArray) -> Air:
-        air = self.room.air
-        if (Kind.SPEED, None) in self._rows:
-            return replace(air, temperature_c=temperature_at(float(values[self._rows[Kind.SPEED, None]]), air))
-        return replace(air, temperature_c=float(values[self._rows[Kind.TEMPERATURE, None]]))
-
-    def _known(self, values: FloatArray, scan: int) -> Known:
-        paths, place = self.paths[scan], self.places[scan]
-        x = self._value(values, Kind.X, scan, place.position[0])
-        y = self._value(values, Kind.Y, scan, place.position[1])
-        by = x - place.position[0], y - place.position[1]
+    def _known(self, values: FloatArray, scan: int, position: tuple[float, float]) -> Known:
+        paths, (x, y) = self.paths[scan], self.places[scan].position
+        by = position[0] - x, position[1] - y
         out, back = moved(*self._images(values, scan), paths.turn, paths.kind, by)
         return Known(out, back, paths.rise, paths.turn, paths.kind, self._levels(values, scan))
 
@@ -294,7 +284,7 @@ class Objective:
 
     @cached_property
     def _reflectance_rows(self) -> list[int]:
-        return [row for row, one in enumerate(self.problem.parameters) if one.kind is Kind.REFLECTANCE]
+        return [row for row, one in enumerate(self.problem.parameters) if one.quantity is REFLECTANCE]
 
     @cached_property
     def _reflectances(self) -> FloatArray:
@@ -302,7 +292,7 @@ class Objective:
 
     @cached_property
     def _wall_rows(self) -> list[int]:
-        return [row for row, one in enumerate(self.problem.parameters) if one.kind is Kind.WALL]
+        return [row for row, one in enumerate(self.problem.parameters) if one.quantity is WALL]
 
 
 def _length(vectors: FloatArray, rise: FloatArray) -> FloatArray:
@@ -319,7 +309,7 @@ def make_problem(
 ) -> Problem:
     """Scans, room, board and parameters as one problem. Raises InputError where a scan is given twice."""
     check_given_once(scans)
-    air_is_free = any(parameter.kind in (Kind.TEMPERATURE, Kind.SPEED) for parameter in parameters)
+    air_is_free = any(isinstance(parameter.quantity, AirQuantity) for parameter in parameters)
     told = [reading.speed_of_sound for scan in scans for reading in scan.readings]
     speed = float(np.median(told)) if air_is_free else None
     return Problem(

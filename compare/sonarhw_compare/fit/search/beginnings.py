@@ -14,12 +14,12 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.objective import COARSE, Problem
 from sonarhw_compare.fit.search.pose_search import QUICK, Scores, lattice, maxima, score_positions
 from sonarhw_compare.fit.search.refine import refined
-from sonarhw_compare.fit.values.parameters import OF_PLACE, Kind, Parameter
+from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 
 _ROUGH = 16  # maxima of the lattice that are looked at
 _CLIMBED = 6  # of these, that are climbed from
 _SURE = 4.0  # standard deviations of what is known beforehand, beyond which nothing is sought
-_DRAGGING = (Kind.OFFSET, Kind.AHEAD)
 _SAME = 0.02  # m, and
 _SAME_HEADING = math.radians(3)
 
@@ -39,12 +39,12 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
     rows = [
         row
         for row, parameter in enumerate(problem.parameters)
-        if parameter.kind in OF_PLACE and parameter.scan in (scan, None)
+        if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
     ]
     if not rows:
         return [Beginning(problem.start(), 0.0)]
     # ranges that are all off would drag the place along
-    rows += [row for row, parameter in enumerate(problem.parameters) if parameter.kind in _DRAGGING]
+    rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.drags]
     alone = _alone(problem, scan, rows)
     begun = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
     scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(begun)), reverse=True)
@@ -61,7 +61,8 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
 def _alone(problem: Problem, scan: int, rows: list[int]) -> Problem:
     """The problem of one scan's pose, everything else as it is believed to be."""
     parameters = tuple(
-        replace(one, scan=0) if one.kind in OF_PLACE else one for one in (problem.parameters[row] for row in rows)
+        replace(one, scan=0) if isinstance(one.quantity, PlaceQuantity) else one
+        for one in (problem.parameters[row] for row in rows)
     )
     return replace(
         problem, scans=(problem.scans[scan],), places=(problem.places[scan],), parameters=parameters, told_speed=None
@@ -76,10 +77,10 @@ def _in_whole(problem: Problem, rows: list[int], values: FloatArray) -> FloatArr
 
 def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
     """Values of the parameters at the maxima of the lattice."""
-    place, free = problem.places[0], {parameter.kind: parameter for parameter in problem.parameters}
+    place, free = problem.places[0], {parameter.quantity: parameter for parameter in problem.parameters}
     spans = [
-        _span(free[kind]) if kind in free else (at, at)
-        for kind, at in zip((Kind.X, Kind.Y), place.position, strict=True)
+        _span(free[quantity]) if quantity in free else (at, at)
+        for quantity, at in zip((X, Y), place.position, strict=True)
     ]
     positions, spacing = lattice((spans[0][0], spans[1][0]), (spans[0][1], spans[1][1]))
     done = iter(range(len(positions)))
@@ -92,13 +93,14 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
         place.height,
         lambda: tick(next(done) / len(positions)),
     )
-    scores = _within(scores, free.get(Kind.HEADING), place.heading)
+    scores = _within(scores, free.get(HEADING), place.heading)
     chosen = maxima(scores, _ROUGH) or [(*place.position, place.heading)]
     begun = []
     for pose in chosen:
-        values, known = problem.start(), dict(zip(OF_PLACE, pose, strict=True))
+        values = problem.start()
+        known: dict[Quantity, float] = dict(zip((X, Y, HEADING), pose, strict=True))
         for row, parameter in enumerate(problem.parameters):
-            values[row] = known.get(parameter.kind, values[row])
+            values[row] = known.get(parameter.quantity, values[row])
         begun.append(values)
     return begun
 
@@ -131,8 +133,8 @@ def is_same(problem: Problem, one: FloatArray, other: FloatArray) -> bool:
     """Whether two answers are one: all their poses within 2 cm and 3°."""
     for row, parameter in enumerate(problem.parameters):
         apart = float(one[row] - other[row])
-        if parameter.kind is Kind.HEADING and abs(math.remainder(apart, math.tau)) > _SAME_HEADING:
+        if parameter.quantity.is_angle and abs(math.remainder(apart, math.tau)) > _SAME_HEADING:
             return False
-        if parameter.kind in (Kind.X, Kind.Y) and abs(apart) > _SAME:
+        if parameter.quantity in (X, Y) and abs(apart) > _SAME:
             return False
     return True

@@ -15,7 +15,6 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem
-from sonarhw_compare.fit.values.parameters import Kind
 
 MOST_SEARCHES = 6  # of paths, for one climb
 MOST_ITERATIONS = 8
@@ -25,7 +24,6 @@ _NARROW = 0.05  # of a number's width: finer is no gain
 _WORST = -1e12  # what stands for no chance at all
 _FLATTEST = 0.01  # curvature over a width, where a normal distribution has 1
 _WIDEST = 30.0  # steps: where the likelihood is flat, a width is no more
-MOVES_PATHS = (Kind.X, Kind.Y, Kind.WALL)
 
 BoolArray = NDArray[np.bool_]
 
@@ -45,7 +43,7 @@ def refined(
     Where `free` (parameters,) is given, only those parameters change. `tick` is called now and then.
     """
     parameters = len(problem.parameters)
-    rows = [row for row, parameter in enumerate(problem.parameters) if parameter.kind in MOVES_PATHS]
+    rows = [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.moves_paths]
     for noise in stages:
         movable = np.append(
             np.ones(parameters, np.bool_) if free is None else free, [noise is None] * len(problem.noises)

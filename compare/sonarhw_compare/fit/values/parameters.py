@@ -1,54 +1,34 @@
-"""Parameters of a fit: what may be free, what is known of it beforehand, and what it changes.
+"""Parameters of a fit: the quantities that are free, of which scan, material or wall, and what is known of them.
 
-Takes names as a person types them; hands on frozen `Parameter`s, and room, places and board as values of them make
-them.
+Words that a person types become frozen `Parameter`s; values of them become room, places and board.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
-import numpy as np
-from scipy.optimize import brentq
-from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
-from sonarhw_compare.fit.values.free_walls import with_shifted_walls
-
-_COLDEST, _WARMEST = -40.0, 60.0  # °C, as room files have it
-
-
-class Kind(StrEnum):
-    """What a parameter changes; values are in SI units and absolute unless something else is said."""
-
-    X = "x"  # of a place, m
-    Y = "y"
-    HEADING = "heading"  # of a place, rad
-    OFFSET = "offset"  # m, added to every measured range, as `compare` has it
-    AHEAD = "ahead"  # m, from the turning axis to the face
-    ASIDE = "aside"  # m, and to the left
-    TEMPERATURE = "temperature"  # °C
-    SPEED = "speed"  # of sound, m/s
-    THRESHOLD = "threshold"  # dB
-    APERTURE = "aperture"  # radius, m
-    REFLECTANCE = "reflectance"  # of a material, amplitude ratio
-    WALL = "wall"  # m by which a wall moves to its left, seen along its points
-
-
-OF_PLACE = (Kind.X, Kind.Y, Kind.HEADING)
-# What a person types, and which kinds that is
-WORDS = {kind.value: (kind,) for kind in Kind} | {"position": (Kind.X, Kind.Y), "axis": (Kind.AHEAD, Kind.ASIDE)}
-WORDS |= {"reflectances": (Kind.REFLECTANCE,), "walls": (Kind.WALL,)}
+from sonarhw_compare.fit.values.quantities import (
+    QUANTITIES,
+    SPEED,
+    TEMPERATURE,
+    WORDS,
+    AirQuantity,
+    BoardQuantity,
+    PartQuantity,
+    PlaceQuantity,
+    Quantity,
+)
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One number that a fit may choose."""
 
-    kind: Kind
+    quantity: Quantity
     of: str = ""  # the material or the wall, where the kind has several
     scan: int | None = None  # the only scan it belongs to; None: all share it
     lower: float = -math.inf
@@ -60,7 +40,7 @@ class Parameter:
     @property
     def name(self) -> str:
         """Its name in results: `x`, `reflectance:shelving`, `heading@B01`."""
-        return self.kind + (f":{self.of}" if self.of else "") + (f"@{self.label}" if self.label else "")
+        return self.quantity.name + (f":{self.of}" if self.of else "") + (f"@{self.label}" if self.label else "")
 
 
 def free_parameters(
@@ -74,146 +54,81 @@ def free_parameters(
     found: dict[str, Parameter] = {}
     for word in free:
         of = word.strip().partition(":")[2]
-        for kind in kinds_of(word):
-            for parameter in _of_kind(kind, of, scans, room, board):
+        for quantity in quantities_of(word):
+            for parameter in _of_quantity(quantity, of, scans, room, board):
                 found[parameter.name] = parameter
-    if {Kind.TEMPERATURE, Kind.SPEED} <= {parameter.kind for parameter in found.values()}:
+    if {TEMPERATURE, SPEED} <= {parameter.quantity for parameter in found.values()}:
         raise InputError("--free temperature,speed: one tells the other; free only one of them")
     return tuple(found.values())
 
 
-def kinds_of(word: str) -> tuple[Kind, ...]:
-    """The kinds that a word such as `position` or `wall:east` stands for. Raises InputError for any other word."""
+def quantities_of(word: str) -> tuple[Quantity, ...]:
+    """The quantities that a word such as `position` or `wall:east` stands for. Raises InputError for any other word."""
     head = word.strip().partition(":")[0]
     if head not in WORDS:
         raise InputError(f"--free {word}: expected some of {', '.join(WORDS)}")
     return WORDS[head]
 
 
-def _of_kind(kind: Kind, of: str, scans: Sequence[str], room: Room, board: Board) -> list[Parameter]:
-    if kind in OF_PLACE:
+def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, board: Board) -> list[Parameter]:
+    bounds = quantity.bounds(room, board)
+    if isinstance(quantity, PlaceQuantity):
         if of:
-            raise InputError(f"--free {kind}:{of}: every scan has its own; write {kind}")
+            raise InputError(f"--free {quantity}:{of}: every scan has its own; write {quantity}")
         labels = scans if len(scans) > 1 else [""]
-        bounds = bounds_of(kind, room, board)
-        return [Parameter(kind, "", k, *bounds, label=label) for k, label in enumerate(labels)]
-    known = {Kind.REFLECTANCE: room.materials, Kind.WALL: room.names[: len(room.walls)]}.get(kind, ())
+        return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
+    known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
     if of and of not in known:
-        raise InputError(f"--free {kind}:{of}: room {room.name!r} has {', '.join(dict.fromkeys(known)) or 'none'}")
+        raise InputError(f"--free {quantity}:{of}: room {room.name!r} has {', '.join(dict.fromkeys(known)) or 'none'}")
     several = [of] if of else list(dict.fromkeys(known)) or [""]
-    return [Parameter(kind, one, None, *bounds_of(kind, room, board)) for one in several]
-
-
-def bounds_of(kind: Kind, room: Room, board: Board) -> tuple[float, float]:
-    """The widest that a parameter of that kind may go, in its unit; a heading goes all round."""
-    corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2]))
-    (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    mount = board.mount
-    return {
-        Kind.X: (left, right),
-        Kind.Y: (bottom, top),
-        Kind.HEADING: (-math.inf, math.inf),
-        Kind.OFFSET: (-0.06, 0.06),
-        Kind.AHEAD: (mount.ahead - 0.06, mount.ahead + 0.06),
-        Kind.ASIDE: (mount.aside - 0.06, mount.aside + 0.06),
-        Kind.TEMPERATURE: (-10.0, 45.0),
-        Kind.SPEED: (Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound),
-        Kind.THRESHOLD: (board.threshold_db - 20.0, min(0.0, board.threshold_db + 20.0)),
-        Kind.APERTURE: (board.aperture_radius / 2.5, board.aperture_radius * 2.5),
-        Kind.REFLECTANCE: (0.2, 1.0),
-        Kind.WALL: (-0.1, 0.1),
-    }[kind]
+    return [Parameter(quantity, one, None, *bounds) for one in several]
 
 
 def start_of(parameter: Parameter, places: Sequence[Place], room: Room, board: Board) -> float:
     """The value that room, place and board have now, within the parameter's bounds; what is expected where given."""
-    place = places[parameter.scan or 0]
     value = parameter.expected
     if value is None:
-        value = {
-            Kind.X: place.position[0],
-            Kind.Y: place.position[1],
-            Kind.HEADING: place.heading,
-            Kind.OFFSET: 0.0,
-            Kind.AHEAD: board.mount.ahead,
-            Kind.ASIDE: board.mount.aside,
-            Kind.TEMPERATURE: room.air.temperature_c,
-            Kind.SPEED: room.air.speed_of_sound,
-            Kind.THRESHOLD: board.threshold_db,
-            Kind.APERTURE: board.aperture_radius,
-            Kind.REFLECTANCE: reflectance_of(room, parameter.of) if parameter.kind is Kind.REFLECTANCE else 0.0,
-            Kind.WALL: 0.0,
-        }[parameter.kind]
+        value = _present(parameter, places[parameter.scan or 0], room, board)
     return min(max(value, parameter.lower), parameter.upper)
 
 
-def reflectance_of(room: Room, material: str) -> float:
-    """The reflectance of a material, mirrored and scattered together."""
-    row = room.materials.index(material)
-    return float(math.hypot(room.reflectances[row], room.scattered[row]))
+def _present(parameter: Parameter, place: Place, room: Room, board: Board) -> float:
+    match parameter.quantity:
+        case PlaceQuantity() as quantity:
+            return quantity.value(place)
+        case BoardQuantity() as quantity:
+            return quantity.value(board)
+        case AirQuantity() as quantity:
+            return quantity.value(room.air)
+        case PartQuantity() as quantity:
+            return quantity.value(room, parameter.of)
+    raise TypeError(f"{parameter.quantity!r} belongs to neither place, board, air nor parts of the room")
 
 
 def applied(
     values: Mapping[Parameter, float], room: Room, places: Sequence[Place], board: Board
 ) -> tuple[Room, tuple[Place, ...], Board]:
     """Room, places and board with those values."""
-    shifts = {parameter.of: value for parameter, value in values.items() if parameter.kind is Kind.WALL}
-    if shifts:
-        room = with_shifted_walls(room, shifts)
-    room = _with_reflectances(values, replace(room, air=_air(values, room.air)))
     moved = list(places)
     for parameter, value in values.items():
-        if parameter.kind in OF_PLACE:
-            for k in range(len(moved)) if parameter.scan is None else [parameter.scan]:
-                moved[k] = _moved(moved[k], parameter.kind, value)
-    return room, tuple(moved), _board(values, board)
+        match parameter.quantity:
+            case PlaceQuantity() as quantity:
+                for k in range(len(moved)) if parameter.scan is None else [parameter.scan]:
+                    moved[k] = quantity.put(moved[k], value)
+            case BoardQuantity() as quantity:
+                board = quantity.put(board, value)
+            case AirQuantity() as quantity:
+                room = replace(room, air=quantity.put(room.air, value))
+    for parts, by_part in values_by_part(values).items():
+        room = parts.put(room, by_part)
+    return room, tuple(moved), board
 
 
-def _air(values: Mapping[Parameter, float], air: Air) -> Air:
-    for parameter, value in values.items():
-        if parameter.kind is Kind.TEMPERATURE:
-            air = replace(air, temperature_c=value)
-        elif parameter.kind is Kind.SPEED:
-            air = replace(air, temperature_c=temperature_at(value, air))
-    return air
-
-
-def temperature_at(speed: float, air: Air) -> float:
-    """The temperature (°C) at which that air has that speed of sound (m/s); its bounds where none has."""
-
-    def excess(temperature: float) -> float:
-        return replace(air, temperature_c=temperature).speed_of_sound - speed
-
-    if excess(_COLDEST) > 0:
-        return _COLDEST
-    return float(brentq(excess, _COLDEST, _WARMEST, xtol=1e-6)) if excess(_WARMEST) > 0 else _WARMEST
-
-
-def _with_reflectances(values: Mapping[Parameter, float], room: Room) -> Room:
-    factors = np.ones(len(room.materials))
-    for parameter, value in values.items():
-        if parameter.kind is Kind.REFLECTANCE:
-            old = reflectance_of(room, parameter.of)
-            factors[[name == parameter.of for name in room.materials]] = value / old if old else 1.0
-    return replace(room, reflectances=room.reflectances * factors, scattered=room.scattered * factors)
-
-
-def _moved(place: Place, kind: Kind, value: float) -> Place:
-    x, y = place.position
-    if kind is Kind.HEADING:
-        return replace(place, heading=value)
-    return replace(place, position=(value, y) if kind is Kind.X else (x, value))
-
-
-def _board(values: Mapping[Parameter, float], board: Board) -> Board:
-    for parameter, value in values.items():
-        match parameter.kind:
-            case Kind.OFFSET:
-                board = replace(board, range_offset=board.range_offset - value)
-            case Kind.AHEAD | Kind.ASIDE:
-                board = replace(board, mount=board.mount.model_copy(update={parameter.kind.value: value}))
-            case Kind.THRESHOLD:
-                board = replace(board, threshold_db=value)
-            case Kind.APERTURE:
-                board = replace(board, aperture_radius=value)
-    return board
+def values_by_part(values: Mapping[Parameter, float]) -> dict[PartQuantity, dict[str, float]]:
+    """The values of materials and walls, by the name of each; all of a quantity belong together."""
+    found: dict[PartQuantity, dict[str, float]] = {}
+    for quantity in QUANTITIES:
+        by_part = {parameter.of: value for parameter, value in values.items() if parameter.quantity is quantity}
+        if isinstance(quantity, PartQuantity) and by_part:
+            found[quantity] = by_part
+    return found

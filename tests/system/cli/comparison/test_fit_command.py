@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.fit.findings import found_board
-from sonarhw_compare.fit.values.parameters import Kind, Parameter
+from sonarhw_compare.fit.values.parameters import Parameter
+from sonarhw_compare.fit.values.quantities import OFFSET, THRESHOLD
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
@@ -192,7 +193,7 @@ def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -
 
 
 def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
-    threshold, offset = Parameter(Kind.THRESHOLD), Parameter(Kind.OFFSET)
+    threshold, offset = Parameter(THRESHOLD), Parameter(OFFSET)
     deviations = {threshold: 0.31, offset: 0.002}
     nxt = load_board("lego-nxt")
     text = found_board(nxt, {threshold: -15.554, offset: -0.01}, "mine", deviations, ["north", "south"]).text

@@ -1,0 +1,365 @@
+"""The quantities that a fit can choose, each defined once: name, unit, bounds, effect on room, place or board, texts.
+
+To add one, add its definition here and list it in `QUANTITIES`; command line, window, result files and likelihood take
+it from there. This module imports nothing heavy, so that a command line can list the quantities in its help.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sonarhw_sim.air import Air
+
+if TYPE_CHECKING:
+    from sonarhw_sim.board.profile import Board
+    from sonarhw_sim.room.model import Place, Room
+
+_COLDEST, _WARMEST = -40.0, 60.0  # °C, as room files have it
+_REACH = 0.06  # m, by which a length of the board may differ from the profile
+
+Bounds = Callable[["Room", "Board"], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Offer:
+    """How the window offers a quantity."""
+
+    label: str
+    tip: str
+    checked: bool
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Quantity:
+    """What one number of a fit changes; values are in SI units, headings in rad, temperatures in °C."""
+
+    name: str  # as a person types it and results show it
+    unit: str  # as printed
+    step: float  # changes the likelihood noticeably
+    bounds: Bounds  # the widest that make sense
+    digits: int  # behind the point, in files, in the printed unit
+    label: str  # in the window's table of results
+    group: str = ""  # a word for this and others together
+    offer: Offer | None = None  # None: not offered in the window
+    moves_paths: bool = False  # whether paths change with it
+    drags: bool = False  # whether a wrong value shifts the fitted place
+    by_levels: bool = False  # whether the data determine it by which echoes come and go, and when each is found
+
+    @property
+    def word(self) -> str:
+        """The word for it and what belongs with it."""
+        return self.group or self.name
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it goes all round and is printed in degrees."""
+        return self.unit == "°"
+
+    @property
+    def per_unit(self) -> float:
+        """How many printed units its own unit has."""
+        return math.degrees(1.0) if self.is_angle else 1.0
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # another process has the same definitions
+        return quantity_named, (self.name,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlaceQuantity(Quantity):
+    """A quantity of the place; each scan has its own."""
+
+    value: Callable[["Place"], float]
+    put: Callable[["Place", float], "Place"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoardQuantity(Quantity):
+    """A quantity of the board profile."""
+
+    key: str  # of the profile, as `mount.ahead`
+    is_correction: bool = False  # whether it is subtracted from what the profile says
+
+    def read(self, board: "Board") -> float:
+        """Return what the profile says under its key."""
+        section, _, key = self.key.rpartition(".")
+        return float(getattr(getattr(board, section) if section else board, key))
+
+    def value(self, board: "Board") -> float:
+        """Return the value that the board has now."""
+        return 0.0 if self.is_correction else self.read(board)
+
+    def put(self, board: "Board", value: float) -> "Board":
+        """Return the board with that value."""
+        return self.write(board, self.read(board) - value if self.is_correction else value)
+
+    def write(self, board: "Board", new: float) -> "Board":
+        """Return the board with another number under the key."""
+        section, _, key = self.key.rpartition(".")
+        if section:
+            return replace(board, **{section: getattr(board, section).model_copy(update={key: new})})
+        changed: dict[str, Any] = {key: new}
+        return replace(board, **changed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AirQuantity(Quantity):
+    """A quantity of the air."""
+
+    key: str  # of the room file's [air]
+    value: Callable[[Air], float]
+    put: Callable[[Air, float], Air]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PartQuantity(Quantity):
+    """A quantity that each material or each wall of the room has."""
+
+    part: str  # what follows the colon, as `reflectance:MATERIAL`
+    parts: Callable[["Room"], Sequence[str]]
+    value: Callable[["Room", str], float]
+    put: Callable[["Room", Mapping[str, float]], "Room"]  # values by part
+    write: Callable[["Room", Mapping[str, float]], "Room"]  # the same, in the text of the room file too
+
+
+def temperature_at(speed: float, air: Air) -> float:
+    """The temperature (°C) at which that air has that speed of sound (m/s); its bounds where none has."""
+    from scipy.optimize import brentq
+
+    def excess(temperature: float) -> float:
+        return replace(air, temperature_c=temperature).speed_of_sound - speed
+
+    if excess(_COLDEST) > 0:
+        return _COLDEST
+    return float(brentq(excess, _COLDEST, _WARMEST, xtol=1e-6)) if excess(_WARMEST) > 0 else _WARMEST
+
+
+def reflectance_of(room: "Room", material: str) -> float:
+    """The reflectance of a material, mirrored and scattered together."""
+    row = room.materials.index(material)
+    return math.hypot(room.reflectances[row], room.scattered[row])
+
+
+def _span(axis: int) -> Bounds:
+    """The bounds of the room along x (0) or y (1)."""
+
+    def bounds(room: "Room", _board: "Board") -> tuple[float, float]:
+        ends = [*room.walls.reshape(-1, 2)[:, axis].tolist(), *room.posts[:, axis].tolist()]
+        return min(ends), max(ends)
+
+    return bounds
+
+
+def _speeds(_room: "Room", _board: "Board") -> tuple[float, float]:
+    return Air(-10.0).speed_of_sound, Air(45.0).speed_of_sound
+
+
+def _around(key: str) -> Bounds:
+    return lambda _, board: (getattr(board.mount, key) - _REACH, getattr(board.mount, key) + _REACH)
+
+
+def _with_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
+    present = {one: reflectance_of(room, one) for one in values}
+    factors = {one: value / present[one] for one, value in values.items() if present[one]}
+    by_surface = np.array([factors.get(one, 1.0) for one in room.materials])
+    return replace(room, reflectances=room.reflectances * by_surface, scattered=room.scattered * by_surface)
+
+
+def _write_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
+    from sonarhw_sim.room.room_writing import materials, with_material
+
+    for material, value in values.items():
+        room = with_material(room, material, round(value, REFLECTANCE.digits), materials(room)[material].scatter)
+    return room
+
+
+def _shift_walls(room: "Room", values: Mapping[str, float]) -> "Room":
+    from sonarhw_compare.fit.values.free_walls import with_shifted_walls
+
+    return with_shifted_walls(room, values)
+
+
+def _write_walls(room: "Room", values: Mapping[str, float]) -> "Room":
+    from sonarhw_sim.room.room_writing import with_corners
+
+    shifted = _shift_walls(room, values).walls.round(WALL.digits)
+    ends = zip(room.walls.reshape(-1, 2).tolist(), shifted.reshape(-1, 2).tolist(), strict=True)
+    return with_corners(room, {(x, y): (new_x, new_y) for (x, y), (new_x, new_y) in ends})
+
+
+X = PlaceQuantity(
+    name="x",
+    unit="m",
+    step=2e-3,
+    bounds=_span(0),
+    digits=5,
+    label="x",
+    group="position",
+    offer=Offer("Position", "Where the sensor stands", True),
+    moves_paths=True,
+    value=lambda place: place.position[0],
+    put=lambda place, value: replace(place, position=(value, place.position[1])),
+)
+Y = PlaceQuantity(
+    name="y",
+    unit="m",
+    step=2e-3,
+    bounds=_span(1),
+    digits=5,
+    label="y",
+    group="position",
+    moves_paths=True,
+    value=lambda place: place.position[1],
+    put=lambda place, value: replace(place, position=(place.position[0], value)),
+)
+HEADING = PlaceQuantity(
+    name="heading",
+    unit="°",
+    step=math.radians(0.2),
+    bounds=lambda _room, _board: (-math.inf, math.inf),
+    digits=3,
+    label="step 0 at",
+    offer=Offer("Heading", "Where step 0 of the turntable points", True),
+    by_levels=True,
+    value=lambda place: place.heading,
+    put=lambda place, value: replace(place, heading=value),
+)
+OFFSET = BoardQuantity(  # added to every measured range, as `compare` has it
+    name="offset",
+    unit="m",
+    step=2e-3,
+    bounds=lambda _room, _board: (-_REACH, _REACH),
+    digits=5,
+    label="range offset",
+    offer=Offer("Range offset", "By how much the board's ranges exceed the true ones", True),
+    drags=True,
+    by_levels=True,
+    key="range_offset",
+    is_correction=True,
+)
+AHEAD = BoardQuantity(
+    name="ahead",
+    unit="m",
+    step=2e-3,
+    bounds=_around("ahead"),
+    digits=5,
+    label="face ahead of the axis",
+    group="axis",
+    drags=True,
+    key="mount.ahead",
+)
+ASIDE = BoardQuantity(
+    name="aside",
+    unit="m",
+    step=2e-3,
+    bounds=_around("aside"),
+    digits=5,
+    label="face left of the axis",
+    group="axis",
+    key="mount.aside",
+)
+TEMPERATURE = AirQuantity(
+    name="temperature",
+    unit="°C",
+    step=0.5,
+    bounds=lambda _room, _board: (-10.0, 45.0),
+    digits=2,
+    label="air",
+    offer=Offer("Air temperature", "It sets the speed of sound; ranges alone seldom separate it from an offset", False),
+    key="temperature_c",
+    value=lambda air: air.temperature_c,
+    put=lambda air, value: replace(air, temperature_c=value),
+)
+SPEED = AirQuantity(
+    name="speed",
+    unit="m/s",
+    step=0.3,
+    bounds=_speeds,
+    digits=2,
+    label="speed of sound",
+    key="temperature_c",
+    value=lambda air: air.speed_of_sound,
+    put=lambda air, value: replace(air, temperature_c=temperature_at(value, air)),
+)
+THRESHOLD = BoardQuantity(
+    name="threshold",
+    unit="dB",
+    step=0.5,
+    bounds=lambda _, board: (board.threshold_db - 20.0, min(0.0, board.threshold_db + 20.0)),
+    digits=2,
+    label="threshold",
+    by_levels=True,
+    key="threshold_db",
+)
+APERTURE = BoardQuantity(
+    name="aperture",
+    unit="m",
+    step=2e-4,
+    bounds=lambda _, board: (board.aperture_radius / 2.5, board.aperture_radius * 2.5),
+    digits=6,
+    label="aperture radius",
+    by_levels=True,
+    key="aperture_radius",
+)
+REFLECTANCE = PartQuantity(
+    name="reflectance",
+    unit="",
+    step=0.01,
+    bounds=lambda _room, _board: (0.2, 1.0),
+    digits=4,
+    label="reflectance",
+    group="reflectances",
+    offer=Offer("Reflectances", "How much of an echo every material leaves", False),
+    by_levels=True,
+    part="MATERIAL",
+    parts=lambda room: room.materials,
+    value=reflectance_of,
+    put=_with_reflectances,
+    write=_write_reflectances,
+)
+WALL = PartQuantity(  # m by which a wall moves to its left, seen along its points
+    name="wall",
+    unit="m",
+    step=2e-3,
+    bounds=lambda _room, _board: (-0.1, 0.1),
+    digits=5,
+    label="wall",
+    group="walls",
+    moves_paths=True,
+    part="NAME",
+    parts=lambda room: room.names[: len(room.walls)],
+    value=lambda _room, _wall: 0.0,
+    put=_shift_walls,
+    write=_write_walls,
+)
+
+QUANTITIES: tuple[Quantity, ...] = (
+    *(X, Y, HEADING),
+    *(OFFSET, AHEAD, ASIDE),
+    *(TEMPERATURE, SPEED),
+    *(THRESHOLD, APERTURE),
+    *(REFLECTANCE, WALL),
+)
+# What a person types, and which quantities that is
+WORDS: dict[str, tuple[Quantity, ...]] = {one.name: (one,) for one in QUANTITIES}
+WORDS |= {word: tuple(one for one in QUANTITIES if one.group == word) for word in (q.group for q in QUANTITIES) if word}
+
+
+def quantity_named(name: str) -> Quantity:
+    """Return the quantity of that name."""
+    return WORDS[name][0]
+
+
+def words_of(kind: type[Quantity] = Quantity) -> str:
+    """Return the words for all quantities of a kind, as a help text lists them."""
+    several: dict[str, list[str]] = {}
+    for one in QUANTITIES:
+        if isinstance(one, kind):
+            name = f"{one.name}[:{one.part}]" if isinstance(one, PartQuantity) else one.name
+            several.setdefault(one.word, []).append(name)
+    return ", ".join(word if names == [word] else f"{word} ({', '.join(names)})" for word, names in several.items())
