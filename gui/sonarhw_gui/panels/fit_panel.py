@@ -24,7 +24,7 @@ from sonarhw_gui.panels.fit_words import answer_line, rows, share_line, warnings
 from sonarhw_gui.panels.room_groups import short_list
 from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
 from sonarhw_gui.scene.fit_scene import fitted
-from sonarhw_gui.session.fitting import FitState
+from sonarhw_gui.session.fit_control import FitState
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.fit_request import NEAR, FitWish
 

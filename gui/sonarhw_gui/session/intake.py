@@ -1,9 +1,8 @@
-"""Where the readings come from: the live scanner, or a log that is played back.
-
-Takes the way to a scanner, or a log; hands on the readings made by now, how fast they come, and how that stands.
-"""
+"""Where the readings come from: the live scanner, or a log that is played back; and how that stands."""
 
 import time
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from PySide6.QtCore import QObject
@@ -18,6 +17,20 @@ from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.replay_control import ReplayControl
 
 
+@dataclass(frozen=True)
+class ReplayedLog:
+    """A log as it was opened."""
+
+    log: Log
+    name: str
+    path: Path | None  # where to find it again
+
+    @cached_property
+    def lost(self) -> int:
+        """How many readings of its scans it lacks."""
+        return sum(map(lost_in, self.log.scans))
+
+
 class Intake:
     """A scanner and a log; the log is what is shown while there is one."""
 
@@ -25,11 +38,9 @@ class Intake:
         self.live = LiveFeed(opener, wish)
         self.replay = ReplayControl(parent)
         self._rate = RateMeter()
-        self._log_name, self._lost_in_log = "", 0
-        self._log: Log | None = None
-        self._log_path: Path | None = None
+        self._opened: ReplayedLog | None = None
         self._played: tuple[Reading, ...] = ()
-        self._scanned_room = ""  # the one in which the last live scan began
+        self.scanned_in: Scene | None = None  # when the last live scan began
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -42,17 +53,25 @@ class Intake:
         return self.replay.readings or self.live.readings
 
     @property
+    def replayed(self) -> ReplayedLog | None:
+        """The log that is played back."""
+        return self._opened if self.replay.loaded else None
+
+    @property
+    def recording(self) -> Path | None:
+        """The file that the readings of the last live scan are recorded in."""
+        return self.live.status.recording if self.live.readings else None
+
+    @property
     def log_file(self) -> str:
         """The file that holds the readings shown; empty where there is none."""
-        path = self._log_path if self.replay.loaded else self.live.status.recording if self.live.readings else None
+        path = self.replayed.path if self.replayed else self.recording
         return "" if path is None else str(path.absolute())
 
     @property
     def recorded(self) -> Log | Path | None:
         """The log whose readings are shown, or the file that holds it; None where there is none."""
-        if self.replay.loaded:
-            return self._log
-        return self.live.status.recording if self.live.readings else None
+        return self.replayed.log if self.replayed else self.recording
 
     def begin(self) -> None:
         """Count anew: other readings are shown from now on."""
@@ -62,14 +81,13 @@ class Intake:
         """Scan live; a log is put away."""
         self.begin()
         self.replay.unload()
-        self._scanned_room = room_name(scene)
+        self.scanned_in = scene
         self.live.start(scene)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
         """Show a log, at its end; `path` is where to find it again."""
         self.begin()
-        self._log, self._log_name, self._log_path = log, name, path
-        self._lost_in_log = sum(map(lost_in, log.scans))
+        self._opened = ReplayedLog(log, name, path)
         self.replay.load(log)
 
     def stop(self) -> None:
@@ -85,25 +103,25 @@ class Intake:
 
     def status(self, now: float, predicting: bool, room: str = "") -> Status:
         """How things stand; `room` is the name of the room that is shown."""
-        live, replaying = self.live.status, self.replay.loaded
+        live, replayed = self.live.status, self.replayed
         readings = self.readings
-        warmth = readings[-1].temperature_c if replaying and readings else live.temperature_c
+        here = self.scanned_in is not None and room == room_name(self.scanned_in)
         return Status(
-            source=Source.REPLAY if replaying else Source.LIVE if self.live.phase else Source.NONE,
+            source=Source.REPLAY if replayed else Source.LIVE if self.live.phase else Source.NONE,
             phase=self.live.phase,
             can_scan=self.live.possible,
             readings=len(readings),
             rate=self._rate.rate(now),
-            lost=self._lost_in_log if replaying else live.lost,
-            temperature_c=warmth,
+            lost=replayed.lost if replayed else live.lost,
+            temperature_c=readings[-1].temperature_c if replayed and readings else live.temperature_c,
             recording=live.recording,
-            log_name=self._log_name if replaying else "",
+            log_name=replayed.name if replayed else "",
             predicting=predicting,
             wish=self.live.wish,
             link=self.live.link,
             trouble=self.live.trouble,
             angle=live.angle,
-            own_readings=bool(readings) and self.live.made_readings and room == self._scanned_room,
+            own_readings=bool(readings) and self.live.made_readings and here,
         )
 
     def _up_to_now(self) -> tuple[Reading, ...]:

@@ -53,24 +53,21 @@ class ScannerChoice(QObject):
         """The ports that were looked up last."""
         return self._book.rows if self._book else ()
 
-    def way_to(self, url: str) -> ScannerWay | None:
-        """The way to the scanner at `url`; where it leads nowhere that is told, and there is none."""
+    @Slot(str)
+    def choose(self, url: str) -> None:
+        """Ask to use the scanner at `url`; an invalid URL emits `failed`."""
         if self._find_way is None:
-            return None
+            return
         try:
             way = self._find_way(url)
         except SonarError as error:
             self.failed.emit(str(error))
-            return None
-        self.url, self.urls = url, with_newest(self.urls, url)
-        return way
-
-    @Slot(str)
-    def choose(self, url: str) -> None:
-        """Use the scanner at `url` from now on."""
-        way = self.way_to(url)
-        if way is not None:
+        else:
             self.chosen.emit(way)
+
+    def remember(self, way: ScannerWay) -> None:
+        """Book that this scanner is used now."""
+        self.url, self.urls = way.url, with_newest(self.urls, way.url)
 
     @Slot()
     def look(self) -> None:

@@ -18,7 +18,7 @@ from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.scene.scene_edit import with_board
-from sonarhw_gui.session.fitting import Fitting
+from sonarhw_gui.session.fit_control import FitControl
 from sonarhw_gui.session.intake import Intake
 from sonarhw_gui.session.keeping import Keeping
 from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerWay, WayFinder
@@ -55,26 +55,28 @@ class WindowSession(QObject):
         self.status = Status(can_scan=opener is not None, wish=wish)
         self._intake = Intake(opener, wish, self)
         self.replay, self.live = self._intake.replay, self._intake.live
-        self.replay.changed.connect(self._follow_replay)
-        self.replay.broken.connect(self.warned)
         self._before_replay: Scene | None = None
-        self._scanned_in = self._scanner_in = scene  # when the last scan began; where the scanner is known to be
+        self._scanner_in = scene  # where the scanner is known to be
         self.showing = ShownModel(scene, look or Look(), self._intake, self)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
-        self.showing.edited.connect(self._follow_edit)
         self.documents = Documents(wish.folder)
         self.scanners = ScannerChoice(find_way, self)
-        self.scanners.chosen.connect(self._use)
-        self.scanners.failed.connect(self.warned)
-        self.fitting = Fitting(self)
+        self.fitting = FitControl(self)
         self.keeping = Keeping(self)
-        for errand in (self.fitting, self.keeping):
-            errand.failed.connect(self.warned)
         self._last_tick = time.monotonic()
         self._timer = QTimer(self, interval=TICK, timerType=Qt.TimerType.PreciseTimer)
-        self._timer.timeout.connect(self.tick)
+        self._connect()
         self._timer.start()
+
+    def _connect(self) -> None:
+        self.replay.changed.connect(self._follow_replay)
+        self.replay.broken.connect(self.warned)
+        self.showing.edited.connect(self._follow_edit)
+        self.scanners.chosen.connect(self._use)
+        for part in (self.scanners, self.fitting, self.keeping):
+            part.failed.connect(self.warned)
+        self._timer.timeout.connect(self.tick)
 
     @property
     def shown(self) -> Shown:
@@ -89,7 +91,6 @@ class WindowSession(QObject):
         if self.live.possible and not self.live.running:
             self._begin()
             self._tell_moved()
-            self._scanned_in = self.shown.scene
             self._intake.scan(self.shown.scene)
 
     @Slot()
@@ -177,6 +178,7 @@ class WindowSession(QObject):
             self.warned.emit("a scan runs: stop it before another scanner is connected")
             return
         self.leave_replay()
+        self.scanners.remember(way)
         self.live.use(way.opener)
         if way.scene is not None:
             self.set_scene(way.scene)
@@ -213,21 +215,22 @@ class WindowSession(QObject):
 
     @Slot()
     def tick(self) -> None:
-        """Fetch what has happened since the last tick, and tell."""
+        """Fetch what has happened since the last tick, and report it."""
         now = time.monotonic()
         elapsed, self._last_tick = now - self._last_tick, now
-        self.scanners.tick()
-        self.fitting.tick()
-        self.keeping.tick()
+        for part in (self.scanners, self.fitting, self.keeping):
+            part.tick()
         for opened in self.documents.take():
             self._take_opened(opened)
         self._ticking = True
         self.replay.advance(elapsed)
         self._ticking = False
-        heard = self._take_heard()
-        self.showing.tick(heard)
-        traces = self.showing.traces
+        self.showing.tick(self._take_heard())
         self.unsaved.tick(now)
+        self._report_messages()
+        self._tell_status()
+
+    def _report_messages(self) -> None:
         for messages in (self.showing.forecast.failures, self.documents.messages, self.unsaved.messages):
             for message in messages:
                 self.warned.emit(message)
@@ -235,10 +238,10 @@ class WindowSession(QObject):
         for notice in self.unsaved.notices:
             self.offered.emit(notice)
         self.unsaved.notices.clear()
-        for message in traces.failures:
+        failures = self.showing.traces.failures
+        for message in failures:
             (self.replay.give_up_traces if self.replay.loaded else self.warned.emit)(message)
-        traces.failures.clear()
-        self._tell_status()
+        failures.clear()
 
     def _take_opened(self, opened: Opened) -> None:
         self.recent_changed.emit(self.documents.recent)
@@ -259,12 +262,13 @@ class WindowSession(QObject):
             self.offered.emit(opened.doubt)
 
     def _tell_other_room(self, opened: Scene) -> None:
-        log = self.recorded if self.replay.loaded else None
-        if isinstance(log, Log):
-            text, name = log.metadata.room_text, log.metadata.room_file
+        replayed, scanned_in = self._intake.replayed, self._intake.scanned_in
+        if replayed is not None:
+            text, name = replayed.log.metadata.room_text, replayed.log.metadata.room_file
+        elif scanned_in is not None and scanned_in.room is not None:
+            text, name = scanned_in.room.text, scanned_in.room_file
         else:
-            room = self._scanned_in.room
-            text, name = room.text if room else "", self._scanned_in.room_file
+            return
         if self._intake.all_readings and text and opened.room and text != opened.room.text:
             taken = f"{name or 'another room'}{' as it was then' if name == opened.room_file else ''}"
             self.warned.emit(f"these readings were taken in {taken}; they are now held against {opened.room_file}")

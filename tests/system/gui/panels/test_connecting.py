@@ -117,6 +117,8 @@ def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenW
     window.session.scanners.choose("socket://another")
     assert "a scan runs" in window.banner.message
     assert window.session.status.scanning
+    assert window.session.scanners.url == ""
+    assert window.session.scanners.urls == ()
 
 
 @pytest.mark.parametrize(("url", "said"), [("socket://127.0.0.1:9", "no scanner: "), ("nonsense://x", "no scanner: ")])

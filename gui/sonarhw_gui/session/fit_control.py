@@ -22,7 +22,7 @@ class FitState:
     found: FitFound | None = None
 
 
-class Fitting(QObject):
+class FitControl(QObject):
     """At most one fit at a time."""
 
     changed = Signal(object)  # FitState
