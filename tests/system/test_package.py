@@ -1,4 +1,4 @@
-"""What is built is whole: the wheel, installed in a clean environment, does the demo from another folder."""
+"""The wheel works in a clean environment and another folder, also beside files named like its packages."""
 
 import json
 import os
@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from tests.checkout import CHECKOUT
+from tests.system import hostile
 
 
-@pytest.mark.timeout(600)  # it downloads and installs every dependency
+@pytest.mark.timeout(900)  # it downloads and installs every dependency
 def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(CHECKOUT)]
     subprocess.run(build, check=True, capture_output=True)
@@ -30,3 +31,5 @@ def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     assert summary["within_5cm"] > 0.8
     assert (elsewhere / "result" / "overlay.png").exists()
     assert (elsewhere / "result" / "scan.mcap").exists()
+    hostile.fill(elsewhere)
+    hostile.use_everything([str(python)], [str(python.with_name("sonarhw"))], elsewhere)

@@ -1,0 +1,93 @@
+"""A working folder full of files named like ours, each of which raises at import, and what a user does in it."""
+
+import os
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.checkout import CHECKOUT
+
+RAISE = 'raise RuntimeError(f"imported {__file__}, a file of the user")\n'
+FILES = (
+    *("sim.py", "gui.py", "cli.py", "compare.py", "tests.py", "rooms.py", "readings.py", "errors.py", "wire.py"),
+    *("sim/__init__.py", "gui/__init__.py", "rooms/__init__.py", "benchmarks/__init__.py", "setup.py"),
+)
+USE_THE_API = """
+import importlib, pkgutil, sys
+import numpy as np
+from sonarhw import Reading, Scanner, ScanOrder, sector
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.predict.prediction import predict_scan
+from sonarhw_sim.room.model import load_room
+import sonarhw_cli, sonarhw_compare, sonarhw_gui, sonarhw_rooms, sonarhw_sim
+
+room = load_room("room.toml")
+assert len(predict_scan(room, room.place("figure9"), load_board("paper"), np.array([0.0, 1.0])).ranges) == 2
+for package in (sys.modules[name] for name in [*sys.modules] if name.startswith("sonarhw") and "." not in name):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+"""
+SHOW_ALL_HELP = """
+import sys
+from typer.main import get_command
+from sonarhw_cli.app import app, run
+
+def commands(command, *names):
+    yield [*names, "--help"]
+    for name, part in getattr(command, "commands", {}).items():
+        yield from commands(part, *names, name)
+
+sys.exit(max(run(arguments) for arguments in commands(get_command(app))))
+"""
+COMMANDS = (
+    "--version",
+    "demo --headless scanned",
+    "ports",
+    "simulate room.toml --place figure9 --step 90 --out simulated.csv",
+    "paths room.toml --place figure9 --out paths.csv",
+    "import simulated.csv --out imported.mcap --heading heading_deg --range range_m",
+    "log info scanned/scan.mcap",
+    "log export scanned/scan.mcap --out scan.csv",
+    "log recover scanned/scan.mcap --out again.mcap",
+    "compare scanned/scan.mcap --json --plot overlay.png",
+    "compare imported.mcap --room room.toml --place figure9",
+    "fit scanned/scan.mcap --free heading --samples 0 --json",
+    "report scanned/scan.mcap --out report.html",
+)
+
+
+def fill(folder: Path) -> None:
+    """Write the hostile files, and a room to work on."""
+    for name in FILES:
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(RAISE)
+    (folder / "room.toml").write_text((CHECKOUT / "rooms" / "simple.toml").read_text(encoding="utf-8"))
+
+
+def use_everything(python: Sequence[str], sonarhw: Sequence[str], folder: Path, search: str = "") -> None:
+    """Use the Python API and the commands in `folder`, which is also the first place where Python searches modules."""
+    search_path = os.pathsep.join(part for part in (str(folder), search) if part)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    environment |= {"PYTHONPATH": search_path}
+
+    def run(*arguments: str) -> str:
+        done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, (arguments, done.stderr)
+        return done.stdout
+
+    (folder / "script.py").write_text(USE_THE_API)
+    run(*python, "script.py")
+    assert run(*python, "-c", SHOW_ALL_HELP).count("Usage: sonarhw") > 20
+    for command in COMMANDS:
+        run(*sonarhw, *command.split())
+    fake = [*sonarhw, "fake", "room.toml", "--place", "figure9", "--tcp", "127.0.0.1:0", "--pace", "max"]
+    with subprocess.Popen(fake, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as scanner:
+        try:
+            assert scanner.stdout is not None
+            url = scanner.stdout.readline().strip()
+            run(*sonarhw, "info", url)
+            run(*sonarhw, "scan", url, "--out", "fake.mcap", "--step", "90")
+        finally:
+            scanner.terminate()
