@@ -1,0 +1,28 @@
+"""The fake's echo source compiles every kernel before it answers its first ping."""
+
+import subprocess
+import sys
+
+
+def test_nothing_is_left_to_compile_when_ready() -> None:
+    # a process of its own: here other tests have compiled everything already
+    program = """
+import math, sys
+from sonarhw_sim.board.profile import load_board
+from sonarhw_sim.room.model import load_room
+from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw.echo_source import Ping
+
+def compiled():
+    ours = [module for name, module in sys.modules.items() if name.startswith("sonarhw_sim.")]
+    return {key: len(kernel.signatures) for module in ours for key, kernel in vars(module).items()
+            if hasattr(kernel, "signatures")}
+
+room = load_room("rooms/simple.toml")
+source = RoomEchoes(room, room.places["figure9"], load_board("paper"))
+source.prepare()
+before = compiled()
+source.hear(Ping(1.0, 0, 0, 0.06, trace=True))
+assert before and compiled() == before, (before, compiled())
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)

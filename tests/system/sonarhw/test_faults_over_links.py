@@ -1,0 +1,63 @@
+"""Faults of a fake scanner over real links: the example of the document, cables that come out, another protocol."""
+
+import re
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from sonarhw.device.endpoint import Endpoint, serve
+from sonarhw.errors import Incompatible, LinkError, LinkLost
+from sonarhw.host.scanner import Scanner
+from sonarhw.link.serial_link import Link
+from sonarhw.wire.frames import Frame, encode_frame
+from sonarhw.wire.messages import Hello
+from tests.checkout import CHECKOUT
+from tests.fixtures.faulty_boards import faulty
+from tests.fixtures.plain_echoes import PlainEchoes
+
+DOCUMENT = (CHECKOUT / "docs" / "faults.md").read_text(encoding="utf-8")
+
+
+def test_the_python_of_the_document_runs() -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT, flags=re.DOTALL)
+    exec(code, {"my_echoes": PlainEchoes()})
+
+
+@pytest.mark.parametrize("line", ["pty", "tcp"])
+@pytest.mark.parametrize("fault", ["unplug", "move"])
+def test_a_cable_that_was_out_comes_back_under_its_name_or_another(line: str, fault: str, tmp_path: Path) -> None:
+    where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
+    with serve(faulty(f"{fault}=5@20"), pace=20.0, **where) as endpoint:  # type: ignore[arg-type]
+        before = endpoint.url
+        with Link(before) as link, pytest.raises(LinkLost):
+            read_for_ever(link)
+        with opened_again(endpoint) as link:
+            assert (link.url == before) == (fault == "unplug")
+            link.write(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
+            assert link.read()
+        assert (tmp_path / "scanner").is_symlink() == (line == "pty" and fault == "unplug")
+        assert (tmp_path / "scanner-1").is_symlink() == (line == "pty" and fault == "move")
+
+
+def read_for_ever(link: Link) -> None:
+    """Ends with what `read` raises."""
+    while True:
+        link.read()
+
+
+def opened_again(endpoint: Endpoint) -> Link:
+    """A link to where the device is now, as soon as there is one."""
+    deadline = time.monotonic() + 10
+    while True:
+        try:
+            return Link(endpoint.url)
+        except LinkError:
+            assert time.monotonic() < deadline
+            threading.Event().wait(0.01)
+
+
+def test_another_protocol_version_is_refused_by_name() -> None:
+    with serve(faulty("protocol=0.9"), tcp="127.0.0.1:0") as endpoint, pytest.raises(Incompatible, match=r"0\.9"):
+        Scanner.open(endpoint.url)
