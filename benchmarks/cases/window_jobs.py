@@ -192,7 +192,7 @@ class _Drag:
 
     def __init__(self, window: MainWindow) -> None:
         self.updates: list[float] = []  # from a hand's movement to the paint of its outline, s
-        self._window, self._plan = window, window.plan
+        self._window, self._plan = window, window.views.plan.drawing
         self._moved: dict[tuple[float, float], float] = {}
         self._painted: object = None
         self._middle = window.session.shown.scene.standing.position
@@ -201,7 +201,7 @@ class _Drag:
         self._timer.timeout.connect(self._move)
         self._step = 0
         self._paints = Paints(window, self._note)
-        window.plan.edited.connect(self._asked)
+        window.views.plan.gestures.edited.connect(self._asked)
 
     def go_on(self, lasts: float) -> None:
         """Drag on."""
@@ -214,7 +214,7 @@ class _Drag:
         QTest.mouseRelease(self._plan.viewport(), Qt.MouseButton.LeftButton)
 
     def _pixel(self, x: float, y: float) -> QPoint:
-        return self._plan.mapFromScene(self._plan.plotItem.vb.mapViewToScene(QPointF(x, y)))
+        return self._plan.mapFromScene(self._plan.plot.vb.mapViewToScene(QPointF(x, y)))
 
     def _move(self) -> None:
         self._step += 1

@@ -15,6 +15,7 @@ from sonarhw_sim.predict.by_heading import arm
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
+from sonarhw_gui.plots.canvas import new_plot
 from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from sonarhw_gui.scene.plan_geometry import wall_lines
 from sonarhw_gui.shown.shown import Cursor, Shown
@@ -32,8 +33,7 @@ class BScanPane:
 
     def __init__(self, kind: Pane) -> None:
         self.kind = kind
-        self.plot = pg.PlotItem()
-        self.plot.hideButtons()
+        self.plot = new_plot()
         self._ground, self._blanking = pg.PlotCurveItem(fillLevel="enclosed"), pg.PlotCurveItem()
         self._image = pg.ImageItem(axisOrder="row-major")
         self._walls = pg.PlotCurveItem(connect="pairs")
@@ -53,8 +53,7 @@ class BScanPane:
         """Draw in the colours and the unit of this look from now on."""
         self._look = look
         colours = look.palette
-        dress_plot(self.plot, look)
-        self.plot.showGrid(x=False, y=False)
+        dress_plot(self.plot, look, grid=False)
         self._ground.setBrush(colours.blanking)
         self._ground.setPen(None)
         self._walls.setPen(cosmetic_pen(colours.wall, width=1))

@@ -1,15 +1,13 @@
-"""The B-scan: heading by range as an image, measured, predicted and their difference, flat or polar.
+"""The view "B-scan": heading by range as an image, measured, predicted and their difference, flat or polar.
 
-Takes what is shown; hands on what a person wants to see of it, which reading was clicked, and where the mouse points.
-The pictures themselves come ready from a worker's thread; here they are only put in their place.
+The images are computed in a worker thread (`work/bscan_picture.py`). This view only puts them in their place.
 """
 
 import math
 
 import numpy as np
-import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QEvent, QPointF, Signal, Slot
+from PySide6.QtCore import QPointF, Slot
 from PySide6.QtGui import QActionGroup, QHideEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
@@ -17,11 +15,11 @@ from sonarhw_compare.pictures.bscan import RangeCells
 
 from sonarhw_gui.bscan.bscan_pane import BScanPane
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.plots.marks import WHOLE
-from sonarhw_gui.plots.pick import is_plain_click
+from sonarhw_gui.plots.canvas import Canvas
 from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.bscan_picture import BScans, BScanWish, Pane
 
 _CHOICES = (
@@ -35,12 +33,11 @@ _CHOICES = (
 class BScanView(QWidget):
     """Draws traces side by side."""
 
-    picked = Signal(int)  # a reading
-    pointed = Signal(object)  # Cursor or None
-    wished = Signal(object)  # BScanWish; None while nobody looks
+    entry = ViewEntry("B-scan", "Heading by range as an image", key="3", menu="Trace")
 
     def __init__(self) -> None:
         super().__init__()
+        self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._drawn: BScans | None = None
         self._laid_out: BScanWish | None = None
@@ -56,8 +53,7 @@ class BScanView(QWidget):
         self.decibels = view_action(self, "dB", "B", "Levels in decibels of full scale; else linear")
         self.decibels.setChecked(True)
         self.note = QLabel()
-        self.canvas = pg.GraphicsLayoutWidget()
-        self.canvas.setViewportUpdateMode(WHOLE)
+        self.canvas = Canvas()
         self.panes: dict[Pane, BScanPane] = {}  # each is made when it is first looked at
         self._arrange()
         self._connect()
@@ -71,7 +67,7 @@ class BScanView(QWidget):
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
-            self.canvas.setBackground(shown.look.palette.paper)
+            self.canvas.dress(shown.look)
             for pane in self.panes.values():
                 pane.dress(shown.look)
             self._make_panes(shown.look)
@@ -92,19 +88,17 @@ class BScanView(QWidget):
 
     def showEvent(self, event: QShowEvent) -> None:
         """Somebody looks: have it worked out."""
-        self.wished.emit(self.wish)
+        self.gestures.bscan_wished.emit(self.wish)
         if self._shown is not None:
             self._draw(self._shown)
 
     def hideEvent(self, event: QHideEvent) -> None:
         """Nobody looks any more."""
-        self.wished.emit(None)
+        self.gestures.bscan_wished.emit(None)
 
-    def eventFilter(self, watched: object, event: QEvent) -> bool:
-        """Tell when the mouse has left the images."""
-        if event.type() == QEvent.Type.Leave:
-            self.pointed.emit(None)
-        return False
+    def picture(self) -> QWidget:
+        """Return the images with their choices."""
+        return self
 
     def _arrange(self) -> None:
         row = QHBoxLayout()
@@ -126,9 +120,8 @@ class BScanView(QWidget):
     def _connect(self) -> None:
         for chosen in (self.choices, self.polar, self.decibels):
             chosen.triggered.connect(self._wish_anew)
-        self.canvas.scene().sigMouseClicked.connect(self._click)
-        self.canvas.scene().sigMouseMoved.connect(self._tell_pointed)
-        self.canvas.viewport().installEventFilter(self)
+        self.canvas.clicked.connect(self._click)
+        self.canvas.hovered.connect(self._point_at)
 
     @Slot()
     def _wish_anew(self) -> None:
@@ -136,7 +129,7 @@ class BScanView(QWidget):
             self._make_panes(self._shown.look)
             self._lay_out()
         self._drawn = None
-        self.wished.emit(self.wish)
+        self.gestures.bscan_wished.emit(self.wish)
 
     def _make_panes(self, look: Look) -> None:
         for kind in self.wish.panes:
@@ -177,16 +170,16 @@ class BScanView(QWidget):
 
     def _click(self, event: MouseClickEvent) -> None:
         place = self._place_under(event.scenePos())
-        if self._shown is None or place is None or not is_plain_click(event):
+        if self._shown is None or place is None:
             return
         index = reading_along(self._shown, place.heading)
         if index is not None:
             event.accept()
-            self.picked.emit(index)
+            self.gestures.picked.emit(index)
 
     @Slot(object)
-    def _tell_pointed(self, position: QPointF) -> None:
-        self.pointed.emit(self._place_under(position))
+    def _point_at(self, position: QPointF | None) -> None:
+        self.gestures.pointed.emit(None if position is None else self._place_under(position))
 
     def _place_under(self, position: QPointF) -> Cursor | None:
         for kind in self.wish.panes:

@@ -3,11 +3,14 @@
 Takes the window; hands on actions, which toolbar, menus and help page show.
 """
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QWidget
 
 from sonarhw.export.export_formats import export_suffixes
+from sonarhw_gui.view import ViewEntry
 
 _FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())
 
@@ -15,7 +18,8 @@ _FORMATS = " or ".join(suffix[1:].upper() for suffix in export_suffixes())
 class Commands:
     """What can be done with one key."""
 
-    def __init__(self, owner: QWidget) -> None:
+    def __init__(self, owner: QWidget, views: Sequence[ViewEntry] = ()) -> None:
+        """`views`: of the window; each has a command that shows it or one that keeps a picture of it."""
         self._owner = owner
         self.all: list[QAction] = []
         self.open_room = self._add("Open room…", "Ctrl+R", "Show the readings in the room of a file")
@@ -23,8 +27,7 @@ class Commands:
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
         self.recordings = self._add("Recordings…", "Ctrl+Shift+O", "Find a scan that was recorded before")
         self.keep_view = self._add("Picture of the large view…", "Ctrl+P", "Keep it as PNG or SVG")
-        self.keep_trace = self._add("Picture of the trace…", "Ctrl+Alt+T", "Keep the trace as PNG or SVG")
-        self.keep_ranges = self._add("Picture of the ranges…", "Ctrl+Alt+R", "Keep ranges and residuals as PNG or SVG")
+        self.keep_beside = {view.name: self._keep(view) for view in views if view.picture_key}
         self.keep_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Keep all that is seen as PNG")
         self.keep_data = self._add("Export data…", "Ctrl+E", f"Keep the readings as {_FORMATS}, or the figures as JSON")
         self.report = self._add("Report…", "Ctrl+Shift+E", "One HTML file: pictures, figures, every reading, settings")
@@ -51,12 +54,8 @@ class Commands:
         for action in (self.loop, self.skip_gaps):
             action.setCheckable(True)
         self.leave_replay = self._add("Leave replay", "Ctrl+W", "Put the log away: back to the live scan, or to none")
-        self.views = self._choice(
-            self._add("Plan", "1", "The room to scale"),
-            self._add("Side by side", "2", "Reality left, simulation right"),
-            self._add("B-scan", "3", "Heading by range as an image"),
-        )
-        self.fit = self._add("Fit view", "F", "Show the whole room in the plan")
+        self.views = self._choice(*[self._add(view.name, view.key, view.tip) for view in views if view.key])
+        self.fit = self._add("Fit view", "F", "Show the whole room, all headings and the whole trace")
         self.dark = self._add("Dark", "Ctrl+D", "Light on dark, or dark on light")
         self.dark.setCheckable(True)
         self.units = self._choice(
@@ -75,11 +74,16 @@ class Commands:
         self.all.append(action)
         return action
 
+    def _keep(self, view: ViewEntry) -> QAction:
+        name = view.name.lower()
+        return self._add(f"Picture of the {name}…", view.picture_key, f"Keep the {name} as PNG or SVG")
+
     def _choice(self, *actions: QAction) -> QActionGroup:
         """Commands of which one is always chosen, at first the first."""
         group = QActionGroup(self._owner)
         for action in actions:
             action.setCheckable(True)
             group.addAction(action)
-        actions[0].setChecked(True)
+        for first in actions[:1]:
+            first.setChecked(True)
         return group

@@ -1,14 +1,12 @@
-"""The commands that keep what is shown: pictures of views, data, the report. Each asks where; nothing waits for it.
+"""The commands that keep what is shown: pictures of views, data, the report. Each asks where; nothing waits for it."""
 
-Takes commands, session, window and views; tells the session's keeping what to write where.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Slot
-from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
+from PySide6.QtWidgets import QFileDialog, QWidget
 
 from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
@@ -16,6 +14,7 @@ from sonarhw_gui.live.device_words import line_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.store.keep_requests import HTML, JSON, PNG, SVG, Content, Data, Picture, ReportPage
+from sonarhw_gui.view import View
 
 _FILTERS = {
     PNG: "Picture (*.png)",
@@ -44,36 +43,28 @@ class KeepCommands(QObject):
         commands: Commands,
         session: WindowSession,
         window: QWidget,
-        stage: QStackedWidget,
-        large: Sequence[QWidget],
-        trace: QWidget,
-        ranges: QWidget,
+        large_view: Callable[[], View],
+        beside: Sequence[View],
     ) -> None:
-        """`large`: what is drawn in each of the views on the `stage`."""
+        """`large_view`: returns the large view that is visible; `beside`: the views beside it."""
         super().__init__(window)
-        self._commands, self._session, self._window = commands, session, window
-        self._stage, self._large, self._trace, self._ranges = stage, large, trace, ranges
+        self._session, self._window, self._large_view = session, window, large_view
         self._subject = Subject("", ())
         self.dialog: QFileDialog | None = None
         commands.keep_view.triggered.connect(self._keep_view)
-        commands.keep_trace.triggered.connect(self._keep_trace)
-        commands.keep_ranges.triggered.connect(self._keep_ranges)
+        for view in beside:
+            if view.entry.name in commands.keep_beside:
+                commands.keep_beside[view.entry.name].triggered.connect(partial(self._keep_picture, view))
         commands.keep_window.triggered.connect(self._keep_window)
         commands.keep_data.triggered.connect(self._keep_data)
         commands.report.triggered.connect(self._keep_report)
 
     @Slot()
     def _keep_view(self) -> None:
-        at = self._stage.currentIndex()
-        self._ask(Subject(self._commands.views.actions()[at].text(), PICTURES, self._large[at]))
+        self._keep_picture(self._large_view())
 
-    @Slot()
-    def _keep_trace(self) -> None:
-        self._ask(Subject("Trace", PICTURES, self._trace))
-
-    @Slot()
-    def _keep_ranges(self) -> None:
-        self._ask(Subject("Ranges", PICTURES, self._ranges))
+    def _keep_picture(self, view: View) -> None:
+        self._ask(Subject(view.entry.name, PICTURES, view.picture()))
 
     @Slot()
     def _keep_window(self) -> None:

@@ -1,12 +1,12 @@
-"""The hand on the plan: mouse and keys go to the tool it holds, and what the tool does becomes an edit, a word, a line.
+"""The controller of a plan: passes mouse and keys to the tool in use, and what the tool does to the window.
 
-Takes the plan it works on; hands on edits through the plan's signals. It is the `Table` of the tools.
+It is the `Table` of the tools, and needs of the drawing only what `Paper` lists.
 """
 
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
@@ -14,26 +14,63 @@ from PySide6.QtCore import QPointF, Qt
 from sonarhw.errors import InputError
 from sonarhw_gui.plan.plan_tools import Hand, Tool
 from sonarhw_gui.plan.plan_words import words_at
-from sonarhw_gui.plots.pick import is_plain_click
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, sensor_turned, with_corner, without_surface
 from sonarhw_gui.shown.shown import Cursor, Shown
-
-if TYPE_CHECKING:
-    from sonarhw_gui.plan.plan_view import PlanView
+from sonarhw_gui.view import Gestures
 
 NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key stroke
 _PAUSE = 1.0  # s: key strokes closer than this are undone together
 _GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.CursorShape.PointingHandCursor}
 
 
+class Paper(Protocol):
+    """What a controller needs of the drawing that it controls."""
+
+    @property
+    def shown(self) -> Shown | None:
+        """What is drawn; None at first."""
+
+    @property
+    def handle_at(self) -> Point | None:
+        """Where the beam can be dragged, m."""
+
+    @property
+    def pixel(self) -> float:
+        """The length of a pixel, m."""
+
+    def contains(self, position: QPointF) -> bool:
+        """Return whether a point of the scene lies in the plan."""
+
+    def point_at(self, position: QPointF) -> Point:
+        """Return the visible point of the plan that is nearest to a point of the scene, m."""
+
+    def draw_room(self) -> None:
+        """Draw the room again: another surface is chosen, or another tool is in use."""
+
+    def draw_ruler(self, start: Point, end: Point, text: str) -> None:
+        """Draw the ruler."""
+
+    def clear_ruler(self) -> None:
+        """Remove the ruler."""
+
+    def draw_cursor(self, shape: Qt.CursorShape) -> None:
+        """Change the shape of the mouse cursor."""
+
+    def write(self, text: str) -> None:
+        """Write a line beside the tools."""
+
+    def pick(self, event: MouseClickEvent) -> None:
+        """Choose the reading under a click."""
+
+
 class PlanHands:
     """Holds a tool, and remembers which wall or post is chosen."""
 
-    def __init__(self, plan: "PlanView") -> None:
-        self._plan = plan
+    def __init__(self, paper: Paper, gestures: Gestures) -> None:
+        self._paper, self._gestures = paper, gestures
         self.tool: Tool = Hand(self)
         self._busy = False  # in a gesture
         self._over = False  # what remains of the gesture does nothing: it was cancelled
@@ -48,8 +85,8 @@ class PlanHands:
     @property
     def shown(self) -> Shown:
         """What lies on it."""
-        assert self._plan.shown is not None, "nothing is shown yet"
-        return self._plan.shown
+        assert self._paper.shown is not None, "nothing is shown yet"
+        return self._paper.shown
 
     @property
     def scene(self) -> Scene:
@@ -61,12 +98,12 @@ class PlanHands:
     @property
     def handle_at(self) -> Point | None:
         """Where the beam can be taken hold of, m."""
-        return self._plan.sensor.handle_at
+        return self._paper.handle_at
 
     @property
     def pixel(self) -> float:
         """How long one is, m."""
-        return float(abs(self._plan.plotItem.vb.viewPixelSize()[0]))
+        return self._paper.pixel
 
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
         """Do an edit to the scene as it was when the gesture began; what cannot be is told and not done."""
@@ -77,38 +114,38 @@ class PlanHands:
             return False
         self.tell("")
         self._asked = changed, self.shown
-        self._plan.edited.emit(changed, label, gesture)
+        self._gestures.edited.emit(changed, label, gesture)
         return True
 
     def choose_surface(self, name: str | None) -> None:
         """Let a wall or post be the one that keys and panel are about."""
         if name != self.chosen:
             self.chosen = name
-            self._plan.draw_room()
-            self._plan.surface_chosen.emit(name)
+            self._paper.draw_room()
+            self._gestures.surface_chosen.emit(name)
 
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Lay the ruler."""
-        self._plan.ruler.draw(start, end, text)
+        self._paper.draw_ruler(start, end, text)
 
     def tell(self, text: str) -> None:
         """Say something beside the tools."""
-        self._plan.told.emit(text)
+        self._paper.write(text)
 
     # keys and buttons
 
     @property
     def chosen_surface(self) -> int | None:
         """Number of the chosen wall or post."""
-        room = self.scene.room if self._plan.shown else None
+        room = self.scene.room if self._paper.shown else None
         return room.names.index(self.chosen) if room and self.chosen in room.names else None
 
     def hold(self, tool: type[Tool]) -> None:
         """Take another tool."""
         self.tool = tool(self)
-        self._plan.ruler.clear()
-        self._plan.setCursor(self.tool.shape)
-        self._plan.draw_room()
+        self._paper.clear_ruler()
+        self._paper.draw_cursor(self.tool.shape)
+        self._paper.draw_room()
         self.tell("")
 
     def remove_chosen(self) -> None:
@@ -144,14 +181,14 @@ class PlanHands:
 
     def drag(self, event: MouseDragEvent) -> bool:
         """Offer a drag to the tool; whether it took it."""
-        if self._plan.shown is None:
+        if self._paper.shown is None:
             return False
         if event.isStart():
             self._before = self.chosen
-            self._busy, self._over = self.tool.press(self._at(event.buttonDownScenePos())), False
+            self._busy, self._over = self.tool.press(self._paper.point_at(event.buttonDownScenePos())), False
         taken = self._busy
         if taken and not self._over:
-            self.tool.drag(self._at(event.scenePos()))
+            self.tool.drag(self._paper.point_at(event.scenePos()))
         if event.isFinish():
             self._busy = False
         return taken
@@ -161,50 +198,45 @@ class PlanHands:
         if not self._busy or self._over:
             return self._busy
         self._over, self._asked = True, None
-        self._plan.cancelled.emit(self.tool.gesture)
+        self._gestures.cancelled.emit(self.tool.gesture)
         self.choose_surface(self._before)
-        self._plan.ruler.clear()
+        self._paper.clear_ruler()
         self.tell("")
         return True
 
     def click(self, event: MouseClickEvent) -> None:
         """Choose a surface where the tool edits, else ask about a reading."""
-        if self._plan.shown is None or not is_plain_click(event):
+        if self._paper.shown is None:
             return
         room = self.scene.room
         if room is None or not self.tool.edits:
-            self._plan.pick(event)
+            self._paper.pick(event)
             return
-        at = self._at(event.scenePos())
+        at = self._paper.point_at(event.scenePos())
         surface = surface_at(room, at, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
             self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
         else:
             self.choose_surface(None if surface is None else room.names[surface])
 
-    def hover(self, position: QPointF) -> None:
-        """Say what lies there, and point at it in all views."""
-        if self._plan.shown is None or self._busy:
+    def hover(self, position: QPointF | None) -> None:
+        """Write what lies there, and point at it in all views; None: the mouse has left the plan."""
+        if position is None:
+            self._leave()
             return
-        if not self._plan.plotItem.vb.sceneBoundingRect().contains(position):
-            self.leave()
+        if self._paper.shown is None or self._busy:
             return
-        at = self._at(position)
+        if not self._paper.contains(position):
+            self._leave()
+            return
+        at = self._paper.point_at(position)
         grip = self.tool.grip(at)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
-        self._plan.setCursor(shape)
+        self._paper.draw_cursor(shape)
         self.tell(words_at(self.shown, grip, at, self.pixel))
         middle = self.shown.scene.standing.position
-        self._plan.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
+        self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 
-    def leave(self) -> None:
-        """Nothing is pointed at any more."""
-        self._plan.pointed.emit(None)
+    def _leave(self) -> None:
+        self._gestures.pointed.emit(None)
         self.tell("")
-
-    def _at(self, position: QPointF) -> Point:
-        """A point of the plan under the mouse; none that cannot be seen."""
-        box = self._plan.plotItem.vb
-        seen = box.mapSceneToView(position)
-        (left, right), (low, high) = box.viewRange()
-        return min(max(seen.x(), left), right), min(max(seen.y(), low), high)

@@ -1,42 +1,37 @@
-"""Side by side: reality left, simulation right, under one pan and zoom.
-
-Takes what is shown; hands on the gestures of both plans.
-"""
+"""The view "Side by side": measured left, predicted right, with one pan and zoom."""
 
 from functools import cached_property
 
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from sonarhw_gui.parts.elided import ElidedLabel
-from sonarhw_gui.plan.plan_view import PlanView
+from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.view import Gestures, ViewEntry
 
 
 class SideBySide(QWidget):
     """Two plans: what was measured in the room, and what the model says."""
 
-    picked = Signal(int)  # a reading
-    pointed = Signal(object)  # Cursor or None
-    edited = Signal(object, str, object)  # Scene, what was done, gesture
-    cancelled = Signal(object)  # gesture
+    entry = ViewEntry("Side by side", "Reality left, simulation right", key="2")
 
     def __init__(self) -> None:
         super().__init__()
+        self.gestures = Gestures(self)
         self._row = QHBoxLayout(self)
         self._row.setContentsMargins(0, 0, 0, 0)
         self._row.setSpacing(1)
         self._looked_at = False
 
     @cached_property
-    def reality(self) -> PlanView:
+    def reality(self) -> PlanDrawing:
         """The left plan; made when it is first looked at, as the other."""
-        return PlanView(predicted=False)
+        return PlanDrawing(self.gestures, predicted=False)
 
     @cached_property
-    def simulation(self) -> PlanView:
+    def simulation(self) -> PlanDrawing:
         """The right plan."""
-        return PlanView(measured=False)
+        return PlanDrawing(self.gestures, measured=False)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
@@ -51,18 +46,18 @@ class SideBySide(QWidget):
         if self._looked_at:
             self.reality.fit()
 
+    def picture(self) -> QWidget:
+        """Return both plans."""
+        return self
+
     def _arrange(self) -> None:
         for title, view in (("Reality", self.reality), ("Simulation", self.simulation)):
             self._row.addLayout(_titled(title, view), stretch=1)
-            view.picked.connect(self.picked)
-            view.pointed.connect(self.pointed)
-            view.edited.connect(self.edited)
-            view.cancelled.connect(self.cancelled)
-        self.simulation.plotItem.setXLink(self.reality.plotItem)
-        self.simulation.plotItem.setYLink(self.reality.plotItem)
+        self.simulation.plot.setXLink(self.reality.plot)
+        self.simulation.plot.setYLink(self.reality.plot)
 
 
-def _titled(title: str, view: PlanView) -> QVBoxLayout:
+def _titled(title: str, view: PlanDrawing) -> QVBoxLayout:
     said = ElidedLabel()
     view.told.connect(said.setText)
     head = QHBoxLayout()

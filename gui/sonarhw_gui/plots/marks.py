@@ -10,7 +10,6 @@ import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import HoverEvent
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QPainter, QPen, QPolygonF
-from PySide6.QtWidgets import QGraphicsView
 from sonarhw_compare.matching.match import Kind
 
 from sonarhw.readings import FloatArray
@@ -20,8 +19,6 @@ from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.shown.shown import ClassPoints
 
 _SIZE = 9
-# scatters tell Qt less of what they leave than of what they draw: repainting by parts would let old points stand
-WHOLE = QGraphicsView.ViewportUpdateMode.FullViewportUpdate
 _RING = 16
 NOWHERE = np.empty((0, 2))
 NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))

@@ -25,8 +25,8 @@ def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenSty
     return pen
 
 
-def dress_plot(plot: pg.PlotItem, look: Look) -> None:
-    """Axes, their figures and the grid."""
+def dress_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
+    """Give axes, their figures and the grid the colours and text size of a look."""
     font = text_font(look, 0.9)
     for name in _AXES:
         axis = plot.getAxis(name)
@@ -36,7 +36,7 @@ def dress_plot(plot: pg.PlotItem, look: Look) -> None:
         axis.setStyle(tickFont=font)
         axis.label.setFont(font)
         axis.labelStyle = {"color": look.palette.ink}
-    plot.showGrid(x=True, y=True, alpha=look.palette.grid_alpha)
+    plot.showGrid(x=grid, y=grid, alpha=look.palette.grid_alpha)
 
 
 def label_axis(axis: pg.AxisItem, text: str) -> None:

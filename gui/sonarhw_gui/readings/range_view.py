@@ -1,15 +1,13 @@
-"""Range against heading, measured and predicted, and below it what is left between them.
-
-Takes what is shown; hands on which reading was clicked.
-"""
+"""The view "Ranges": range against heading, measured and predicted, and the residuals below."""
 
 import math
 
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
-from PySide6.QtCore import QEvent, QPointF, Qt, Signal
+from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QFontMetrics, QPainterPath, QPolygonF
+from PySide6.QtWidgets import QWidget
 from sonarhw_compare.matching.match import TOLERANCE, Kind
 
 from sonarhw.readings import FloatArray
@@ -17,13 +15,15 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
-from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, WHOLE, Outline, Placed, ReadingMarks
-from sonarhw_gui.plots.pick import is_plain_click, nearest_reading
+from sonarhw_gui.plots.canvas import Canvas, new_plot
+from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, Outline, Placed, ReadingMarks
+from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.scene.plan_geometry import outline_ranges
 from sonarhw_gui.shown.shown import Cursor, Shown
+from sonarhw_gui.view import Gestures, ViewEntry
 
 _MOST_RESIDUAL = 0.25  # m; what is farther off is an arrow at the edge
 _BEYOND = 18  # pixels of an arrow, which covers the mark of its reading
@@ -32,21 +32,20 @@ _WIDEST = "-000.0"  # figure on a left axis
 _ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
 
 
-class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
+class RangeView(Canvas):
     """Draws ranges and residuals over heading."""
 
-    picked = Signal(int)  # a reading
-    pointed = Signal(object)  # Cursor or None
+    entry = ViewEntry("Ranges", picture_key="Ctrl+Alt+R")
 
     def __init__(self) -> None:
-        super().__init__()
-        self.setViewportUpdateMode(WHOLE)
+        self.ranges, self.residuals = new_plot(), new_plot()
+        super().__init__(self.ranges, self.residuals)
+        self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._top = 0.0  # m, of the range axis
-        self.ranges = self._plot(0)
-        self.residuals = self._plot(1)
         self.residuals.setXLink(self.ranges)
-        self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
+        for plot in (self.ranges, self.residuals):
+            plot.getAxis("bottom").setTickSpacing(90, 30)
         self.ranges.getAxis("bottom").setStyle(showValues=False)
         self.ci.layout.setRowStretchFactor(0, 3)
         self.ci.layout.setRowStretchFactor(1, 2)
@@ -58,13 +57,14 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self._chosen = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer.append(self._add_line(self.ranges, 0))
-        self.ranges.setXRange(0, 360, padding=0.01)
-        self.scene().sigMouseClicked.connect(self._click)
-        self.scene().sigMouseMoved.connect(self._move)
+        self.clicked.connect(self._click)
+        self.hovered.connect(self._move)
+        self.fit()
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
+        self.repaint_whole()
         if before is None or before.look != shown.look:
             self._dress(shown.look)
         if before is None or before.outline is not shown.outline:
@@ -82,6 +82,18 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
                 line.setValue(math.degrees(shown.heading(shown.chosen)) % 360)
         self._point(shown.cursor)
 
+    def fit(self) -> None:
+        """Show all headings, ranges and residuals."""
+        self.ranges.setXRange(0, 360, padding=0.01)
+        self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
+        self._top = 0.0
+        if self._shown is not None:
+            self._reach(self._shown)
+
+    def picture(self) -> QWidget:
+        """Return both plots."""
+        return self
+
     def _reach(self, shown: Shown) -> None:
         """Reach as far as anything drawn; while that changes little the axis stays, or it would jump under a hand."""
         drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
@@ -92,13 +104,8 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
             self._top = 1.15 * most
             self.ranges.setYRange(0.0, self._top, padding=0.05)
 
-    def leaveEvent(self, event: QEvent) -> None:
-        """Nothing is pointed at any more."""
-        self.pointed.emit(None)
-        super().leaveEvent(event)
-
     def _dress(self, look: Look) -> None:
-        self.setBackground(look.palette.paper)
+        self.dress(look)
         metrics = QFontMetrics(text_font(look, 0.9))
         for plot in (self.ranges, self.residuals):
             dress_plot(plot, look)
@@ -134,12 +141,6 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
             line.setPen(cosmetic_pen(look.palette.tolerance))
-
-    def _plot(self, row: int) -> pg.PlotItem:
-        plot = self.addPlot(row=row, col=0)
-        plot.getAxis("bottom").setTickSpacing(90, 30)
-        plot.hideButtons()
-        return plot
 
     def _add_tolerance(self) -> pg.LinearRegionItem:
         band = pg.LinearRegionItem(
@@ -186,22 +187,22 @@ class RangeView(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has
         return reading_tip(self._shown, index) if self._shown else ""
 
     def _click(self, event: MouseClickEvent) -> None:
-        if self._shown is None or not is_plain_click(event):
+        if self._shown is None:
             return
         index = self._under(event.scenePos())
         if index is not None:
             event.accept()
-            self.picked.emit(index)
+            self.gestures.picked.emit(index)
 
-    def _move(self, place: QPointF) -> None:
-        """Tell every view where the hand points; over the residuals at a heading only, at the chosen range."""
+    def _move(self, place: QPointF | None) -> None:
+        """Point at a heading and range in every view; over the residuals, at the range of the nearest reading."""
         for plot in (self.ranges, self.residuals):
-            if self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
+            if place is not None and self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
                 at = plot.vb.mapSceneToView(place)
                 far = at.y() if plot is self.ranges else self._range_near(at.x())
-                self.pointed.emit(Cursor(math.radians(at.x()), max(far, 0.0)))
+                self.gestures.pointed.emit(Cursor(math.radians(at.x()), max(far, 0.0)))
                 return
-        self.pointed.emit(None)
+        self.gestures.pointed.emit(None)
 
     def _range_near(self, heading: float) -> float:
         """The range that the reading nearest to a heading (degrees) is drawn at, m; 0 where there is none."""

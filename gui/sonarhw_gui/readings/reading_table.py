@@ -33,6 +33,7 @@ from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.readings.reading_model import ReadingModel
 from sonarhw_gui.shown.reading_rows import CLASSES, Class, Column, class_name, column_name, rows_as_csv
 from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.view import Gestures, ViewEntry
 
 _LEAST = {
     Column.CLASS: "missed",
@@ -70,10 +71,11 @@ class _Rows(QTableView):
 class ReadingTable(QWidget):
     """One row a reading, and over them what is wanted of them."""
 
-    picked = Signal(int)  # a reading
+    entry = ViewEntry("Readings", is_text=True)
 
     def __init__(self) -> None:
         super().__init__()
+        self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._sorted_by = Column.NUMBER
         self._path_width = 0  # pixels, where the sentence stands behind it
@@ -113,6 +115,12 @@ class ReadingTable(QWidget):
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._fade_counts(shown)
         self._follow(shown.chosen)
+
+    def fit(self) -> None:
+        """A table has no range."""
+
+    def picture(self) -> None:
+        """Pictures are of plots."""
 
     @Slot()
     def copy_rows(self) -> None:
@@ -266,7 +274,7 @@ class ReadingTable(QWidget):
     @Slot(QModelIndex)
     def _pick(self, index: QModelIndex) -> None:
         if index.isValid():
-            self.picked.emit(int(self.model.order[index.row()]))
+            self.gestures.picked.emit(int(self.model.order[index.row()]))
 
 
 def _to_be_read(shown: Shown) -> tuple[Look, int, bool]:

@@ -11,7 +11,6 @@ from functools import reduce
 from pathlib import Path
 from types import FrameType
 
-import pyqtgraph as pg
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication
 
@@ -75,7 +74,6 @@ def open_application() -> QApplication:
     application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
     application.setApplicationName("sonarhw")
     application.setStyle("Fusion")
-    pg.setConfigOptions(antialias=True)
     apply_look(Look())
     return application
 

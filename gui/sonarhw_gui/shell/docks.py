@@ -1,11 +1,22 @@
-"""The docks: panels at the side of the window, each of which can be closed, moved and opened again.
+"""The docks: panels at the side of the window, each of which can be closed, moved and opened again."""
 
-Takes the window and its panels; hands on the docks.
-"""
+from typing import Protocol, cast
 
 from PySide6.QtCore import QSize, Qt, Slot
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QWidget
+
+from sonarhw_gui.shown.shown import Shown
+
+
+class Panel(Protocol):
+    """A widget that shows its part of what is shown."""
+
+    def show_state(self, shown: Shown) -> None:
+        """Show what differs from the last call."""
+
+    def isVisibleTo(self, ancestor: QWidget) -> bool:
+        """Return whether it is visible when `ancestor` is. Every QWidget has this."""
 
 
 class _Upright(QScrollArea):
@@ -51,11 +62,13 @@ class Docks:
     def __init__(self, window: QMainWindow) -> None:
         self._window = window
         self._docks: list[_Dock] = []
+        self._panels: list[Panel] = []
 
-    def add(self, name: str, key: str, panel: QWidget) -> QDockWidget:
-        """A dock for `panel`; `key` opens and closes it."""
+    def add(self, name: str, key: str, panel: Panel) -> QDockWidget:
+        """Return a new dock with `panel`; `key` opens and closes it."""
+        self._panels.append(panel)
         dock = _Dock(name, key, self._window)
-        dock.setWidget(_Upright(panel))
+        dock.setWidget(_Upright(cast(QWidget, panel)))
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
         if self._docks:
             self._window.tabifyDockWidget(self._docks[-1], dock)
@@ -68,6 +81,12 @@ class Docks:
         dock = next(dock for dock in self._docks if dock.objectName() == name)
         dock.show()
         dock.raise_()
+
+    def show_state(self, shown: Shown) -> None:
+        """Show what is shown in the visible panels."""
+        for panel in self._panels:
+            if panel.isVisibleTo(self._window):
+                panel.show_state(shown)
 
     @property
     def actions(self) -> list[QAction]:

@@ -1,8 +1,4 @@
-"""The menus: every command by name, where one looks for it.
-
-Takes the commands, the plan's tools, the choices of traces and B-scan, the docks and the menu of recent files; fills a
-menu bar.
-"""
+"""The menus: every command by name, where a person looks for it."""
 
 from collections.abc import Sequence
 
@@ -10,24 +6,23 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QMenu, QMenuBar
 
 from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.view import View
 
 
 def fill_menus(
     bar: QMenuBar,
     commands: Commands,
     recent: QMenu,
-    tools: Sequence[QAction],
-    traces: Sequence[QAction],
-    bscans: Sequence[QAction],
+    views: Sequence[View],
     docks: Sequence[QAction],
 ) -> None:
-    """Every action by name, in the menu where one looks for it."""
+    """Add every action to its menu. A view with actions of its own has a menu by its name, or a part of one."""
     file = bar.addMenu("&File")
     file.addActions([commands.open_room, commands.open_log, commands.recordings])
     file.addMenu(recent)
     file.addAction(commands.save_room)
     file.addSeparator()
-    file.addActions([commands.keep_view, commands.keep_trace, commands.keep_ranges, commands.keep_window])
+    file.addActions([commands.keep_view, *commands.keep_beside.values(), commands.keep_window])
     file.addActions([commands.keep_data, commands.report])
     file.addSeparator()
     file.addAction(commands.close)
@@ -41,11 +36,7 @@ def fill_menus(
     edit.addActions([commands.undo, commands.redo])
     edit.addSeparator()
     edit.addActions([commands.previous, commands.next, commands.newest])
-    bar.addMenu("&Plan").addActions([*tools])
-    trace = bar.addMenu("&Trace")
-    trace.addActions([*traces])
-    trace.addSeparator()
-    trace.addActions([*bscans])
+    _fill_view_menus(bar, views)
     replay = bar.addMenu("&Replay")
     replay.addActions([commands.play, commands.back, commands.forth, commands.previous_scan, commands.next_scan])
     replay.addActions([commands.loop, commands.skip_gaps])
@@ -60,3 +51,15 @@ def fill_menus(
     view.addActions(commands.units.actions())
     view.addActions([commands.larger, commands.smaller, commands.usual_size])
     bar.addMenu("&Help").addAction(commands.help)
+
+
+def _fill_view_menus(bar: QMenuBar, views: Sequence[View]) -> None:
+    menus: dict[str, QMenu] = {}
+    for view in sorted(views, key=lambda view: view.entry.name != view.entry.menu):
+        name = view.entry.menu
+        if name in menus:
+            menus[name].addSeparator()
+        elif name:
+            menus[name] = bar.addMenu(f"&{name}")
+        if name:
+            menus[name].addActions(view.actions())

@@ -38,7 +38,7 @@ def remembered(window: MainWindow) -> Memory:
         recent=session.documents.recent,
         urls=session.scanners.urls,
         look=session.shown.look,
-        view=window.stage.currentIndex(),
+        view=window.views.stage.currentIndex(),
         layout={
             "window": window.saveGeometry(),
             "docks": window.saveState(),

@@ -1,13 +1,13 @@
-"""The trace of the chosen heading: measured over predicted, blanking, gain, threshold, and every echo by its path.
+"""The view "Trace": the chosen heading's trace, measured over predicted, with blanking, gain, threshold and echoes.
 
-Takes what is shown; hands on where the mouse points. Time runs along the bottom, the range that it means along the top.
+Time is on the bottom axis, the range that belongs to it on the top axis.
 """
 
 from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPointF, Qt, Signal, Slot
+from PySide6.QtCore import QPointF, Qt, Slot
 from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from sonarhw_compare.headings import heading_text
@@ -16,7 +16,7 @@ from sonarhw_sim.air import Air
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.steady import Steady
-from sonarhw_gui.plots.marks import WHOLE
+from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis
 from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
@@ -26,6 +26,7 @@ from sonarhw_gui.trace.echo_names import EchoNames
 from sonarhw_gui.trace.trace_axes import EMPTY, GainAxis, HeightAxis, Heights, UnitAxis, heights_of, signal_curve
 from sonarhw_gui.trace.trace_cursors import TraceCursors
 from sonarhw_gui.trace.trace_marks import TraceMarks
+from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve
 
 _LOWEST = 120  # pixels of the plot at the usual size of text: its axes keep room for their names
@@ -35,10 +36,11 @@ _STEPS = 200  # of a cursor across the view
 class TraceView(QWidget):
     """Draws the trace of the chosen reading."""
 
-    pointed = Signal(object)  # Cursor or None
+    entry = ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace")
 
     def __init__(self) -> None:
         super().__init__()
+        self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._look = Look()
         self._trace: ChosenTrace | None = None
@@ -55,18 +57,14 @@ class TraceView(QWidget):
         gain_axis = GainAxis()
         self._times, self._ranges, self._levels = UnitAxis("bottom"), UnitAxis("top"), HeightAxis()
         axes = {"left": self._levels, "right": gain_axis, "top": self._ranges, "bottom": self._times}
-        self.plot = pg.PlotWidget(axisItems=axes)
-        self.plot.setViewportUpdateMode(WHOLE)
-        self.plot.hideButtons()
-        self.plot.setMouseEnabled(x=True, y=False)
-        for side in axes:
-            self.plot.showAxis(side)
+        self.plot = new_plot(axes, zooms_height=False)
+        self.canvas = Canvas(self.plot)
         self._predicted, self._measured = _curve_item(), _curve_item()
         for item in (self._predicted, self._measured):
             self.plot.addItem(item, ignoreBounds=True)
-        self.marks = TraceMarks(self.plot.plotItem, gain_axis)
-        self.names = EchoNames(self.plot.plotItem.vb)
-        self.cursors = TraceCursors(self.plot.plotItem, self)
+        self.marks = TraceMarks(self.plot, gain_axis)
+        self.names = EchoNames(self.plot.vb)
+        self.cursors = TraceCursors(self.plot, self)
         self._pointer = pg.InfiniteLine(angle=90)
         self.plot.addItem(self._pointer, ignoreBounds=True)
         self._arrange()
@@ -75,6 +73,8 @@ class TraceView(QWidget):
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
+        if before is None or before.trace is not shown.trace or before.cursor != shown.cursor:
+            self.canvas.repaint_whole()
         if before is None or before.look != shown.look:
             self._dress(shown.look)
         if before is None or before.trace is not shown.trace or before.look != shown.look:
@@ -96,33 +96,30 @@ class TraceView(QWidget):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         column.addLayout(row)
-        column.addWidget(self.plot, stretch=1)
+        column.addWidget(self.canvas, stretch=1)
         column.addWidget(self.readout)
 
     def _connect(self) -> None:
         self.forms.triggered.connect(self._draw_anew)
         self.cursors_shown.toggled.connect(self._show_cursors)
         self.cursors.moved.connect(self._read_cursors)
-        self.plot.scene().sigMouseMoved.connect(self._tell_pointed)
-        self.plot.viewport().installEventFilter(self)
+        self.canvas.hovered.connect(self._point_at)
         for which, name in enumerate("AB"):
             for side, by in (("Left", -1), ("Right", 1)):
                 key = f"Alt+Shift+{side}" if which else f"Alt+{side}"
                 action = view_action(self, f"Cursor {name} {side.lower()}", key, "A small step", checkable=False)
                 action.triggered.connect(partial(self._step_cursor, which, by))
 
-    def eventFilter(self, watched: object, event: QEvent) -> bool:
-        """Tell when the mouse has left the plot."""
-        if event.type() == QEvent.Type.Leave:
-            self.pointed.emit(None)
-        return False
+    def picture(self) -> QWidget:
+        """Return the plot with its title."""
+        return self
 
     def _dress(self, look: Look) -> None:
         self._look = look
         colours = look.palette
-        self.plot.setBackground(colours.paper)
-        self.plot.setMinimumHeight(round(_LOWEST * look.scale))
-        dress_plot(self.plot.plotItem, look)
+        self.canvas.dress(look)
+        self.canvas.setMinimumHeight(round(_LOWEST * look.scale))
+        dress_plot(self.plot, look)
         self._times.write_in("ms", 1e3)
         gain = self.plot.getAxis("right")
         label_axis(gain, "gain (dB)")
@@ -201,11 +198,13 @@ class TraceView(QWidget):
             self.readout.setText(self.cursors.text(self._trace, self._look))
 
     @Slot(object)
-    def _tell_pointed(self, position: QPointF) -> None:
-        box = self.plot.plotItem.vb
-        if self._trace is not None and box.sceneBoundingRect().contains(position):
+    def _point_at(self, position: QPointF | None) -> None:
+        box = self.plot.vb
+        if position is None:
+            self.gestures.pointed.emit(None)
+        elif self._trace is not None and box.sceneBoundingRect().contains(position):
             time = box.mapSceneToView(position).x()
-            self.pointed.emit(Cursor(self._trace.heading, self._trace.range_at(time)))
+            self.gestures.pointed.emit(Cursor(self._trace.heading, self._trace.range_at(time)))
 
     def _point(self, cursor: Cursor | None) -> None:
         self._pointer.setVisible(cursor is not None and self._trace is not None)

@@ -64,7 +64,7 @@ def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: O
     open_dialog(qtbot, window)
     until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "asking …"]])
     qtbot.keyClick(window, Qt.Key.Key_2)
-    assert window.side_by_side.isVisible()
+    assert window.views.side_by_side.isVisible()
     gate.set()
     until(qtbot, lambda: rows(window)[0][2] == "answered late")
 

@@ -29,7 +29,7 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     until(qtbot, lambda: ended(window) and predicted(window))
     shown = window.session.shown
     assert len(shown.readings) == ORDER.readings
-    drawn = sum(len(points.readings) for points, _ in window.plan._marks.placed.values())
+    drawn = sum(len(points.readings) for points, _ in window.views.plan.drawing._marks.placed.values())
     assert drawn == sum(reading.range is not None for reading in shown.readings)
     assert Unclassed.MEASURED not in shown.classes
     assert set(shown.classes) <= set(MARKS)
@@ -37,7 +37,7 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     trace = window.session.shown.trace
     assert trace.measured is not None
     assert len(trace.predicted.envelope.times) > 500
-    assert len(window.ranges._outline.getData()[0]) >= 360
+    assert len(window.views.ranges._outline.getData()[0]) >= 360
     assert window.sentence.text() == shown.sentence
     assert window.windowTitle() == "sonarhw — Simple room · place figure9"
 

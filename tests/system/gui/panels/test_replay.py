@@ -59,10 +59,10 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
     qtbot: QtBot, window: MainWindow, recorded: Path
 ) -> None:
     until(qtbot, lambda: predicted(window))
-    replay, rows = window.session.replay, window.table.view.selectionModel()
+    replay, rows = window.session.replay, window.views.table.view.selectionModel()
 
     def marked() -> bool:
-        chosen = window.table.model.place_of(window.session.shown.chosen)
+        chosen = window.views.table.model.place_of(window.session.shown.chosen)
         return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
     assert marked()
@@ -219,7 +219,7 @@ def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: Mai
     window.session.replay.pause()
     until(qtbot, lambda: predicted(window))
     QApplication.processEvents()
-    for view in (window.ranges, window.plan):
+    for view in (window.views.ranges, window.views.plan.drawing):
         until(qtbot, lambda view=view: _on_screen(window, view) == _drawn_anew(view))
 
 

@@ -254,15 +254,15 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     shown = window.session.shown
     assert shown.outline.room.reflectances[0] == reflectance.value
     qtbot.keyClick(window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
-    window.plan.zoom(0.5)
-    seen = window.plan.plotItem.vb.viewRange()
+    window.views.plan.drawing.zoom(0.5)
+    seen = window.views.plan.drawing.plot.vb.viewRange()
     file = tmp_path / "mine.toml"
     window.session.save_room(str(file))
     saved = load_room(file)
     assert saved.reflectances[0] == reflectance.value
     assert saved.place("0.764,0.085").position == (0.764, 0.085)
     assert window.session.shown.scene.room_file == "mine.toml"
-    assert window.plan.plotItem.vb.viewRange() == seen
+    assert window.views.plan.drawing.plot.vb.viewRange() == seen
     for _ in range(2):
         until(qtbot, window.commands.undo.isEnabled)
         doing = window.commands.undo.text()
@@ -274,7 +274,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
 def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F8)
-    window.plan.hands.choose_surface("top")
+    window.views.plan.drawing.hands.choose_surface("top")
     assert window.room.surface.surface.currentText() == "top"
     qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
-    assert window.plan.hands.chosen_surface == 3
+    assert window.views.plan.drawing.hands.chosen_surface == 3

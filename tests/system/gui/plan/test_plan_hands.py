@@ -34,21 +34,21 @@ def key(qtbot: QtBot, window: MainWindow, key: Qt.Key, *modifiers: Qt.KeyboardMo
 
 
 def drag_in_plan(qtbot: QtBot, window: MainWindow, *way: Point) -> None:
-    drag(qtbot, window.plan, window.plan.plotItem.vb, *way)
+    drag(qtbot, window.views.plan.drawing, window.views.plan.drawing.plot.vb, *way)
 
 
 def click_in_plan(qtbot: QtBot, window: MainWindow, at: Point) -> None:
-    click(qtbot, window.plan, window.plan.plotItem.vb, at)
+    click(qtbot, window.views.plan.drawing, window.views.plan.drawing.plot.vb, at)
 
 
 def hover(qtbot: QtBot, window: MainWindow, at: Point) -> str:
-    pixel = pixel_at(window.plan, window.plan.plotItem.vb, at)
+    pixel = pixel_at(window.views.plan.drawing, window.views.plan.drawing.plot.vb, at)
     for k in range(_STROKES):  # moves that come too soon after one another are left out
-        qtbot.mouseMove(window.plan.viewport(), pixel + QPoint(k % 2, 0))
+        qtbot.mouseMove(window.views.plan.drawing.viewport(), pixel + QPoint(k % 2, 0))
         qtbot.wait(15)
-        if k and window.plan_panel.said.text():
+        if k and window.views.plan.said.text():
             break
-    return window.plan_panel.said.text()
+    return window.views.plan.said.text()
 
 
 def wall(window: MainWindow, name: str) -> list[float]:
@@ -82,7 +82,7 @@ def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_
     until(qtbot, lambda: predicted(window))
     shown = window.session.shown
     x, y = stands(window)
-    end = window.plan.sensor.handle_at
+    end = window.views.plan.drawing.sensor.handle_at
     away = math.dist((x, y), end)
     angle = math.atan2(end[1] - y, end[0] - x) + math.radians(30)
     drag_in_plan(qtbot, window, end, (x + away * math.cos(angle), y + away * math.sin(angle)))
@@ -108,26 +108,26 @@ def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
     drag_in_plan(qtbot, window, stands(window), (0.6, 0.3))
     window.session.showing.undo()  # it can be done again
     key(qtbot, window, tool)
-    before, seen = window.session.shown.scene, window.plan.plotItem.vb.viewRange()
-    box = window.plan.plotItem.vb
-    begin_drag(qtbot, window.plan, box, *way)
+    before, seen = window.session.shown.scene, window.views.plan.drawing.plot.vb.viewRange()
+    box = window.views.plan.drawing.plot.vb
+    begin_drag(qtbot, window.views.plan.drawing, box, *way)
     assert (window.session.shown.scene is before) == (tool == Qt.Key.Key_M)
-    qtbot.keyClick(window.plan, Qt.Key.Key_Escape)
+    qtbot.keyClick(window.views.plan.drawing, Qt.Key.Key_Escape)
     assert window.session.shown.scene is before
-    end = pixel_at(window.plan, box, (0.2, 0.2))
-    qtbot.mouseMove(window.plan.viewport(), end)
+    end = pixel_at(window.views.plan.drawing, box, (0.2, 0.2))
+    qtbot.mouseMove(window.views.plan.drawing.viewport(), end)
     qtbot.wait(15)
-    qtbot.mouseRelease(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=end)
+    qtbot.mouseRelease(window.views.plan.drawing.viewport(), Qt.MouseButton.LeftButton, pos=end)
     assert window.session.shown.scene is before
     assert box.viewRange() == seen
     assert not window.session.showing.history.undo_label
     assert window.session.showing.history.redo_label == "moving the sensor"
-    assert not window.plan.ruler.label.isVisible()
+    assert not window.views.plan.drawing.ruler.label.isVisible()
 
 
 def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
     now = 0.0
-    window.plan.hands.clock = lambda: now
+    window.views.plan.drawing.hands.clock = lambda: now
     x, y = stands(window)
     shift = Qt.KeyboardModifier.ShiftModifier
     for pressed in (Qt.Key.Key_Left, Qt.Key.Key_Left, Qt.Key.Key_Up):
@@ -149,7 +149,7 @@ def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow)
     drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.4))
     key(qtbot, window, Qt.Key.Key_H)
     drag_in_plan(qtbot, window, stands(window), (0.5, 0.3), (0.3, 0.4))
-    assert "cannot stand inside post 1" in window.plan_panel.said.text()
+    assert "cannot stand inside post 1" in window.views.plan.said.text()
     assert math.dist(stands(window), (0.3, 0.4)) > 0.1
     assert window.banner.message == ""
 
@@ -157,17 +157,17 @@ def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow)
 def test_outside_the_walls_a_sensor_may_stand_and_it_is_said(qtbot: QtBot, window: MainWindow) -> None:
     drag_in_plan(qtbot, window, stands(window), (0.85, 0.3), (0.98, 0.3))
     assert stands(window) == pytest.approx((0.98, 0.3), abs=0.003)
-    assert "outside the walls" in window.plan_panel.said.text()
+    assert "outside the walls" in window.views.plan.said.text()
     assert "outside the walls" in hover(qtbot, window, stands(window))
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.outline.place.position == stands(window)
 
 
 def test_a_sensor_dragged_off_the_screen_stays_at_its_rim(qtbot: QtBot, window: MainWindow) -> None:
-    (left, _), _ = window.plan.plotItem.vb.viewRange()
+    (left, _), _ = window.views.plan.drawing.plot.vb.viewRange()
     drag_in_plan(qtbot, window, stands(window), (left - 5.0, 0.3))
     assert stands(window)[0] == pytest.approx(left, abs=0.01)
-    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left)
+    assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left)
 
 
 def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindow) -> None:
@@ -176,19 +176,19 @@ def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindo
         key(qtbot, window, Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier)
     assert stands(window)[0] == pytest.approx(1.42, abs=0.01)
     key(qtbot, window, Qt.Key.Key_F)
-    ((left, right), _) = window.plan.plotItem.vb.viewRange()
+    ((left, right), _) = window.views.plan.drawing.plot.vb.viewRange()
     assert left < 0 < stands(window)[0] < right
 
 
 def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    window.plan.zoom(0.5)
+    window.views.plan.drawing.zoom(0.5)
     window.session.showing.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
-    x, y = window.plan._marks.place_of(27)
-    assert window.plan.plotItem.vb.viewRange()[1][0] > y
+    x, y = window.views.plan.drawing._marks.place_of(27)
+    assert window.views.plan.drawing.plot.vb.viewRange()[1][0] > y
     key(qtbot, window, Qt.Key.Key_F)
-    (left, right), (low, high) = window.plan.plotItem.vb.viewRange()
+    (left, right), (low, high) = window.views.plan.drawing.plot.vb.viewRange()
     assert left < x < right
     assert low < y < high
 
@@ -204,21 +204,21 @@ def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBo
 def test_the_ruler_tells_distance_and_angle_from_corner_to_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_M)
     drag_in_plan(qtbot, window, (0.004, 0.003), (0.925, 0.739))
-    assert window.plan_panel.said.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
-    assert window.plan.ruler.label.toPlainText() == "1.188 m at 38.6°"
+    assert window.views.plan.said.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
+    assert window.views.plan.drawing.ruler.label.toPlainText() == "1.188 m at 38.6°"
     assert wall(window, "top") == [0.928, 0.742, 0.0, 0.742]
     key(qtbot, window, Qt.Key.Key_H)
-    assert not window.plan.ruler.label.isVisible()
+    assert not window.views.plan.drawing.ruler.label.isVisible()
 
 
 def test_a_corner_is_dragged_with_both_its_walls_and_the_prediction_follows(qtbot: QtBot, window: MainWindow) -> None:
     outline = window.session.shown.outline
-    view = window.plan.plotItem.vb.viewRange()
+    view = window.views.plan.drawing.plot.vb.viewRange()
     key(qtbot, window, Qt.Key.Key_E)
     drag_in_plan(qtbot, window, (0.0, 0.742), (0.1, 0.6))
     assert wall(window, "top") == pytest.approx([0.928, 0.742, 0.1, 0.6], abs=0.003)
     assert wall(window, "left")[:2] == wall(window, "top")[2:]
-    assert window.plan.plotItem.vb.viewRange() == view  # the room stays where it is on the screen
+    assert window.views.plan.drawing.plot.vb.viewRange() == view  # the room stays where it is on the screen
     until(qtbot, lambda: predicted(window) and window.session.shown.outline is not outline)
     assert window.session.shown.outline.room is window.session.shown.scene.room
     assert window.session.showing.history.undo_label == "moving a corner"
@@ -257,40 +257,40 @@ def test_keys_move_what_is_chosen_and_zoom(qtbot: QtBot, window: MainWindow) -> 
     for _ in range(3):
         key(qtbot, window, Qt.Key.Key_Up, Qt.KeyboardModifier.ShiftModifier)
     assert wall(window, "top") == pytest.approx([0.928, 0.772, 0.0, 0.772])
-    ((left, right), _) = window.plan.plotItem.vb.viewRange()
+    ((left, right), _) = window.views.plan.drawing.plot.vb.viewRange()
     key(qtbot, window, Qt.Key.Key_Plus)
-    ((closer_left, closer_right), _) = window.plan.plotItem.vb.viewRange()
+    ((closer_left, closer_right), _) = window.views.plan.drawing.plot.vb.viewRange()
     assert closer_right - closer_left == pytest.approx((right - left) / 1.25)
     key(qtbot, window, Qt.Key.Key_Minus)
-    assert window.plan.plotItem.vb.viewRange()[0] == pytest.approx([left, right])
+    assert window.views.plan.drawing.plot.vb.viewRange()[0] == pytest.approx([left, right])
     key(qtbot, window, Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier)
     tenth = (right - left) / 10
-    assert window.plan.plotItem.vb.viewRange()[0] == pytest.approx([left + tenth, right + tenth])
+    assert window.views.plan.drawing.plot.vb.viewRange()[0] == pytest.approx([left + tenth, right + tenth])
 
 
 def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_E)
-    pixel = pixel_at(window.plan, window.plan.plotItem.vb, (0.5, 0.742))
-    qtbot.mouseClick(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
-    qtbot.mouseDClick(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
-    qtbot.mouseRelease(window.plan.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    pixel = pixel_at(window.views.plan.drawing, window.views.plan.drawing.plot.vb, (0.5, 0.742))
+    qtbot.mouseClick(window.views.plan.drawing.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    qtbot.mouseDClick(window.views.plan.drawing.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
+    qtbot.mouseRelease(window.views.plan.drawing.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
     assert {"top", "top 2"} < set(window.session.shown.scene.room.names)
     assert wall(window, "top")[2] == pytest.approx(0.5, abs=0.003)
 
 
 def test_where_nothing_is_taken_hold_of_the_paper_moves(qtbot: QtBot, window: MainWindow) -> None:
-    (left, _), _ = window.plan.plotItem.vb.viewRange()
+    (left, _), _ = window.views.plan.drawing.plot.vb.viewRange()
     drag_in_plan(qtbot, window, (0.3, 0.3), (0.5, 0.3))
-    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left - 0.2, abs=0.01)
+    assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left - 0.2, abs=0.01)
     key(qtbot, window, Qt.Key.Key_F)
-    assert window.plan.plotItem.vb.viewRange()[0][0] == pytest.approx(left)
+    assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left)
 
 
 def test_the_loss_is_written_at_each_bounce(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(27)  # bottom, top, bottom
-    texts = [label.toPlainText() for label in window.plan.path._labels if label.isVisible()]
+    texts = [label.toPlainText() for label in window.views.plan.drawing.path._labels if label.isVisible()]
     assert texts == ["1  −0.4 dB\n3  −0.4 dB", "2  −0.4 dB"]
 
 
@@ -298,7 +298,7 @@ def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open
     window = open_with(scene=replace(scene, room=None, place=None))
     key(qtbot, window, Qt.Key.Key_W)
     drag_in_plan(qtbot, window, (0.1, 0.1), (0.5, 0.5))
-    assert "open a room file" in window.plan_panel.said.text()
+    assert "open a room file" in window.views.plan.said.text()
     key(qtbot, window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
     assert window.session.shown.scene.room is None
 
@@ -308,7 +308,7 @@ def test_the_beam_points_where_the_chosen_reading_looked(qtbot: QtBot, open_with
     until(qtbot, lambda: predicted(window))
     for chosen in (27, 5):
         window.session.showing.choose(chosen)
-        (x, y), end = stands(window), window.plan.sensor.handle_at
+        (x, y), end = stands(window), window.views.plan.drawing.sensor.handle_at
         apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
         assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
 
@@ -318,10 +318,10 @@ def test_a_reading_chosen_elsewhere_comes_into_sight_unless_a_hand_has_zoomed(
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    plan = window.plan
+    plan = window.views.plan.drawing
     drawn = {k: place_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
     nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(stands(window), drawn[k]))
-    box = plan.plotItem.vb
+    box = plan.plot.vb
     for by_hand in (True, False):
         window.session.showing.choose(nearest)
         box.setRange(QRectF(drawn[nearest][0] - 0.05, drawn[nearest][1] - 0.05, 0.1, 0.1), padding=0)
@@ -335,12 +335,12 @@ def test_what_is_written_at_bounces_covers_neither_another_nor_the_sensor(
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    box = window.plan.plotItem.vb
+    box = window.views.plan.drawing.plot.vb
     sensor = box.mapViewToScene(QPointF(*stands(window)))
     most = 0
     for chosen in range(len(window.session.shown.readings)):
         window.session.showing.choose(chosen)
-        labels = [label for label in window.plan.path._labels if label.isVisible()]
+        labels = [label for label in window.views.plan.drawing.path._labels if label.isVisible()]
         stand = [label.mapRectToScene(label.boundingRect()).adjusted(1, 1, -1, -1) for label in labels]
         most = max(most, len(stand))
         assert not any(one.contains(sensor) for one in stand)

@@ -8,8 +8,8 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.plan.plan_layers import _set_beside
-from sonarhw_gui.plan.plan_view import PlanView
 from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
@@ -22,12 +22,12 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     qtbot.keyClick(window, Qt.Key.Key_2)
-    until(qtbot, lambda: window.side_by_side.simulation.shown is window.session.shown)
+    until(qtbot, lambda: window.views.side_by_side.simulation.shown is window.session.shown)
     return window
 
 
-def turn_wheel(view: PlanView, at: tuple[float, float], notches: int) -> None:
-    pixel = pixel_at(view, view.plotItem.vb, at)
+def turn_wheel(view: PlanDrawing, at: tuple[float, float], notches: int) -> None:
+    pixel = pixel_at(view, view.plot.vb, at)
     place = view.viewport().mapToGlobal(pixel)
     nothing, none = QPoint(), Qt.MouseButton.NoButton
     angle = QPoint(0, 120 * notches)
@@ -37,7 +37,7 @@ def turn_wheel(view: PlanView, at: tuple[float, float], notches: int) -> None:
 
 
 def test_reality_has_the_measured_and_simulation_the_predicted(window: MainWindow) -> None:
-    reality, simulation = window.side_by_side.reality, window.side_by_side.simulation
+    reality, simulation = window.views.side_by_side.reality, window.views.side_by_side.simulation
     measured = [len(places) for _, places in reality._marks.placed.values()]
     rows = window.session.shown.rows
     assert sum(measured) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
@@ -51,39 +51,39 @@ def test_reality_has_the_measured_and_simulation_the_predicted(window: MainWindo
 
 
 def test_both_have_one_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
-    views = window.side_by_side.reality, window.side_by_side.simulation
-    (left, right), _ = views[0].plotItem.vb.viewRange()
+    views = window.views.side_by_side.reality, window.views.side_by_side.simulation
+    (left, right), _ = views[0].plot.vb.viewRange()
     turn_wheel(views[1], (0.4, 0.4), 3)
-    drag(qtbot, views[0], views[0].plotItem.vb, (0.3, 0.3), (0.35, 0.35))
-    middles = [np.mean(view.plotItem.vb.viewRange(), axis=1) for view in views]
-    pixels = [view.plotItem.vb.viewPixelSize() for view in views]
+    drag(qtbot, views[0], views[0].plot.vb, (0.3, 0.3), (0.35, 0.35))
+    middles = [np.mean(view.plot.vb.viewRange(), axis=1) for view in views]
+    pixels = [view.plot.vb.viewPixelSize() for view in views]
     assert middles[0] == pytest.approx(middles[1])
     assert pixels[0] == pytest.approx(pixels[1], rel=0.005)  # one may be a pixel wider
-    closer_left, closer_right = views[0].plotItem.vb.viewRange()[0]
+    closer_left, closer_right = views[0].plot.vb.viewRange()[0]
     assert closer_right - closer_left < 0.8 * (right - left)
     qtbot.keyClick(window, Qt.Key.Key_F)
-    assert views[0].plotItem.vb.viewRange()[0] == pytest.approx([left, right], abs=0.01)
+    assert views[0].plot.vb.viewRange()[0] == pytest.approx([left, right], abs=0.01)
 
 
 def test_a_click_in_the_simulation_asks_about_that_heading(qtbot: QtBot, window: MainWindow) -> None:
     x, y = window.session.shown.scene.standing.position
-    view = window.side_by_side.simulation
-    click(qtbot, view, view.plotItem.vb, (x - 0.3, y + 0.02))
+    view = window.views.side_by_side.simulation
+    click(qtbot, view, view.plot.vb, (x - 0.3, y + 0.02))
     assert window.session.shown.heading(window.session.shown.chosen) == pytest.approx(np.pi)
     assert "at 180.0°" in window.sentence.text()
 
 
 def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindow) -> None:
-    views = window.side_by_side.reality, window.side_by_side.simulation
+    views = window.views.side_by_side.reality, window.views.side_by_side.simulation
     start = window.session.shown.scene.standing.position
-    drag(qtbot, views[1], views[1].plotItem.vb, start, (0.5, 0.3))
+    drag(qtbot, views[1], views[1].plot.vb, start, (0.5, 0.3))
     until(qtbot, lambda: predicted(window))
     for view in views:
         assert view.sensor._sensor.getData()[0][0] == pytest.approx(0.5, abs=0.005)
 
 
 def test_labels_of_places_that_lie_close_stand_clear_of_each_other(window: MainWindow) -> None:
-    plan = window.side_by_side.simulation
+    plan = window.views.side_by_side.simulation
     x, y = plan.shown.scene.standing.position
     labels, taken = plan.path._labels[:3], []
     for k, label in enumerate(labels):

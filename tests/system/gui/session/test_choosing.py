@@ -20,29 +20,34 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 
 def test_a_click_in_the_plan_tells_about_that_reading(qtbot: QtBot, window: MainWindow) -> None:
-    click(qtbot, window.plan, window.plan.plotItem.vb, place_of(window.plan._marks, 27))
+    click(
+        qtbot,
+        window.views.plan.drawing,
+        window.views.plan.drawing.plot.vb,
+        place_of(window.views.plan.drawing._marks, 27),
+    )
     assert window.session.shown.chosen == 27
     assert "at 270.0°" in window.sentence.text()
     assert "bottom, top, bottom" in window.sentence.text()
-    until(qtbot, lambda: "Trace at 270.0°" in window.trace.title.text())
+    until(qtbot, lambda: "Trace at 270.0°" in window.views.trace.title.text())
 
 
 def test_the_rays_of_the_chosen_reading_end_where_they_began(qtbot: QtBot, window: MainWindow) -> None:
     window.session.showing.choose(27)
-    x, y = window.plan.path._rays.getData()
+    x, y = window.views.plan.drawing.path._rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == window.session.shown.scene.place.position
 
 
 def test_a_click_between_the_points_of_the_range_view_takes_the_nearest(qtbot: QtBot, window: MainWindow) -> None:
-    x, y = place_of(window.ranges._marks[0], 9)
-    click(qtbot, window.ranges, window.ranges.ranges.vb, (x + 2.0, y))
+    x, y = place_of(window.views.ranges._marks[0], 9)
+    click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, (x + 2.0, y))
     assert window.session.shown.chosen == 9
     assert "at 90.0°" in window.sentence.text()
 
 
 def test_a_row_of_the_table_is_chosen_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
-    view, model = window.table.view, window.table.model
+    view, model = window.views.table.view, window.views.table.model
     view.scrollToTop()
     place = view.visualRect(model.index(1, 1)).center()
     qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=place)
@@ -50,13 +55,13 @@ def test_a_row_of_the_table_is_chosen_in_every_view(qtbot: QtBot, window: MainWi
     assert "at 10.0°" in window.sentence.text()
     qtbot.keyClick(view, Qt.Key.Key_Down)
     assert window.session.shown.chosen == 2
-    click(qtbot, window.ranges, window.ranges.ranges.vb, place_of(window.ranges._marks[0], 9))
+    click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, place_of(window.views.ranges._marks[0], 9))
     assert view.currentIndex().row() == 9
 
 
 def test_a_click_far_from_any_reading_of_the_plan_changes_nothing(qtbot: QtBot, window: MainWindow) -> None:
     before = window.session.shown.chosen
-    click(qtbot, window.plan, window.plan.plotItem.vb, (0.2, 0.35))
+    click(qtbot, window.views.plan.drawing, window.views.plan.drawing.plot.vb, (0.2, 0.35))
     assert window.session.shown.chosen == before
 
 
@@ -73,13 +78,13 @@ def test_left_and_right_step_through_the_readings(qtbot: QtBot, window: MainWind
 
 def test_every_predicted_echo_of_the_chosen_heading_is_marked(qtbot: QtBot, window: MainWindow) -> None:
     window.session.showing.choose(27)
-    until(qtbot, lambda: "Trace at 270.0°" in window.trace.title.text())
+    until(qtbot, lambda: "Trace at 270.0°" in window.views.trace.title.text())
     row, prediction = window.session.shown.chosen_row, window.session.shown.prediction
     echoes = prediction.echoes(row.index) + prediction.blanked_echoes(row.index)
     speed = prediction.room.air.speed_of_sound
-    marked, _ = window.trace.names._heads.getData()
+    marked, _ = window.views.trace.names._heads.getData()
     assert sorted(marked) == sorted(prediction.apparent_lengths[echo.path] / speed for echo in echoes)
-    named = [item.toPlainText() for item in window.trace.names._items if item.isVisible()]
+    named = [item.toPlainText() for item in window.views.trace.names._items if item.isVisible()]
     assert "bottom>top>bottom" in named
 
 

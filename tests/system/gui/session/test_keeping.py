@@ -61,7 +61,7 @@ def test_a_view_is_kept_as_pixels_and_as_a_drawing(
 ) -> None:
     keep(qtbot, window, tmp_path / "view.png", key, modifier)
     image = QImage(str(tmp_path / "view.png"))
-    shown = getattr(window, view)
+    shown = getattr(window.views, view).picture()
     assert image.width() == 2 * shown.width()
     assert image.height() > 2 * shown.height()
     colours = {image.pixelColor(x, y).name() for x in range(0, image.width(), 3) for y in range(0, image.height(), 3)}
@@ -110,7 +110,7 @@ def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: 
     assert inside[0].get("overflow") == "hidden"
     paths = [element for element in drawing.iter() if element.tag.endswith(("path", "polyline"))]
     assert 0 < len([element for element in inside[0].iter() if element in paths]) < len(paths)
-    assert window.plan.plotItem.vb.childGroup.opacity() == 1.0
+    assert window.views.plan.drawing.plot.vb.childGroup.opacity() == 1.0
 
 
 def test_lines_of_a_drawing_need_no_effect_that_only_browsers_know(
@@ -133,7 +133,7 @@ def test_the_whole_window_and_any_large_view_can_be_kept(qtbot: QtBot, window: M
     assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
     qtbot.keyClick(window, Qt.Key.Key_2)
     keep(qtbot, window, tmp_path / "both.png", Qt.Key.Key_P)
-    assert QImage(str(tmp_path / "both.png")).width() == 2 * window.side_by_side.width()
+    assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
 
 
 def test_data_are_those_of_the_command_line(

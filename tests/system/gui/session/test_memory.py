@@ -65,7 +65,7 @@ def test_a_window_closed_over_a_log_opens_over_it_again(
     assert window.session.shown.scene.place.name == "figure9"
     assert window.session.shown.look == Look(DARK, LengthUnit.CM)
     assert window.commands.dark.isChecked()
-    assert window.side_by_side.isVisible()
+    assert window.views.side_by_side.isVisible()
     assert window.room.isVisible()
     assert window.files.actions()[0].data() == str(recorded)
 
@@ -173,7 +173,7 @@ def test_a_layout_of_another_screen_or_version_is_left_as_usual(
     text = memory.read_text().replace("palette=light", "palette=pink").replace("unit=M", "unit=PARSEC")
     memory.write_text(text.replace("scale=1", "scale=99"))
     window = open_with(scene=shipped, memory=memory)
-    assert window.plan.isVisible()
+    assert window.views.plan.isVisible()
     assert window.session.shown.look == Look().scaled(99.0)
     assert "PARSEC" in text
 

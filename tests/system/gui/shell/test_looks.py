@@ -59,7 +59,7 @@ def test_every_picture_of_the_legend_is_seen_on_dark_paper() -> None:
 
 
 def test_ctrl_2_writes_the_axes_in_centimetres_and_ctrl_3_in_feet(qtbot: QtBot, window: MainWindow) -> None:
-    axis = window.plan.getAxis("bottom")
+    axis = window.views.plan.drawing.plot.getAxis("bottom")
     for key, unit in ((Qt.Key.Key_2, LengthUnit.CM), (Qt.Key.Key_3, LengthUnit.FT), (Qt.Key.Key_1, LengthUnit.M)):
         qtbot.keyClick(window, key, CONTROL)
         assert axis.labelText == f"x ({unit.label})"
@@ -74,7 +74,7 @@ def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) 
         shown = window.session.shown
         assert window.sentence.text().startswith(f"{unit.text(heard)} at 270.0°: ")
         assert f"measured {unit.text(heard)}\n" in reading_tip(shown, 27)
-        assert window.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
+        assert window.views.table.model.index(27, Column.SENTENCE).data().startswith(unit.text(heard))
         others = [other for other in LengthUnit if other is not unit]
         said = [shown.sentence_of(k) for k in range(len(shown.readings))]
         assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]
@@ -92,7 +92,11 @@ def test_ctrl_plus_makes_text_larger_and_ctrl_0_as_usual(qtbot: QtBot, window: M
 
 
 def test_1_2_and_3_show_the_large_views(qtbot: QtBot, window: MainWindow) -> None:
-    for key, view in ((Qt.Key.Key_2, window.side_by_side), (Qt.Key.Key_3, window.bscan), (Qt.Key.Key_1, window.plan)):
+    for key, view in (
+        (Qt.Key.Key_2, window.views.side_by_side),
+        (Qt.Key.Key_3, window.views.bscan),
+        (Qt.Key.Key_1, window.views.plan.drawing),
+    ):
         qtbot.keyClick(window, key)
         assert view.isVisible()
 

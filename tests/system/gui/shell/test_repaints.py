@@ -18,7 +18,7 @@ NOISE = 60  # references that come and go by themselves; a leak is one or more f
 def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path, count: Count) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    views = (window.plan, window.trace.plot, window.ranges)
+    views = (window.views.plan.drawing, window.views.trace.canvas, window.views.ranges)
 
     def repaint(times: int) -> None:
         for k in range(times):

@@ -219,12 +219,12 @@ def test_pictures_of_every_view(
         qtbot.wait(50)
         album.keep(window, name)
     share(window, TRACE)
-    window.trace.rf.trigger()
-    window.trace.cursors_shown.trigger()
+    window.views.trace.rf.trigger()
+    window.views.trace.cursors_shown.trigger()
     qtbot.wait(50)
     album.keep(window, "trace-rf")
-    window.trace.cursors_shown.trigger()
-    window.trace.envelope.trigger()
+    window.views.trace.cursors_shown.trigger()
+    window.views.trace.envelope.trigger()
     show_panels(qtbot, window, album)
     show_dialogs(qtbot, window, album)
 
@@ -239,7 +239,7 @@ def test_picture_of_the_question_in_the_readme(
     window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
     dressed(window, look)
     until(qtbot, lambda: predicted(window))
-    ranges = window.ranges
+    ranges = window.views.ranges
     click(qtbot, ranges, ranges.ranges.vb, place_of(ranges._marks[0], 54))
     until(qtbot, lambda: traced(window))
     assert window.sentence.text() == (
@@ -255,13 +255,15 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     qtbot.wait(50)
     album.keep(window, "side-by-side")
     images.trigger()
-    window.bscan.choices.actions()[3].trigger()
-    until(qtbot, lambda: window.session.shown.bscan is not None and not window.bscan.note.text())
+    window.views.bscan.choices.actions()[3].trigger()
+    until(qtbot, lambda: window.session.shown.bscan is not None and not window.views.bscan.note.text())
     qtbot.wait(200)
     album.keep(window, "bscan")
-    window.bscan.choices.actions()[0].trigger()
-    window.bscan.polar.trigger()
-    until(qtbot, lambda: window.session.shown.bscan.wish == window.bscan.wish and not window.bscan.note.text())
+    window.views.bscan.choices.actions()[0].trigger()
+    window.views.bscan.polar.trigger()
+    until(
+        qtbot, lambda: window.session.shown.bscan.wish == window.views.bscan.wish and not window.views.bscan.note.text()
+    )
     qtbot.wait(200)
     album.keep(window, "bscan-polar")
     plan.trigger()
@@ -269,10 +271,10 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 
 def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     dock(qtbot, window, "Room")
-    window.plan.hands.choose_surface(window.session.shown.scene.room.names[0])
+    window.views.plan.drawing.hands.choose_surface(window.session.shown.scene.room.names[0])
     qtbot.wait(50)
     album.keep(window, "room")
-    window.plan.hands.choose_surface(None)
+    window.views.plan.drawing.hands.choose_surface(None)
     dock(qtbot, window, "Fit")
     if FOLDER:  # finding takes a while
         window.fit_panel.begin.click()

@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_compare.pictures.bscan import SAME_HEADING, difference
 from sonarhw_gui.bscan.bscan_view import BScanView
 from sonarhw_gui.look.palette import LIGHT
-from sonarhw_gui.plan.plan_view import PlanView
+from sonarhw_gui.plan.plan_drawing import PlanDrawing
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import open_application
 from sonarhw_gui.shell.main_window import MainWindow
@@ -36,15 +36,17 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 def worked_out(window: MainWindow) -> bool:
     bscan = window.session.shown.bscan
-    return bscan is not None and bscan.rows.done == 1 and bscan.wish == window.bscan.wish
+    return bscan is not None and bscan.rows.done == 1 and bscan.wish == window.views.bscan.wish
 
 
 def at(window: MainWindow, pane: Pane, x: float, y: float) -> QPoint:
-    return pixel_at(window.bscan.canvas, window.bscan.panes[pane].plot.vb, (x, y))
+    return pixel_at(window.views.bscan.canvas, window.views.bscan.panes[pane].plot.vb, (x, y))
 
 
 def test_a_click_on_a_heading_chooses_its_reading(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.mouseClick(window.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=at(window, Pane.MEASURED, 271, 0.6))
+    qtbot.mouseClick(
+        window.views.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=at(window, Pane.MEASURED, 271, 0.6)
+    )
     assert window.session.shown.chosen == 27
     assert "at 270.0°" in window.sentence.text()
 
@@ -54,43 +56,45 @@ def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    assert len(window.findChildren(PlanView)) == 1
-    assert not window.bscan.panes
+    assert len(window.findChildren(PlanDrawing)) == 1
+    assert not window.views.bscan.panes
     window.commands.fit.trigger()
-    window.bscan.polar.trigger()
-    window.bscan.choices.actions()[1].trigger()
+    window.views.bscan.polar.trigger()
+    window.views.bscan.choices.actions()[1].trigger()
     qtbot.keyClick(window, Qt.Key.Key_3)
     until(qtbot, lambda: worked_out(window))
-    assert list(window.bscan.panes) == [Pane.PREDICTED]
+    assert list(window.views.bscan.panes) == [Pane.PREDICTED]
     assert window.session.shown.bscan.wish.polar
     qtbot.keyClick(window, Qt.Key.Key_2)
-    assert len(window.findChildren(PlanView)) == 3
+    assert len(window.findChildren(PlanDrawing)) == 3
 
 
 def test_in_a_polar_image_a_click_means_the_direction_from_the_place(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_O)
-    until(qtbot, lambda: window.bscan.wish.polar and worked_out(window))
+    until(qtbot, lambda: window.views.bscan.wish.polar and worked_out(window))
     x, y = window.session.shown.scene.standing.position
     where = at(window, Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1))
-    qtbot.mouseClick(window.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=where)
+    qtbot.mouseClick(window.views.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=where)
     assert window.session.shown.chosen == 12  # 2.1 rad are 120.3°
 
 
 def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
-    qtbot.mouseMove(window.bscan.canvas.viewport(), at(window, Pane.MEASURED, 90, 0.6))
+    qtbot.mouseMove(window.views.bscan.canvas.viewport(), at(window, Pane.MEASURED, 90, 0.6))
     until(qtbot, lambda: window.session.shown.cursor is not None)
     until(qtbot, lambda: abs(window.session.shown.cursor.range - 0.6) < 0.02)
     assert math.degrees(window.session.shown.cursor.heading) == pytest.approx(90.0, abs=1.0)
-    until(qtbot, lambda: window.trace._pointer.isVisible())
+    until(qtbot, lambda: window.views.trace._pointer.isVisible())
     trace = window.session.shown.trace
-    assert window.trace._pointer.value() == pytest.approx(trace.time_at(window.session.shown.cursor.range), rel=1e-3)
+    assert window.views.trace._pointer.value() == pytest.approx(
+        trace.time_at(window.session.shown.cursor.range), rel=1e-3
+    )
 
 
 def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
+    until(qtbot, lambda: len(window.views.bscan.wish.panes) == len(Pane) and worked_out(window))
     window.session.showing.point_at(Cursor(math.radians(45.0), 0.7))
-    for pane in window.bscan.panes.values():
+    for pane in window.views.bscan.panes.values():
         until(qtbot, lambda pane=pane: len(pane._cursor.getData()[0]) > 0)
         x, y = pane._cursor.getData()
         assert (x[0], y[0]) == pytest.approx((45.0, 0.7))
@@ -98,12 +102,12 @@ def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window:
 
 def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.bscan.wish.panes) == len(Pane) and worked_out(window))
-    window.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
-    for pane in window.bscan.panes.values():
+    until(qtbot, lambda: len(window.views.bscan.wish.panes) == len(Pane) and worked_out(window))
+    window.views.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
+    for pane in window.views.bscan.panes.values():
         np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
     window.commands.fit.trigger()
-    (left, right), (_, top) = window.bscan.panes[Pane.DIFFERENCE].plot.vb.viewRange()
+    (left, right), (_, top) = window.views.bscan.panes[Pane.DIFFERENCE].plot.vb.viewRange()
     assert right - left >= 360
     assert top == pytest.approx(window.session.shown.bscan.rows.cells.reach)
 

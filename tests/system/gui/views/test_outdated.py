@@ -34,7 +34,7 @@ def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
-    table = window.table.model
+    table = window.views.table.model
     cell = table.index(0, table.columnCount() - 1)
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
     assert not is_faint(window.sentence)

@@ -96,14 +96,14 @@ def test_residuals_are_read_in_the_small_unit(view: RangeView, shown: Shown, uni
 
 
 def test_a_click_in_the_residuals_picks_the_nearest_reading(qtbot: QtBot, view: RangeView) -> None:
-    with qtbot.waitSignal(view.picked) as picked:
+    with qtbot.waitSignal(view.gestures.picked) as picked:
         click(qtbot, view, view.residuals.vb, (80.0, 0.1))
     assert picked.args == [1]
 
 
 def test_a_hand_points_at_heading_and_range_and_at_nothing_outside(qtbot: QtBot, view: RangeView) -> None:
     told: list[Cursor | None] = []
-    view.pointed.connect(told.append)
+    view.gestures.pointed.connect(told.append)
     view.scene().sigMouseMoved.emit(view.ranges.vb.mapViewToScene(QPointF(180.0, 0.7)))
     assert told[-1].heading == pytest.approx(math.pi)
     assert told[-1].range == pytest.approx(0.7)

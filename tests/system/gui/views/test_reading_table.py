@@ -191,13 +191,13 @@ def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot
     click_header(qtbot, table, Column.HEADING)
     click_header(qtbot, table, Column.HEADING)
     table.view.scrollToTop()
-    with qtbot.waitSignal(table.picked) as picked:
+    with qtbot.waitSignal(table.gestures.picked) as picked:
         click_row(qtbot, table, 2)
     assert picked.args == [int(listed(table)[2])]
 
 
 def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: ReadingTable) -> None:
-    with qtbot.waitSignal(table.picked) as picked:
+    with qtbot.waitSignal(table.gestures.picked) as picked:
         qtbot.keyClick(table.view, Qt.Key.Key_Up)
     assert picked.args == [COUNT - 2]
 
@@ -205,7 +205,7 @@ def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: ReadingTable) -> Non
 def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
     qtbot: QtBot, table: ReadingTable, shown: Shown
 ) -> None:
-    with qtbot.assertNotEmitted(table.picked):
+    with qtbot.assertNotEmitted(table.gestures.picked):
         table.show_state(replace(shown, chosen=4))
     assert [index.row() for index in table.view.selectionModel().selectedRows()] == [4]
     assert table.view.viewport().rect().intersects(table.view.visualRect(table.model.index(4, 0)))
@@ -225,7 +225,7 @@ def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) 
     table = ReadingTable()
     qtbot.addWidget(table)
     table.resize(900, 200)
-    with qtbot.assertNotEmitted(table.picked):
+    with qtbot.assertNotEmitted(table.gestures.picked):
         for count in range(1, COUNT + 1):
             table.show_state(replace(shown, readings=shown.readings[:count], chosen=count - 1))
             assert table.view.currentIndex().row() == count - 1

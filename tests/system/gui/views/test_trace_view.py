@@ -45,7 +45,7 @@ def view(qtbot: QtBot, shown: Shown) -> TraceView:
         view.show()
         view.activateWindow()
     view.show_state(shown)
-    qtbot.waitUntil(lambda: view.plot.plotItem.vb.width() > 600)
+    qtbot.waitUntil(lambda: view.plot.vb.width() > 600)
     return view
 
 
@@ -113,7 +113,7 @@ def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, vie
     qtbot.keyClick(view, Qt.Key.Key_C)
     qtbot.waitUntil(view.readout.isVisible)
     for start, end in zip(view.cursors.times, (0.002, 0.005), strict=True):
-        drag(qtbot, view.plot, view.plot.plotItem.vb, (start, -20.0), (end, -20.0))
+        drag(qtbot, view.canvas, view.plot.vb, (start, -20.0), (end, -20.0))
     first, second = view.cursors.times
     assert (first, second) == pytest.approx((0.002, 0.005), abs=3e-5)
     read = [float(figure) for figure in re.findall(r"-?\d+\.\d+", view.readout.text())]
@@ -132,8 +132,8 @@ def test_cursors_are_moved_with_keys_too(qtbot: QtBot, view: TraceView) -> None:
 
 def test_the_mouse_points_at_a_range_of_the_chosen_heading(qtbot: QtBot, view: TraceView) -> None:
     told: list[Cursor | None] = []
-    view.pointed.connect(told.append)
-    qtbot.mouseMove(view.plot.viewport(), pixel_at(view.plot, view.plot.plotItem.vb, (0.004, -20.0)))
+    view.gestures.pointed.connect(told.append)
+    qtbot.mouseMove(view.canvas.viewport(), pixel_at(view.canvas, view.plot.vb, (0.004, -20.0)))
     qtbot.waitUntil(lambda: bool(told) and told[-1] is not None)
     assert told[-1].range == pytest.approx(0.6864, abs=0.01)
     assert math.degrees(told[-1].heading) % 360 == pytest.approx(270.0)
@@ -162,7 +162,7 @@ def test_another_palette_and_no_trace_at_all_are_drawn_too(
     qtbot: QtBot, view: TraceView, shown: Shown, draw: Callable[[Shown], Shown]
 ) -> None:
     view.show_state(draw(shown))
-    image = view.plot.grab().toImage()
+    image = view.canvas.grab().toImage()
     assert image.pixelColor(3, 3).name().upper() == draw(shown).look.palette.paper
 
 

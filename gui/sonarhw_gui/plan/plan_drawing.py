@@ -1,0 +1,251 @@
+"""The plan: the room to scale, what is predicted and measured in it, the beam, and the rays of the chosen reading.
+
+Mouse and keys are in `plan.plan_hands` and `plan.plan_tools`, what is drawn in `plan.plan_layers`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import cast
+
+import numpy as np
+import pyqtgraph as pg
+from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal, Slot
+from PySide6.QtGui import QKeyEvent
+from sonarhw_compare.pictures.points import points_at
+from sonarhw_sim.predict.by_heading import standpoints
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plan.plan_hands import PlanHands
+from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
+from sonarhw_gui.plots.canvas import Canvas, new_plot
+from sonarhw_gui.plots.marks import NOWHERE, Outline, ReadingMarks
+from sonarhw_gui.plots.pick import nearest_reading
+from sonarhw_gui.plots.plot_look import dress_plot, label_length
+from sonarhw_gui.plots.reading_tip import reading_tip
+from sonarhw_gui.scene.plan_geometry import outline_points, seen_bounds
+from sonarhw_gui.scene.room_edit import Point
+from sonarhw_gui.scene.scene_edit import bearing
+from sonarhw_gui.shown.shown import Shown
+from sonarhw_gui.view import Gestures
+
+_BEYOND = 0.17  # of the room's longer side: echoes by several walls seem to lie outside
+
+
+class PlanDrawing(Canvas):
+    """Draws the plan of what is shown: all of it, or only what was measured, or only what is predicted."""
+
+    told = Signal(str)  # what lies under the mouse, what the ruler measures, or why an edit is refused
+
+    def __init__(self, gestures: Gestures, measured: bool = True, predicted: bool = True) -> None:
+        self._box = _Box()
+        self.plot = new_plot(box=self._box)
+        super().__init__(self.plot)
+        self.shown: Shown | None = None
+        self._measured, self._predicted = measured, predicted
+        self._by_hand = False  # whether a person has moved the paper or zoomed
+        self.plot.setAspectLocked(True)
+        self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
+        self._outline = Outline()
+        self.plot.addItem(self._outline)
+        self.path, self.pointer = PathLayer(self.plot), CursorLayer(self.plot)
+        self._marks = ReadingMarks(self.plot, self._tip)
+        self.ruler = RulerLayer(self.plot)
+        self.gestures = gestures
+        self.hands = PlanHands(self, gestures)
+        self._box.offer_drag = self.hands.drag
+        self._box.sigRangeChangedManually.connect(self._keep_range)
+        self.clicked.connect(self.hands.click)
+        self.hovered.connect(self.hands.hover)
+
+    def show_state(self, shown: Shown) -> None:
+        """Draw what has changed since the last call."""
+        before, self.shown = self.shown, shown
+        self.repaint_whole()
+        if before is None or before.look != shown.look:
+            self._dress(shown.look)
+        if before is None or before.scene.room is not shown.scene.room:
+            self.draw_room()
+        if self._predicted:
+            self._draw_predicted(before, shown)
+        if self._measured:
+            self._draw_measured(before, shown)
+        if _differ(before, shown, "scene", "readings", "chosen", "look"):
+            self.sensor.draw(shown)
+        if _differ(before, shown, "scene", "cursor"):
+            self.pointer.draw(shown)
+        if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
+            self._fit()
+        if before is None or before.chosen != shown.chosen:
+            self._reach(self._marks.place_of(shown.chosen))
+
+    def fit(self) -> None:
+        """Show the room, the sensor and the chosen reading, and some way beyond; without a room everything."""
+        self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
+
+    def _reach(self, reading: FloatArray | None) -> None:
+        """See the chosen reading too, unless a person has said by hand what they want to see."""
+        seen = self._box.viewRect()
+        if reading is not None and not self._by_hand and not seen.contains(QPointF(*reading)):
+            self._fit(reading, besides=seen)
+
+    def _fit(self, reading: FloatArray | None = None, besides: QRectF | None = None) -> None:
+        self._by_hand = False
+        scene = self.hands.scene if self.shown else None
+        if scene is None or scene.room is None:
+            self._box.autoRange(padding=0.05)
+            return
+        points = [scene.standing.position] if reading is None else [scene.standing.position, reading]
+        (left, bottom), (right, top) = seen_bounds(scene.room, np.array(points))
+        beyond = _BEYOND * max(right - left, top - bottom)
+        area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
+        self._box.setRange(area.united(besides or area), padding=0)
+
+    def zoom(self, scale: float) -> None:
+        """See `scale` times as much, about the middle."""
+        self._by_hand = True
+        self._box.scaleBy((scale, scale))
+
+    def pan(self, right: int, up: int) -> None:
+        """See what lies so many tenths of the view further on."""
+        self._by_hand = True
+        (left, far_right), (low, high) = self._box.viewRange()
+        self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
+
+    # what the controller needs: see `plan_hands.Paper`
+
+    @property
+    def handle_at(self) -> Point | None:
+        """Where the beam can be dragged, m."""
+        return self.sensor.handle_at
+
+    @property
+    def pixel(self) -> float:
+        """The length of a pixel, m."""
+        return float(abs(self._box.viewPixelSize()[0]))
+
+    def contains(self, position: QPointF) -> bool:
+        """Return whether a point of the scene lies in the plan."""
+        return bool(self._box.sceneBoundingRect().contains(position))
+
+    def point_at(self, position: QPointF) -> Point:
+        """Return the visible point of the plan that is nearest to a point of the scene, m."""
+        at = self._box.mapSceneToView(position)
+        (left, right), (low, high) = self._box.viewRange()
+        return min(max(at.x(), left), right), min(max(at.y(), low), high)
+
+    def draw_ruler(self, start: Point, end: Point, text: str) -> None:
+        """Draw the ruler."""
+        self.ruler.draw(start, end, text)
+
+    def clear_ruler(self) -> None:
+        """Remove the ruler."""
+        self.ruler.clear()
+
+    def draw_cursor(self, shape: Qt.CursorShape) -> None:
+        """Change the shape of the mouse cursor."""
+        self.setCursor(shape)
+
+    def write(self, text: str) -> None:
+        """Write a line beside the tools."""
+        self.told.emit(text)
+
+    def draw_room(self) -> None:
+        """Draw the room as the tool in use needs it."""
+        if self.shown is not None:
+            self.room.draw(self.shown.scene.room, self.hands.chosen, self.hands.tool.edits)
+
+    def pick(self, event: MouseClickEvent) -> None:
+        """Ask about the reading nearest to a click, if one is near; where none is drawn, of that heading."""
+        if self._measured:
+            index = nearest_reading(self._box, self._marks.placed, event.scenePos())
+        else:
+            index = self._towards(event)
+        if index is not None:
+            event.accept()
+            self.gestures.picked.emit(index)
+
+    def _towards(self, event: MouseClickEvent) -> int | None:
+        if self.shown is None or not self.shown.readings:
+            return None
+        at = self._box.mapSceneToView(event.scenePos())
+        heading = bearing(self.shown.scene.standing.position, (at.x(), at.y()))
+        apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
+        return int(np.argmin(apart))
+
+    def event(self, event: QEvent) -> bool:
+        """Esc lets go of what is being dragged; else it is for the window."""
+        asked = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if asked and self.hands.let_go():
+            event.accept()
+            return True
+        return bool(super().event(event))
+
+    @Slot()
+    def _keep_range(self) -> None:
+        self._by_hand = True
+
+    def _dress(self, look: Look) -> None:
+        self.dress(look)
+        dress_plot(self.plot, look)
+        for side, what in (("bottom", "x"), ("left", "y")):
+            label_length(self.plot.getAxis(side), what, look)
+        for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler):
+            layer.dress(look)
+        self._outline.dress(look.palette)
+        self._marks.dress(look.palette)
+
+    def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
+        if before is None or before.outline is not shown.outline:
+            self._outline.draw(outline_points(shown.outline) if shown.outline else NOWHERE)
+        if _differ(before, shown, "scene", "compared", "readings", "chosen", "look"):
+            self.path.draw(shown)
+
+    def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
+        fresh = before is None or not shown.same_readings(before)
+        if fresh:
+            stands = partial(standpoints, shown.scene.board, shown.scene.standing)
+            self._marks.draw(
+                {
+                    kind: (points, points_at(stands(points.headings), points.headings, points.ranges))
+                    for kind, points in shown.classes.items()
+                }
+            )
+        if fresh or _differ(before, shown, "chosen"):
+            self._marks.ring(shown.chosen)
+
+    def _tip(self, index: int) -> str:
+        return reading_tip(self.shown, index) if self.shown else ""
+
+
+class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
+    """Where the plan is drawn: a drag with the left button is offered to the tool before it moves the paper."""
+
+    offer_drag: Callable[[MouseDragEvent], bool] | None = None
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False)
+
+    def mouseDragEvent(self, ev: MouseDragEvent, axis: int | None = None) -> None:
+        """Offer it; a drag that the tool does not use moves the paper."""
+        left = axis is None and ev.button() == Qt.MouseButton.LeftButton
+        if left and self.offer_drag is not None and self.offer_drag(ev):
+            ev.accept()
+        else:
+            super().mouseDragEvent(ev, axis)
+
+
+def _differ(before: Shown | None, shown: Shown, *parts: str) -> bool:
+    """Whether any of those parts is another one than before."""
+    return before is None or any(getattr(before, part) is not getattr(shown, part) for part in parts)
+
+
+def _is_elsewhere(before: Shown, shown: Shown) -> bool:
+    """Whether another room was opened: an edited one stays where it is on the screen."""
+    was, now = before.scene, shown.scene
+    if was.room is None or now.room is None:
+        return was.room is not now.room
+    if was.room.text == now.room.text:
+        return False  # saved under another name
+    return (was.room_file, was.room.name) != (now.room_file, now.room.name)

@@ -1,0 +1,61 @@
+"""The plot factory: every plot of the window and the canvas it lies on, with one set-up of mouse and repaints."""
+
+from collections.abc import Mapping
+
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Signal, Slot
+from PySide6.QtWidgets import QGraphicsView
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.plots.pick import is_plain_click
+
+
+def new_plot(
+    axes: Mapping[str, pg.AxisItem] | None = None, box: pg.ViewBox | None = None, zooms_height: bool = True
+) -> pg.PlotItem:
+    """Return an empty plot. `axes`: by side, not only the usual two. `zooms_height`: the mouse changes the y range."""
+    pg.setConfigOptions(antialias=True)  # items read it when they are made
+    plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box)
+    plot.hideButtons()
+    plot.setMouseEnabled(x=True, y=zooms_height)
+    for side in axes or ():
+        plot.showAxis(side)
+    return plot
+
+
+class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
+    """The widget that the plots of one view lie on."""
+
+    clicked = Signal(object)  # MouseClickEvent of the left button
+    hovered = Signal(object)  # QPointF in the scene; None when the mouse leaves
+
+    def __init__(self, *plots: pg.PlotItem) -> None:
+        """Lay `plots` one below the other. A single plot fills the canvas to its edges."""
+        super().__init__()
+        # a scatter reports less than it leaves: partial updates would keep old points on the screen
+        self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
+        for row, plot in enumerate(plots):
+            self.addItem(plot, row=row, col=0)
+        if len(plots) == 1:
+            self.ci.layout.setContentsMargins(0, 0, 0, 0)
+        self.scene().sigMouseClicked.connect(self._click)
+        self.scene().sigMouseMoved.connect(self.hovered)
+
+    def dress(self, look: Look) -> None:
+        """Use the colour of this look's paper."""
+        self.setBackground(look.palette.paper)
+
+    def repaint_whole(self) -> None:
+        """Ask for one repaint of everything, before items change: partial updates trigger an extra repaint."""
+        self.scene().update()
+        self.viewport().update()
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Report that the mouse points at nothing."""
+        self.hovered.emit(None)
+        super().leaveEvent(event)
+
+    @Slot(object)
+    def _click(self, event: object) -> None:
+        if is_plain_click(event):
+            self.clicked.emit(event)

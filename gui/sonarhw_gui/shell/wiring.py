@@ -1,0 +1,64 @@
+"""The connections between the session and the commands, panels and bars of the window."""
+
+from sonarhw_gui.commands.command_list import Commands
+from sonarhw_gui.panels.device_panel import DevicePanel
+from sonarhw_gui.panels.fit_panel import FitPanel
+from sonarhw_gui.panels.replay_bar import ReplayBar
+from sonarhw_gui.session.window_session import WindowSession
+from sonarhw_gui.shell.banner import Banner
+
+
+def connect_commands(commands: Commands, session: WindowSession) -> None:
+    """Let each command do its work in the session."""
+    showing, replay = session.showing, session.replay
+    for action, slot in (
+        (commands.scan, session.scan),
+        (commands.stop, session.stop),
+        (commands.home, session.live.home),
+        (commands.undo, showing.undo),
+        (commands.redo, showing.redo),
+        (commands.previous, showing.choose_previous),
+        (commands.next, showing.choose_next),
+        (commands.newest, showing.follow_newest),
+        (commands.play, replay.toggle),
+        (commands.back, replay.step_back),
+        (commands.forth, replay.step_forth),
+        (commands.previous_scan, replay.previous_scan),
+        (commands.next_scan, replay.next_scan),
+        (commands.loop, replay.set_loop),
+        (commands.skip_gaps, replay.set_skip_gaps),
+        (commands.leave_replay, session.leave_replay),
+    ):
+        action.triggered.connect(slot)
+
+
+def connect_device(panel: DevicePanel, session: WindowSession) -> None:
+    """Let the panel control the scanner."""
+    panel.connect_wanted.connect(session.live.connect)
+    panel.hang_up_wanted.connect(session.live.hang_up)
+    panel.turn_wanted.connect(session.live.turn)
+    panel.wished.connect(session.live.set_wish)
+
+
+def connect_fit(panel: FitPanel, session: WindowSession) -> None:
+    """Let the panel ask for a fit, show it and accept it."""
+    panel.edited.connect(session.showing.edit)
+    panel.wanted.connect(session.find_place)
+    panel.put_away.connect(session.fitting.forget)
+    session.fitting.changed.connect(panel.show_fit)
+
+
+def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
+    """Let the bar control the replay and show how far it is."""
+    bar.toggled.connect(session.replay.toggle)
+    bar.sought.connect(session.replay.seek)
+    bar.speed_chosen.connect(session.replay.set_speed)
+    session.replay.changed.connect(bar.show_state)
+    bar.show_state(session.replay.state)
+
+
+def connect_banner(banner: Banner, session: WindowSession) -> None:
+    """Let the banner show warnings and offers, and take the answers."""
+    session.warned.connect(banner.tell)
+    session.offered.connect(banner.offer)
+    banner.taken.connect(session.take_up)
