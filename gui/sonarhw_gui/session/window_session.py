@@ -23,7 +23,7 @@ from sonarhw_gui.session.intake import Intake
 from sonarhw_gui.session.keeping import Keeping
 from sonarhw_gui.session.scanner_choice import ScannerChoice, ScannerWay, WayFinder
 from sonarhw_gui.session.shown_model import ShownModel
-from sonarhw_gui.session.unsaved import BringBack, ThrowAway, UnsavedRooms
+from sonarhw_gui.session.unsaved_rooms import BringBack, ThrowAway, UnsavedRooms
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.store.documents import Documents
 from sonarhw_gui.store.open_requests import Opened, OpenRequest, RoomOpened

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import in_air, sensor_at, with_corner
-from sonarhw_gui.session.unsaved import BringBack, UnsavedRooms
+from sonarhw_gui.session.unsaved_rooms import BringBack, UnsavedRooms
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.open_requests import OpenRoomRequest
 from sonarhw_sim.board.profile import load_board, parse_board

@@ -1,58 +1,17 @@
-"""Rooms that were changed and not saved: each lies in a file of its own until it is saved or thrown away.
+"""Rooms that were changed and not saved: each is kept in a file of its own until it is saved or thrown away."""
 
-Takes the scene as it is opened and as it is changed; hands on what was left of the same room before, to be asked about.
-No widgets.
-"""
-
-import os
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.scene_memory import SceneMemory
+from sonarhw_gui.session.unsaved_file import UnsavedRoom, is_changed, read_unsaved, room_text, write_unsaved
 from sonarhw_gui.shown.notices import Notice
 
 _SOON = 1.0  # s from a change to the file: what a crash may cost
-
-
-class UnsavedRoom(BaseModel):
-    """A scene as it was opened, and what became of it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    room_name: str
-    room_text: str  # as it would be saved
-    opened: SceneMemory
-    changed: SceneMemory
-    when: float  # s since 1970
-
-    def is_of(self, scene: Scene) -> bool:
-        """Whether `scene` is in the same room: the same text, or another version of the same name."""
-        named = (self.opened.room_file, self.room_name) == (scene.room_file, room_name(scene))
-        return named or _written(scene) in (self.room_text, self.opened.room_text)
-
-    def is_shown_by(self, scene: Scene) -> bool:
-        """Whether nothing of it is missing in `scene`."""
-        board_as_it_was = self.changed.board_text in (self.opened.board_text, scene.board.text)
-        return board_as_it_was and self.room_text == _written(scene)
-
-    def onto(self, here: Scene) -> Scene:
-        """`here` with what was changed: the room, the sensor where it was moved, the board where it was fitted.
-
-        Raises InputError where it cannot be understood.
-        """
-        then = self.changed.scene()
-        if then.room is None or here.place is None:
-            return then
-        moved = then.written_room is not then.room
-        place = then.place if moved else then.room.places.get(here.place.name, here.place)
-        board = then.board if then.board.name == here.board.name else here.board
-        return replace(here, room=then.room, place=place, board=board)
 
 
 @dataclass(frozen=True)
@@ -118,7 +77,7 @@ class UnsavedRooms:
         if self._folder is None or self._opened is None or self._now is None or self._opened.room is None:
             return
         try:
-            if _changed(self._opened, self._now):
+            if is_changed(self._opened, self._now):
                 self._keep(self._folder, self._opened, self._now)
             else:
                 self._remove()
@@ -134,7 +93,7 @@ class UnsavedRooms:
 
     def brought_back(self, wanted: BringBack, here: Scene) -> Scene:
         """`here` with what was not saved. Raises InputError where that is gone or cannot be understood."""
-        return _read(wanted.path).onto(here)
+        return read_unsaved(wanted.path).onto(here)
 
     def throw_away(self, unwanted: ThrowAway) -> None:
         """Forget that one. Raises OutputError."""
@@ -150,7 +109,7 @@ class UnsavedRooms:
         found: list[tuple[Path, UnsavedRoom]] = []
         for path in self._folder.glob("*.json") if self._folder is not None else ():
             try:
-                found.append((path, _read(path)))
+                found.append((path, read_unsaved(path)))
             except InputError as error:
                 self.messages.append(str(error))
         return sorted(found, key=lambda one: -one[1].when)
@@ -165,7 +124,7 @@ class UnsavedRooms:
             return
         unsaved = UnsavedRoom(
             room_name=room_name(opened),
-            room_text=_written(now),
+            room_text=room_text(now),
             opened=SceneMemory.of(opened),
             changed=changed,
             when=time.time(),
@@ -173,7 +132,7 @@ class UnsavedRooms:
         if self._file is None or not self._is_ours(self._file):
             self._file = _free_name(folder, Path(opened.room_file or "room").stem)
         text = unsaved.model_dump_json(indent=1)
-        _write_whole(self._file, text)
+        write_unsaved(self._file, text)
         self._text, self._kept = text, changed
 
     def _remove(self) -> None:
@@ -189,20 +148,6 @@ class UnsavedRooms:
         return file.exists() and file.read_text(encoding="utf-8", errors="replace") == self._text
 
 
-def _changed(opened: Scene, now: Scene) -> bool:
-    """Whether something would be missed: of the room, the sensor in it, or what a fit has found of the board.
-
-    A board of another name was only chosen, and is found again by its name.
-    """
-    fitted = now.board.name == opened.board.name and now.board.text != opened.board.text
-    return fitted or _written(now) != _written(opened)
-
-
-def _written(scene: Scene) -> str:
-    room = scene.written_room
-    return room.text if room else ""
-
-
 def _question(path: Path, unsaved: UnsavedRoom, scene: Scene) -> Notice:
     name = unsaved.opened.room_file or unsaved.room_name
     when = time.strftime("%d %B at %H:%M", time.localtime(unsaved.when)).lstrip("0")
@@ -210,23 +155,6 @@ def _question(path: Path, unsaved: UnsavedRoom, scene: Scene) -> Notice:
     if scene.room and scene.room.text != unsaved.opened.room_text:
         said += "; the file was another one then"
     return Notice(said, "Bring back", BringBack(path), "Throw away", ThrowAway(path))
-
-
-def _read(path: Path) -> UnsavedRoom:
-    try:
-        return UnsavedRoom.model_validate_json(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ValidationError) as error:
-        raise InputError(
-            f"{path}: a room that was not saved cannot be read ({type(error).__name__}); what it says stands there"
-        ) from error
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write a file, all of it or nothing, in a folder that need not exist yet. Raises OSError."""
-    fresh = path.with_suffix(".new")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh.write_text(text, encoding="utf-8")
-    os.replace(fresh, path)
 
 
 def _free_name(folder: Path, stem: str) -> Path:
