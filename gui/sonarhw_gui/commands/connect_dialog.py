@@ -38,24 +38,14 @@ class ConnectDialog(QDialog):
         super().__init__(parent)
         self.setWindowTitle("Connect a scanner")
         self._rows: tuple[PortRow, ...] = ()
-        self.ports = QTableWidget(0, 3)
-        self.ports.setHorizontalHeaderLabels(["port", "device", "what answers"])
-        self.ports.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.ports.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.ports.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.ports.verticalHeader().hide()
-        for column in (0, 1):
-            self.ports.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
-        self.ports.horizontalHeader().setStretchLastSection(True)
+        self.ports = _port_table()
         self.none = QLabel("No serial port is there. Plug the scanner in and press Look again, or type a URL.")
         self.none.setWordWrap(True)
         self.again, self.ask_all = QPushButton("Look again"), QPushButton("Ask all ports")
         self.ask_all.setToolTip("Asking may reset whatever hangs on a port")
-        self.url = QComboBox(editable=True)
-        self.url.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.field = QLineEdit(placeholderText=_EXAMPLES)
+        self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert, toolTip=_EXAMPLES)
         self.url.setLineEdit(self.field)
-        self.url.setToolTip(_EXAMPLES)
         self.buttons = QDialogButtonBox()
         self.connect_button = self.buttons.addButton("Connect", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
@@ -135,6 +125,19 @@ class ConnectDialog(QDialog):
     def _show_whether_ready(self) -> None:
         self.connect_button.setEnabled(bool(self.url.currentText().strip()))
         self.connect_button.setDefault(True)
+
+
+def _port_table() -> QTableWidget:
+    table = QTableWidget(0, 3)
+    table.setHorizontalHeaderLabels(["port", "device", "what answers"])
+    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.verticalHeader().hide()
+    for column in (0, 1):
+        table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+    table.horizontalHeader().setStretchLastSection(True)
+    return table
 
 
 def open_connect_dialog(parent: QWidget) -> ConnectDialog:
