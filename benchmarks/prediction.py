@@ -3,7 +3,7 @@
 Takes the example rooms; prints for each place the time of a fast scan of 72 headings as a share of the time that
 the reference takes for the same headings in the same run (ratios travel between machines, seconds do not), and
 every heading at which the two differ by more than 5 mm. What physics excuses such a heading stands in
-docs/model.md.
+docs/explanation/model.md.
 """
 
 import math

@@ -1,4 +1,4 @@
-/* An ATmega2560 at 16 MHz, as on the Arduino Mega 2560; the pins stand in pins.h and docs/firmware.md. */
+/* An ATmega2560 at 16 MHz, as on the Arduino Mega 2560; the pins stand in pins.h and docs/how_to/firmware.md. */
 #ifndef BOARD_FACTS_H
 #define BOARD_FACTS_H
 

@@ -1,7 +1,7 @@
 """Faults on request: what goes wrong with a fake scanner, and when.
 
 Takes the text a person gives (`--faults`, `fake:ROOM?faults=`) or values from Python; hands on a schedule, which
-`sonarhw.device.faulty_board` carries out. `docs/faults.md` has the same table for people.
+`sonarhw.device.faulty_board` carries out. `docs/how_to/faults.md` has the same table for people.
 
     drop=1/5000,reset@r20,unplug=1@~30        every 5000th byte lost, a reset after 20 pings, and now and then no cable
 """

@@ -8,7 +8,7 @@ import pytest
 
 from tests.checkout import CHECKOUT
 
-PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").glob("*.md")])
+PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
 NAME = re.compile(r"`((?:sonarhw|sonarhw_\w+|benchmarks|tests)(?:\.\w+)+)(?<!\.npz)`")  # index.npz is a file in a log
 

@@ -25,7 +25,8 @@ def fake(
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
     pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
     faults: Annotated[
-        str, typer.Option(help="What goes wrong, such as drop=1/5000,reset@r20; see docs/faults.md.", metavar="SPEC")
+        str,
+        typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/how_to/faults.md.", metavar="SPEC"),
     ] = "",
 ) -> None:
     """Serve a scanner that is not there; the first line of standard output is its URL.

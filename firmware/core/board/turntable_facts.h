@@ -1,4 +1,4 @@
-/* The turntable of the parts list in docs/firmware.md: 200 steps of 16 microsteps, geared down by a belt 36 : 16.
+/* The turntable of the parts list in docs/how_to/firmware.md: 200 steps of 16 microsteps, geared down by a belt 36 : 16.
  * Another gear means another line here. */
 #ifndef TURNTABLE_FACTS_H
 #define TURNTABLE_FACTS_H

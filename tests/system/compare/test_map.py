@@ -157,7 +157,7 @@ def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
 
 
 def test_the_document_says_what_the_command_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = Path("docs/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
+    told = Path("docs/how_to/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
     logs = [str(tmp_path / f"scan{k}.mcap") for k in range(4)]
     for log, place in zip(logs, ("0.8,0.8", "1.6,1.4", "2.4,0.9", "1.3,0.5"), strict=True):
         assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0

@@ -26,7 +26,7 @@ from sonarhw_sim.room.model import load_room
 from sonarhw.errors import InputError, SonarError
 
 ROOMS = Path("rooms").resolve()
-EXAMPLE = Path("docs/study_example.toml")
+EXAMPLE = Path("docs/how_to/study_example.toml")
 
 SPEC = f"""
 name = "test"
@@ -264,7 +264,7 @@ def test_results_come_as_arrays_with_what_varied_beside_them(tmp_path: Path) -> 
 
 
 def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -> None:
-    document = Path("docs/study.md").read_text()
+    document = Path("docs/how_to/study.md").read_text()
     assert f"```toml\n{EXAMPLE.read_text()}```" in document
     study = study_of(tmp_path)
     scans, headings = predict_scans(study, 0, 1)

@@ -1,12 +1,12 @@
-"""docs/firmware.md is what people wire and build by: its tables are held against the sources."""
+"""docs/how_to/firmware.md is what people wire and build by: its tables are held against the sources."""
 
 import re
 
 from tests.system.firmware.conftest import FIRMWARE
 from tests.system.firmware.test_emulated_board import FREE_STACK, OTHER_VARIABLES, TRACE_STORE
 
-DOCUMENT = (FIRMWARE.parent / "docs" / "firmware.md").read_text()
-DRAWING = (FIRMWARE.parent / "docs" / "firmware_wiring.svg").read_text()
+DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
+DRAWING = (FIRMWARE.parent / "docs" / "how_to" / "firmware_wiring.svg").read_text()
 
 
 def test_pins_are_documented_and_drawn_as_the_firmware_sets_them() -> None:

@@ -31,7 +31,7 @@ from tests.contract.talk import Talk
 from tests.system.firmware.conftest import FIRMWARE
 
 PACE = 3.0
-DOCUMENT = (FIRMWARE.parent / "docs" / "firmware.md").read_text()
+DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
 TWO_TICKS = 1e-6  # s
 TIMER_WRAP = 65_536 * 0.5e-6  # s
 TRACE_STORE = 4_800  # bytes

@@ -8,7 +8,7 @@ listens, until its first echo or, where it tells several, through all the gaps b
 
 with N the normal density and m the share of a path's normal that falls into the time of listening. For one echo that
 is exactly the density of the first of independent arrivals. With chance `lost` a ping hears nothing of the room, and
-what is told of it are strays, if anything. docs/fit.md derives it.
+what is told of it are strays, if anything. docs/how_to/fit.md derives it.
 """
 
 import math

@@ -1,7 +1,8 @@
 """Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
 
 They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes; without one they are taken in one look and
-not kept. With QT_SCALE_FACTOR=2 they are taken at 200 %. docs/screenshots holds some; docs/window.md explains them.
+not kept. With QT_SCALE_FACTOR=2 they are taken at 200 %. docs/screenshots holds some; docs/how_to/window.md
+explains them.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""What goes wrong with a fake scanner is what was asked for: read as docs/faults.md says, and carried out."""
+"""What goes wrong with a fake scanner is what was asked for: read as docs/how_to/faults.md says, and carried out."""
 
 import math
 import re
@@ -16,7 +16,7 @@ from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import echo_time
 
-DOCUMENT = (CHECKOUT / "docs" / "faults.md").read_text(encoding="utf-8")
+DOCUMENT = (CHECKOUT / "docs" / "how_to" / "faults.md").read_text(encoding="utf-8")
 MICROSTEP = math.tau / 3200
 
 
