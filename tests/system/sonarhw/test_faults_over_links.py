@@ -17,7 +17,7 @@ from tests.checkout import CHECKOUT
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import PlainEchoes
 
-DOCUMENT = (CHECKOUT / "docs" / "faults.md").read_text(encoding="utf-8")
+DOCUMENT = (CHECKOUT / "docs" / "how_to" / "faults.md").read_text(encoding="utf-8")
 
 
 def test_the_python_of_the_document_runs() -> None:
