@@ -4,10 +4,10 @@ from sonarhw_compare.study import load_study, read_study, run_study
 
 run_study(load_study(Path("study.toml")), Path("results"))
 results = read_study("results")  # an xarray.Dataset
+
+It needs the extra `study`: pip install 'sonarhw[study]'.
 """
 
-from sonarhw_compare.study.results import read_study, read_tables
-from sonarhw_compare.study.spec import load_study
-from sonarhw_compare.study.study_run import run_study
+import lazy_loader
 
-__all__ = ["load_study", "read_study", "read_tables", "run_study"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,10 +16,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from sonarhw.errors import InputError, OutputError
+from sonarhw_compare.study.arrow import pa, pq
 from sonarhw_compare.study.spec import Study
 from sonarhw_compare.study.study_scans import predict_scans
 

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+from sonarhw_compare.study.arrow import pa, pq
 from sonarhw_compare.study.labelled_arrays import load_xarray
 from sonarhw_compare.study.parts import read_manifest, unfinished_of
 

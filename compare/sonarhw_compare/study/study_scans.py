@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import pyarrow as pa
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Model
 from sonarhw_sim.predict.levels import strengths
@@ -22,6 +21,7 @@ from sonarhw_sim.vertical.sections import cut, standing_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
+from sonarhw_compare.study.arrow import pa
 from sonarhw_compare.study.cases import Case, Cases
 from sonarhw_compare.study.spec import Study
 

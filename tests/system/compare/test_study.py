@@ -292,6 +292,14 @@ def test_figures_alone_are_kept_where_that_is_wanted(tmp_path: Path) -> None:
     assert scans["n"].to_pylist() == [12] * 32
 
 
+def test_without_pyarrow_the_command_names_the_extra(tmp_path: Path) -> None:
+    program = "import sys; sys.modules['pyarrow'] = None; from sonarhw_cli.app import run; sys.exit(run(sys.argv[1:]))"
+    command = [sys.executable, "-c", program, "study", str(spec_of(tmp_path))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == ("sonarhw: studies need pyarrow, which is not installed: pip install 'sonarhw[study]'\n")
+
+
 def test_without_dask_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"sonarhw\[study\]"):
