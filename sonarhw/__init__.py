@@ -1,25 +1,74 @@
 """The instrument: readings and scans, wire protocol, driver, fake scanner, logs, replay.
 
-from sonarhw import Scanner, sector
+    from sonarhw import Scanner, sector
+
+    with Scanner.open("/dev/ttyUSB0") as scanner:
+        for reading in scanner.scan(sector(0, 360, 5)):
+            print(reading.angle, reading.range)
+
+Public names; everything else in this package may change between versions:
+
+- `Scanner`: a connected scanner; `Recorder`: what its recordings are written to.
+- `Reading`, `Trace`: what one ping gave. `ScanOrder`, `sector`: which pings a scan makes.
+- `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
+- `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port to reach it at.
+- `EchoSource`, `Ping`, `Heard`: what a fake scanner hears, to be written for tests and simulations.
+- `SonarError`: the base of all errors, which are in `sonarhw.errors`.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sonarhw.device.endpoint import serve
+    from sonarhw.device.fake_board import FakeBoard
+    from sonarhw.device.fault_schedule import read_faults
+    from sonarhw.device.faulty_board import FaultyDevice
+    from sonarhw.echo_source import EchoSource, Heard, Ping
+    from sonarhw.errors import SonarError
+    from sonarhw.host.recorder import Recorder
     from sonarhw.host.scanner import Scanner
+    from sonarhw.log import Log, LogMetadata, LogWriter, read_log
     from sonarhw.readings import Reading, ScanOrder, Trace, sector
 
-__all__ = ["Reading", "ScanOrder", "Scanner", "Trace", "sector"]
+__all__ = [
+    "EchoSource",
+    "FakeBoard",
+    "FaultyDevice",
+    "Heard",
+    "Log",
+    "LogMetadata",
+    "LogWriter",
+    "Ping",
+    "Reading",
+    "Recorder",
+    "ScanOrder",
+    "Scanner",
+    "SonarError",
+    "Trace",
+    "read_faults",
+    "read_log",
+    "sector",
+    "serve",
+]
+
+_MODULES = {
+    "sonarhw.device.endpoint": ("serve",),
+    "sonarhw.device.fake_board": ("FakeBoard",),
+    "sonarhw.device.fault_schedule": ("read_faults",),
+    "sonarhw.device.faulty_board": ("FaultyDevice",),
+    "sonarhw.echo_source": ("EchoSource", "Heard", "Ping"),
+    "sonarhw.errors": ("SonarError",),
+    "sonarhw.host.recorder": ("Recorder",),
+    "sonarhw.host.scanner": ("Scanner",),
+    "sonarhw.log": ("Log", "LogMetadata", "LogWriter", "read_log"),
+    "sonarhw.readings": ("Reading", "ScanOrder", "Trace", "sector"),
+}
 
 
 def __getattr__(name: str) -> Any:
-    # on demand: whoever takes a reading from here needs no serial port
-    if name == "Scanner":
-        from sonarhw.host.scanner import Scanner
-
-        return Scanner
-    if name in __all__:
-        from sonarhw import readings
-
-        return getattr(readings, name)
+    # on demand: a program that uses readings only need not load pyserial and the log's libraries
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(module), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -92,7 +92,7 @@ class _Action:
     finished: Finished | None = None
 
 
-class Conversation(ABC):
+class ProtocolDevice(ABC):
     """A `Device` that speaks the protocol; what it can do is filled in below it.
 
     Its clock starts at 0 with the first time it is told. Homing, turning and scanning are iterators of the times at

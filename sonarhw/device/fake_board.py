@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import Conversation, Failing, Refusing
+from sonarhw.device.device_protocol import Failing, ProtocolDevice, Refusing
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.echo_source import EchoSource, Ping
@@ -57,7 +57,7 @@ class BoardIdentity:
     bauds: tuple[int, ...] = ()  # speeds of its line; empty: it has none of its own
 
 
-class Board(Conversation):
+class FakeBoard(ProtocolDevice):
     """The fake board. Its clock starts at 0 with the first time it is told; its noise is the echo source's affair."""
 
     def __init__(

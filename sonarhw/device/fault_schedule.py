@@ -39,7 +39,7 @@ class NowAndThen:
 When = At | AfterPings | NowAndThen
 
 
-class Kind(Enum):
+class FaultKind(Enum):
     """What can happen; the value is its name in a text, the size it has where none is said, and what that counts."""
 
     STALL = ("stall", 1.0, "s: the line holds every byte back, then lets them all go at once")
@@ -60,8 +60,8 @@ class Kind(Enum):
 class Event:
     """Something that happens at a moment, or again and again."""
 
-    kind: Kind
-    size: float  # see Kind
+    kind: FaultKind
+    size: float  # see FaultKind
     when: When = At(0.0)
 
 
@@ -80,7 +80,7 @@ class Faults:
 NO_FAULTS = Faults()
 _RATES = ("drop", "flip", "insert")
 _LASTING = (*_RATES, "drift", "protocol")
-_KINDS = {kind.text: kind for kind in Kind}
+_KINDS = {kind.text: kind for kind in FaultKind}
 KNOWN = (*_LASTING, *_KINDS)
 
 
@@ -120,9 +120,9 @@ def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int]:
     return number
 
 
-def _size(kind: Kind, value: str, entry: str) -> float:
+def _size(kind: FaultKind, value: str, entry: str) -> float:
     size = _number(value, entry)
-    if size < 0 and kind is not Kind.SLIP:
+    if size < 0 and kind is not FaultKind.SLIP:
         raise InputError(f"fault {entry!r}: expected a time from 0 s up, such as {kind.text}=1")
     return size
 

@@ -11,9 +11,9 @@ import random
 from collections.abc import Callable
 from dataclasses import replace
 
-from sonarhw.device.fake_board import Board, BoardIdentity
-from sonarhw.device.fault_schedule import AfterPings, At, Event, Faults, Kind, NowAndThen
-from sonarhw.device.line_noise import Noise, nonsense
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fault_schedule import AfterPings, At, Event, FaultKind, Faults, NowAndThen
+from sonarhw.device.line_noise import LineNoise, nonsense
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.messages import Info, MessageError, ReadingMessage
 
@@ -31,14 +31,14 @@ def afflicted(identity: BoardIdentity, faults: Faults) -> BoardIdentity:
 class FaultyDevice:
     """A board to which things happen."""
 
-    def __init__(self, make_board: Callable[[int], Board], faults: Faults, seed: int = 0) -> None:
+    def __init__(self, make_board: Callable[[int], FakeBoard], faults: Faults, seed: int = 0) -> None:
         """`make_board` makes one that has just been switched on; it is told how often it was before."""
         self._make_board = make_board
         self._faults = faults
         self._chance = random.Random(seed)
-        self._up, self._down = Noise(faults, seed + 1), Noise(faults, seed + 2)
+        self._up, self._down = LineNoise(faults, seed + 1), LineNoise(faults, seed + 2)
         self._boots = 0
-        self._board: Board | None = make_board(0)  # None while it starts
+        self._board: FakeBoard | None = make_board(0)  # None while it starts
         self._started: float | None = None
         self._agenda: list[tuple[float, int, Action]] = []
         self._order = itertools.count()
@@ -175,31 +175,31 @@ class FaultyDevice:
 
     def _strike_again(self, event: Event, now: float) -> None:
         self._strike(event, now)
-        self._plan(event, now + event.size if event.kind is not Kind.SLIP else now)
+        self._plan(event, now + event.size if event.kind is not FaultKind.SLIP else now)
 
     def _strike(self, event: Event, now: float) -> None:
         until = now + event.size
         match event.kind:
-            case Kind.STALL:
+            case FaultKind.STALL:
                 self._stalled, self._stalled_until = True, max(self._stalled_until, until)
                 self._at(until, self._flow)
-            case Kind.DEAF:
+            case FaultKind.DEAF:
                 self._deaf_until = max(self._deaf_until, until)
-            case Kind.MUTE:
+            case FaultKind.MUTE:
                 self._mute_until = max(self._mute_until, until)
-            case Kind.RESET:
+            case FaultKind.RESET:
                 self._board = None
                 self._at(until, self._boot)
-            case Kind.WEDGE:
+            case FaultKind.WEDGE:
                 self._wedged_until = max(self._wedged_until, until)
                 self._wedge(now)
-            case Kind.SLIP:
+            case FaultKind.SLIP:
                 if self._board is not None:
                     self._board.slip(event.size)
-            case Kind.NONSENSE:
+            case FaultKind.NONSENSE:
                 self._babbles_until = max(self._babbles_until, until)
                 self._babble(now)
-            case Kind.UNPLUG | Kind.MOVE:
+            case FaultKind.UNPLUG | FaultKind.MOVE:
                 self._pull(event, now)
 
     def _flow(self, now: float) -> None:
@@ -231,7 +231,7 @@ class FaultyDevice:
     def _pull(self, event: Event, now: float) -> None:
         if self.plug is None:
             return
-        back = self.plug + (event.kind is Kind.MOVE)
+        back = self.plug + (event.kind is FaultKind.MOVE)
         self.plug = None
         for bytes_on_the_way in (self._leaving, self._held_up, self._held_down):
             bytes_on_the_way.clear()

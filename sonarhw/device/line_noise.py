@@ -14,7 +14,7 @@ _LINES = (b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\
 _MAKES_NO_SENSE = 0xE5  # no message has this type
 
 
-class Noise:
+class LineNoise:
     """Damages a stream of bytes: dropped, flipped and inserted ones, each at its rate."""
 
     def __init__(self, faults: Faults, seed: int) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from sonarhw.errors import CommandRefused, DeviceReset, NoAnswer
 from sonarhw.link.link_statistics import LinkStatistics, smoothed
 from sonarhw.readings import Reading
-from sonarhw.wire.arrivals import Arrivals
+from sonarhw.wire.arrivals import ReadingArrivals
 from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
@@ -121,7 +121,7 @@ class Driver:
         self._action: Command | None = None
         self._action_since = 0  # device time when the running action was ordered, µs
         self._repeats_for_finish = 0
-        self._arrivals = Arrivals(0)
+        self._arrivals = ReadingArrivals(0)
         self._asking: Command | None = None
         self._ask_at = 0.0
         self._asks: tuple[tuple[int, int] | None, int] = (None, 0)
@@ -326,15 +326,15 @@ class Driver:
         self._action, self._action_since, self._repeats_for_finish = command, self._device_time, 0
         order = command.message
         self._lost_before += self._arrivals.lost
-        self._arrivals = self._expected(order) if isinstance(order, StartScan) else Arrivals(0)
+        self._arrivals = self._expected(order) if isinstance(order, StartScan) else ReadingArrivals(0)
         if self._asking:
             self.forget(self._asking)
         self._asking, self._asks = None, (None, 0)
         self._readings.clear()
 
-    def _expected(self, order: StartScan) -> Arrivals:
+    def _expected(self, order: StartScan) -> ReadingArrivals:
         total = order.headings * order.sweeps * order.pings
-        return Arrivals(order.first + order.count if order.count else total, order.first, self.kept)
+        return ReadingArrivals(order.first + order.count if order.count else total, order.first, self.kept)
 
     def _expects(self, message: ReadingMessage) -> bool:
         # a reading of an earlier scan may still be under way when the next is ordered

@@ -25,7 +25,7 @@ class Recorder(Protocol):
         """Keep one decoded reading; its frames have been handed over before."""
 
 
-class Recording:
+class JobRecording:
     """What passes while a job runs goes to a recorder; a recorder that comes later gets the greeting first.
 
     A recorder that raises is dropped, so that the device can still be stopped; `failure` is then what it raised.

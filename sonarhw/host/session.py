@@ -31,7 +31,7 @@ from sonarhw.host.conversation import Conversation, KnownDevice
 from sonarhw.host.driver import Driver
 from sonarhw.host.greeting import greet, prepare
 from sonarhw.host.job import Job, Script, Wait
-from sonarhw.host.recorder import Recording
+from sonarhw.host.recorder import JobRecording
 from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import Outcome
@@ -70,7 +70,7 @@ class Session:
         self.clock = DeviceClock()
         self.device = KnownDevice(where)
         self.bauds = False  # whether the speed of the line can be set
-        self.recording = Recording(wanted=lambda: bool(self._jobs))
+        self.recording = JobRecording(wanted=lambda: bool(self._jobs))
         self.failed: SonarError | None = None  # why it never came to a conversation
         self.wants_close = False
         self._patience, self._reconnect = patience, reconnect

@@ -69,7 +69,7 @@ class Record(NamedTuple):
     content: bytes
 
 
-class Message(NamedTuple):
+class McapMessage(NamedTuple):
     """One message of an MCAP file."""
 
     at: int  # offset of the chunk it lies in
@@ -94,7 +94,7 @@ def is_mcap(file: OpenFile) -> bool:
     return found is not None
 
 
-def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | Message | Damage]:
+def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | McapMessage | Damage]:
     """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
     if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
         yield Damage("its first bytes are not those of an MCAP file")
@@ -142,7 +142,7 @@ def _record_at(file: OpenFile, at: int) -> Record | None:
     return Record(at, opcode, file.read(at + _RECORD.size, length))
 
 
-def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
+def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
     """What a chunk holds, or why that cannot be read."""
 
     def left_out(why: str) -> Damage:
@@ -158,7 +158,7 @@ def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
     data = chunk.content[_CHUNK.size :]
     if crc and zlib.crc32(data) != crc:
         return left_out("its CRC-32 does not match")
-    found: list[Record | Message] = []
+    found: list[Record | McapMessage] = []
     at = 0
     while at + _RECORD.size <= len(data):
         opcode, length = _RECORD.unpack_from(data, at)
@@ -166,7 +166,7 @@ def _unpacked(chunk: Record) -> list[Record | Message] | Damage:
         end = at + length
         if opcode == Opcode.MESSAGE and at + _MESSAGE.size <= end <= len(data):
             channel, _, time, _ = _MESSAGE.unpack_from(data, at)
-            found.append(Message(chunk.at, channel, time, data[at + _MESSAGE.size : end]))
+            found.append(McapMessage(chunk.at, channel, time, data[at + _MESSAGE.size : end]))
         else:
             found.append(Record(chunk.at, opcode, data[at:end]))
         at = end

@@ -19,7 +19,7 @@ from sonarhw.log.mcap_records import (
     UNREADABLE,
     Damage,
     Ending,
-    Message,
+    McapMessage,
     OpenFile,
     Record,
     attachment,
@@ -132,7 +132,7 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
         match item:
             case Damage():
                 damage.append(item)
-            case Message():
+            case McapMessage():
                 if frame := recorded_frame(item, topics):
                     follower.take(frame, item.at)
                 elif topics.get(item.channel) == READINGS and follower.settings is None:

@@ -20,7 +20,7 @@ _REAL = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
 NO_TRACE = -1
 
 
-class ReadingTable:
+class ReadingColumns:
     """Grows by a row a reading; a trace may be found for a row later."""
 
     def __init__(self) -> None:

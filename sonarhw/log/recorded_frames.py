@@ -7,7 +7,7 @@ from itertools import groupby
 
 from sonarhw.errors import NotALog
 from sonarhw.log.contents import FRAMES_RECEIVED, FRAMES_SENT, TOPICS, RecordedFrame
-from sonarhw.log.mcap_records import Damage, Message, OpenFile, read_records
+from sonarhw.log.mcap_records import Damage, McapMessage, OpenFile, read_records
 from sonarhw.log.reading_columns import Span
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw.wire.assembly import ReadingAssembler
@@ -38,7 +38,7 @@ class LogFrames:
             yield [frame for _, frame in together]
 
 
-def recorded_frame(message: Message, topics: dict[int, str]) -> RecordedFrame | None:
+def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
     """The frame in a message of the file; None where it holds none."""
     topic = topics.get(message.channel)
     if topic not in (FRAMES_RECEIVED, FRAMES_SENT):
@@ -57,7 +57,7 @@ def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, Rec
         for item in read_records(file, *(span or ())[:1]):
             if span is not None and not isinstance(item, Damage) and item.at > span[1]:
                 return
-            if isinstance(item, Message) and (frame := recorded_frame(item, topics)):
+            if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
                 yield item.at, frame
     except OSError as error:
         raise NotALog(f"{file.path}: cannot be read any more: {error.strerror}") from error

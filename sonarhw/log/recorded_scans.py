@@ -8,7 +8,7 @@ import struct
 from dataclasses import dataclass, field, replace
 
 from sonarhw.log.contents import RecordedFrame
-from sonarhw.log.reading_columns import ReadingTable, Span
+from sonarhw.log.reading_columns import ReadingColumns, Span
 from sonarhw.readings import Reading
 from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.device_clock import DeviceClock
@@ -45,7 +45,7 @@ class FollowedScan:
     settings: Settings | None
     started: float | None = None  # s on the clock of the readings
     expected: int | None = None
-    readings: ReadingTable = field(default_factory=ReadingTable)
+    readings: ReadingColumns = field(default_factory=ReadingColumns)
     first: Reading | None = None  # the one with the lowest number
     finished: Finished | None = None
     homed: list[float] = field(default_factory=list)  # time of the newest reading when the zero was sought anew

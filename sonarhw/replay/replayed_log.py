@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import Conversation
+from sonarhw.device.device_protocol import ProtocolDevice
 from sonarhw.device.paced_line import BYTE_TIME, Line
 from sonarhw.errors import InputError
 from sonarhw.log.contents import Log
@@ -44,7 +44,7 @@ class _Recording:
         return lap * self.lap + self.readings[index].time - self.began
 
 
-class ReplayDevice(Conversation):
+class ReplayDevice(ProtocolDevice):
     """Plays the scans of a log, one at each scan command and after the last one the first again.
 
     A scan command's sector is not obeyed: the recorded readings come, numbered from 0 without gaps. With `loop` the

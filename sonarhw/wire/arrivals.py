@@ -1,6 +1,6 @@
 """Which readings have come, which the device must be asked for again, and which it must make again.
 
-`Arrivals` is the book of one order to the device: it takes the numbers of readings that came and the counts that
+`ReadingArrivals` is the book of one order to the device: it takes the numbers of readings that came and the counts that
 heartbeats tell; hands on the next stretch to ask for. `Progress` is the book of a whole scan, which may take several
 orders: it hands on the next stretch to be made.
 """
@@ -8,7 +8,7 @@ orders: it hands on the next stretch to be made.
 from sonarhw.wire.limits import KEPT_READINGS
 
 
-class Arrivals:
+class ReadingArrivals:
     """Books of readings `first` to `total` − 1; holds only what is missing."""
 
     def __init__(self, total: int, first: int = 0, kept: int = KEPT_READINGS) -> None:

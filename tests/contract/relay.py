@@ -4,7 +4,7 @@ import threading
 from collections import deque
 
 from sonarhw.device.fault_schedule import Faults
-from sonarhw.device.line_noise import Noise
+from sonarhw.device.line_noise import LineNoise
 from sonarhw.link.serial_link import Link
 
 _LOOK = 0.005  # s from one look at what has come to the next
@@ -19,7 +19,7 @@ class Relay:
 
     def __init__(self, link: Link, faults: Faults, seed: int = 0) -> None:
         self._link = link
-        self._up, self._down = Noise(faults, seed), Noise(faults, seed + 1)
+        self._up, self._down = LineNoise(faults, seed), LineNoise(faults, seed + 1)
         self._now = 0.0
         self._come: deque[bytes] = deque()
         self._ended = threading.Event()

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import SonarError
 from sonarhw.host.driver import Driver
 from sonarhw.readings import Reading
@@ -94,7 +94,7 @@ def test_a_mutated_session_shows_no_reading_that_was_not_made(count: Count) -> N
 
 def recorded_session() -> list[bytes]:
     """What a board says to each of the commands."""
-    board, driver, said, now = Board(PlainEchoes(), seed=7), Driver(FIRST), [], 0.0
+    board, driver, said, now = FakeBoard(PlainEchoes(), seed=7), Driver(FIRST), [], 0.0
     for message in COMMANDS:
         command, wire = driver.command(message, now), b""
         while command.answer is None or (driver.running and not isinstance(message, Hello | Configure)):

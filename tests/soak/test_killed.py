@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.log import Log, read_log
 from tests.conftest import Count
 from tests.fixtures.plain_echoes import PlainEchoes
@@ -21,7 +21,7 @@ def test_every_reading_shown_before_the_kill_is_in_the_log(tmp_path: Path, count
     chance = random.Random(11)
     for kill in range(count(3, 200)):
         log = tmp_path / f"{kill}.mcap"
-        with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=20.0) as endpoint:
+        with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace=20.0) as endpoint:
             traces = ("--traces",) if kill % 2 else ()
             with started("scan", endpoint.url, "--out", log, "--print", *LONG, *traces) as process:
                 assert process.stdout is not None
@@ -42,7 +42,7 @@ def assert_holds(log: Log, headings: list[str]) -> None:
 
 def test_a_log_cut_at_each_byte_of_its_tail_opens(tmp_path: Path, count: Count) -> None:
     whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
-    with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
         assert sonarhw("scan", endpoint.url, "--out", whole, "--step", "30", "--traces").returncode == 0
     data, before = whole.read_bytes(), 0
     assert read_log(whole).torn is None

@@ -87,16 +87,16 @@ def fake_device(
     here, profile = chosen_place(room, place), load_board(board)
     from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-    from sonarhw.device.fake_board import Board, BoardIdentity
+    from sonarhw.device.fake_board import BoardIdentity, FakeBoard
     from sonarhw.device.fault_schedule import NO_FAULTS
     from sonarhw.device.faulty_board import FaultyDevice, afflicted
 
     echoes = RoomEchoes(room, here, profile, seed)
     identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
 
-    def switched_on(boots: int) -> Board:
+    def switched_on(boots: int) -> FakeBoard:
         me = replace(identity, boot=1 + boots)
-        return Board(echoes, seed, profile.listens_from, me, ready=lambda: echoes.ready)
+        return FakeBoard(echoes, seed, profile.listens_from, me, ready=lambda: echoes.ready)
 
     return switched_on(0) if faults == NO_FAULTS else FaultyDevice(switched_on, faults, seed), echoes
 

@@ -21,7 +21,7 @@ from sonarhw_sim.room.model import load_room
 from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
@@ -84,7 +84,7 @@ def scanned(scanner: Scanner, traces: bool, step: float) -> list[Reading]:
 
 @pytest.mark.parametrize(("traces", "step"), [(False, 5.0), (True, 30.0)])
 def test_the_demo_room_is_heard_as_by_the_fake_to_two_timer_ticks(traces: bool, step: float) -> None:
-    with serve(Board(demo_echoes()), tcp="127.0.0.1:0", pace="max") as fake, Scanner.open(fake.url) as scanner:
+    with serve(FakeBoard(demo_echoes()), tcp="127.0.0.1:0", pace="max") as fake, Scanner.open(fake.url) as scanner:
         expected = scanned(scanner, traces, step)
     with scanner_on(demo_echoes()) as (_, scanner):
         readings = scanned(scanner, traces, step)

@@ -18,7 +18,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import ScanOrder
 from tests.system.gui.driving import PATIENCE
@@ -34,7 +34,7 @@ def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
     with ExitStack() as during:
 
         def open_fake(pace: Pace) -> ScannerOpener:
-            board = Board(echoes, 2, scene.board.blanking)
+            board = FakeBoard(echoes, 2, scene.board.blanking)
             endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
             return lambda: Scanner.open(endpoint.url)
 
@@ -99,7 +99,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
 def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of a whole scan with traces."""
     wish = ScanWish(tmp_path_factory.mktemp("recorded"), ORDER)
-    with serve(Board(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
         live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, wish))
         live.start()
         live.hang_up()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sonarhw.device.endpoint import Clock, Endpoint, open_door, serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import InputError, LinkError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
@@ -70,7 +70,7 @@ class Failing(Chatterbox):
 
 def test_a_link_leads_to_the_terminal_and_is_removed_at_the_end(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
-    with serve(Board(PlainEchoes()), pty=link) as endpoint:
+    with serve(FakeBoard(PlainEchoes()), pty=link) as endpoint:
         assert endpoint.url == str(link)
         assert os.path.realpath(link).startswith("/dev/")
     assert not link.is_symlink()
@@ -81,45 +81,48 @@ def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path
     dangling.symlink_to(tmp_path / "gone")
     file.write_text("precious")
     folder.mkdir()
-    with serve(Board(PlainEchoes()), pty=dangling, pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
+    with serve(FakeBoard(PlainEchoes()), pty=dangling, pace="max") as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.serial == "FAKE-0000"
     for taken in (file, folder):
-        with pytest.raises(InputError, match="exists already"), serve(Board(PlainEchoes()), pty=taken):
+        with pytest.raises(InputError, match="exists already"), serve(FakeBoard(PlainEchoes()), pty=taken):
             pass
     assert file.read_text() == "precious"
-    with pytest.raises(InputError, match="cannot make the link"), serve(Board(PlainEchoes()), pty=folder / "no" / "x"):
+    with (
+        pytest.raises(InputError, match="cannot make the link"),
+        serve(FakeBoard(PlainEchoes()), pty=folder / "no" / "x"),
+    ):
         pass
 
 
 def test_a_link_that_now_leads_elsewhere_is_not_removed(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
-    with serve(Board(PlainEchoes()), pty=link):
+    with serve(FakeBoard(PlainEchoes()), pty=link):
         link.unlink()
         link.symlink_to(tmp_path / "other")
     assert link.is_symlink()
 
 
 def test_tcp_listens_on_the_loopback_and_nowhere_else() -> None:
-    with serve(Board(PlainEchoes()), tcp=":0") as endpoint:
+    with serve(FakeBoard(PlainEchoes()), tcp=":0") as endpoint:
         assert endpoint.url.startswith("socket://127.0.0.1:")
 
 
 @pytest.mark.parametrize("address", ["7000", "localhost", "host:port", "127.0.0.1:70000", "127.0.0.1:-1"])
 def test_a_bad_address_is_told(address: str) -> None:
-    with pytest.raises(InputError, match="expected HOST:PORT"), serve(Board(PlainEchoes()), tcp=address):
+    with pytest.raises(InputError, match="expected HOST:PORT"), serve(FakeBoard(PlainEchoes()), tcp=address):
         pass
 
 
 def test_a_port_that_is_taken_is_told() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(LinkError, match="cannot listen"), serve(Board(PlainEchoes()), tcp=address):
+        with pytest.raises(LinkError, match="cannot listen"), serve(FakeBoard(PlainEchoes()), tcp=address):
             pass
 
 
 @pytest.mark.parametrize("pace", [0, -1.0, float("nan"), float("inf"), "quick"])
 def test_a_pace_is_real_max_or_a_factor(pace: float) -> None:
-    with pytest.raises(InputError, match="pace"), serve(Board(PlainEchoes()), pace=pace):
+    with pytest.raises(InputError, match="pace"), serve(FakeBoard(PlainEchoes()), pace=pace):
         pass
 
 
@@ -191,13 +194,13 @@ def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(time, "monotonic", lambda: real)
     monkeypatch.setattr("sonarhw.device.endpoint.select.select", waits)
     with open_door(tcp="127.0.0.1:0") as door:
-        endpoint = Endpoint(Board(PlainEchoes()), door)
+        endpoint = Endpoint(FakeBoard(PlainEchoes()), door)
         endpoint.run()
     assert endpoint._clock.now == pytest.approx(10, abs=0.5)
 
 
 def test_a_client_that_goes_takes_its_conversation_with_it() -> None:
-    board = Board(PlainEchoes())
+    board = FakeBoard(PlainEchoes())
     with serve(board, tcp="127.0.0.1:0") as endpoint:
         host, _, port = endpoint.url.removeprefix("socket://").partition(":")
         with socket.create_connection((host, int(port))) as client:

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from sonarhw.device.endpoint import Endpoint, Pace, serve
-from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.errors import DeviceError, Incompatible, InputError, LinkBusy, LinkError, LinkLost, NoAnswer
 from sonarhw.host.scanner import Scanner
 from sonarhw.host.session import Connection
@@ -47,9 +47,9 @@ def no_thread_is_left() -> Iterator[None]:
 def served(request: pytest.FixtureRequest, tmp_path: Path) -> Serve:
     """Serves a board on one kind of line."""
 
-    def over(board: Board | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
+    def over(board: FakeBoard | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
         where = {"tcp": {"tcp": "127.0.0.1:0"}, "pty": {}, "pty behind a link": {"pty": tmp_path / "scanner"}}
-        return serve(board or Board(PlainEchoes(), seed=5), pace=pace, **where[request.param])
+        return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, **where[request.param])
 
     return over
 
@@ -104,7 +104,7 @@ def test_traces_come_whole(served: Serve) -> None:
 
 
 def test_a_scan_given_up_in_the_middle_stops_the_board_and_the_next_one_works(served: Serve) -> None:
-    board = Board(PlainEchoes(), seed=5)
+    board = FakeBoard(PlainEchoes(), seed=5)
     with served(board, pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
         for reading in scanner.scan(ORDER):
@@ -170,7 +170,7 @@ def test_a_scanner_does_one_thing_at_a_time(served: Serve) -> None:
 
 
 def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
-    board = Board(PlainEchoes(), seed=5)
+    board = FakeBoard(PlainEchoes(), seed=5)
 
     def interrupted(scanner: Scanner) -> None:
         for reading in scanner.scan(ORDER):
@@ -224,13 +224,13 @@ def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serv
 
 
 def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
-    board = Board(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
+    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
     with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
         Scanner.open(endpoint.url)
 
 
 def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
-    board = Board(PlainEchoes(), identity=BoardIdentity(minor=9))
+    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(minor=9))
     with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.protocol == (1, 9)
         scanner.home()
@@ -298,11 +298,11 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
         return str(next((name for name in names if name.exists()), names[0]))
 
     with ExitStack() as later:
-        with serve(Board(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
+        with serve(FakeBoard(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
             scanner = later.enter_context(Scanner.open(first.url, find=now_at))
             scan = scanner.scan(ORDER)
             readings = [next(scan) for _ in range(5)]
-        later.enter_context(serve(Board(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
+        later.enter_context(serve(FakeBoard(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
         check_scan([*readings, *scan])
         books = scanner.statistics
         assert (books.losses, books.resets) == (1, 1)
@@ -310,7 +310,7 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
 
 
 def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Path) -> None:
-    board = Board(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
+    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
     with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.baud == board.line.baud == 1_000_000
         assert termios.tcgetattr(os.open(endpoint.url, os.O_RDONLY | os.O_NOCTTY))[4] == termios.B1000000
@@ -327,7 +327,7 @@ def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
 
 
 def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
-    board = Board(PlainEchoes(), seed=5)
+    board = FakeBoard(PlainEchoes(), seed=5)
     with served(board, pace="real") as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.turn(0.1)
         turned = board._now
@@ -363,7 +363,7 @@ def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
 
 def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
     with (
-        serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,
+        serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,
         Scanner.open(endpoint.url),
         pytest.raises(LinkBusy, match="this program holds the port"),
     ):
@@ -373,7 +373,7 @@ def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
 def test_who_holds_a_busy_port_is_said(tmp_path: Path) -> None:
     hold = "import sys; from sonarhw.link.serial_link import Link\n"
     hold += "x = Link(sys.argv[1]); print('held', flush=True); input()"
-    with serve(Board(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
+    with serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:
         command = [sys.executable, "-c", hold, endpoint.url]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
             assert other.stdout is not None

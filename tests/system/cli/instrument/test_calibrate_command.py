@@ -10,7 +10,7 @@ from sonarhw_sim.air import speed_of_sound
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from tests.checkout import CHECKOUT
 from tests.fixtures.plate import Plate
 
@@ -19,7 +19,7 @@ DISTANCE = 1.25
 
 def calibrated(out: Path, *options: str) -> int:
     """Calibrate against a plate 2 degrees to the left of where it should be, told 8 mm too far."""
-    board = Board(Plate(DISTANCE, math.radians(2.0), 0.008, speed_of_sound(20.0)))
+    board = FakeBoard(Plate(DISTANCE, math.radians(2.0), 0.008, speed_of_sound(20.0)))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         return run(["calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", str(out), *options])
 

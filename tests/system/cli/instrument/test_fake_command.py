@@ -9,7 +9,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.device.fault_schedule import KNOWN
 from sonarhw.log import read_log
 from tests.fixtures.plain_echoes import PlainEchoes
@@ -19,7 +19,7 @@ from tests.system.cli.instrument.test_scan_command import SIMPLE_ROOM, end, line
 @pytest.fixture
 def url() -> Iterator[str]:
     """A fake scanner in this process."""
-    with serve(Board(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(PlainEchoes(), seed=2), tcp="127.0.0.1:0", pace="max") as endpoint:
         yield endpoint.url
 
 

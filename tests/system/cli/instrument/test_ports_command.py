@@ -6,7 +6,7 @@ import pytest
 from sonarhw_cli.app import run
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.link.ports import Port, Usb
 from tests.fixtures.plain_echoes import PlainEchoes
 
@@ -16,8 +16,8 @@ def test_ports_with_known_usb_ids_are_asked_and_others_only_where_wanted(
 ) -> None:
     known, unknown = tmp_path / "ttyACM0", tmp_path / "ttyS0"
     with (
-        serve(Board(PlainEchoes(), seed=3), pty=known) as first,
-        serve(Board(PlainEchoes(), seed=4), pty=unknown) as second,
+        serve(FakeBoard(PlainEchoes(), seed=3), pty=known) as first,
+        serve(FakeBoard(PlainEchoes(), seed=4), pty=unknown) as second,
     ):
         ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
         monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: ports)

@@ -16,7 +16,7 @@ from sonarhw_cli.app import run
 from sonarhw_cli.console.interruption import sigterm_raises
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.export.csv_rows import HEADER
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
@@ -58,8 +58,8 @@ def end(process: subprocess.Popen[str]) -> tuple[int, str]:
 
 
 @pytest.fixture
-def board() -> Board:
-    return Board(PlainEchoes(), seed=2)
+def board() -> FakeBoard:
+    return FakeBoard(PlainEchoes(), seed=2)
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def log(tmp_path: Path) -> Path:
     return tmp_path / "scan.mcap"
 
 
-def test_a_scan_is_printed_and_recorded_alike(board: Board, log: Path) -> None:
+def test_a_scan_is_printed_and_recorded_alike(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--print", "--room", SIMPLE_ROOM, "--place", "figure9")
     assert (done.returncode, done.stderr) == (0, f"72 readings, 72 with an echo, in {log}\n")
@@ -90,7 +90,7 @@ def test_a_scan_is_printed_and_recorded_alike(board: Board, log: Path) -> None:
     assert recorded.settings.speed_of_sound == pytest.approx(344_500, abs=500)
 
 
-def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: Path) -> None:
+def test_sector_range_temperature_and_traces_reach_the_board(board: FakeBoard, log: Path) -> None:
     options = [
         *("--from", "10", "--to", "40", "--step", "10", "--sweeps", "2", "--pings", "2"),
         *("--max-range", "3.43", "--temperature", "0", "--traces"),
@@ -109,7 +109,7 @@ def test_sector_range_temperature_and_traces_reach_the_board(board: Board, log: 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
-    board: Board, log: Path, number: signal.Signals
+    board: FakeBoard, log: Path, number: signal.Signals
 ) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
         with started("scan", endpoint.url, "--out", log, "--print") as process:
@@ -123,7 +123,7 @@ def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
     assert (status, errors) == (130, f"sonarhw: interrupted; {len(recorded.readings)} readings are kept in {log}\n")
 
 
-def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Board, log: Path) -> None:
+def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: FakeBoard, log: Path) -> None:
     with ExitStack() as outside:
         with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
             process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1"))
@@ -189,7 +189,7 @@ def test_without_a_scanner_there_is_no_log(log: Path) -> None:
     assert not log.exists()
 
 
-def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
+def test_an_existing_log_is_kept_unless_forced(board: FakeBoard, log: Path) -> None:
     log.write_bytes(b"precious")
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         refused = sonarhw("scan", endpoint.url, "--out", log)
@@ -202,7 +202,7 @@ def test_an_existing_log_is_kept_unless_forced(board: Board, log: Path) -> None:
 BEYOND_THE_CABLE = ["--step", "170", "--to", "900"]
 
 
-def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: Board, log: Path) -> None:
+def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         refused = sonarhw("scan", endpoint.url, "--out", log, *BEYOND_THE_CABLE)
         assert refused.returncode == 1
@@ -211,7 +211,7 @@ def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: Board, 
         assert sonarhw("scan", endpoint.url, "--out", log, "--step", "90").returncode == 0
 
 
-def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: Board, log: Path) -> None:
+def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: FakeBoard, log: Path) -> None:
     log.write_bytes(b"precious")
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         assert sonarhw("scan", endpoint.url, "--out", log, "--force", *BEYOND_THE_CABLE).returncode == 1
@@ -219,7 +219,7 @@ def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: Board
     assert [*log.parent.iterdir()] == [log]
 
 
-def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(board: Board, log: Path) -> None:
+def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(board: FakeBoard, log: Path) -> None:
     log.write_bytes(b"precious")
     with (
         serve(board, tcp="127.0.0.1:0", pace=0.1) as endpoint,
@@ -245,7 +245,7 @@ main()
 """
 
 
-def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitted(board: Board, log: Path) -> None:
+def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitted(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         arguments = ["scan", endpoint.url, "--out", str(log), "--step", "1", "--print"]
         done = subprocess.run(
@@ -265,7 +265,7 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
 
 
 def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
-    board: Board, log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: FakeBoard, log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 40_000_000)
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
@@ -277,7 +277,7 @@ def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
 
 
 def test_a_log_carries_its_board_to_where_nobody_has_the_profile(
-    board: Board, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    board: FakeBoard, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shipped = (files("sonarhw_sim.board.shipped") / "polaroid-6500.toml").read_text(encoding="utf-8")
     profile = tmp_path / "mine.toml"
@@ -305,7 +305,7 @@ def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:
 
 
 def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> None:
-    board = Board(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
+    board = FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
     assert done.returncode == 0
@@ -348,7 +348,7 @@ def test_a_log_goes_to_a_file_named_as_one(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_closed_pipe_ends_quietly(board: Board, log: Path) -> None:
+def test_a_closed_pipe_ends_quietly(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
         with started("scan", endpoint.url, "--out", log, "--print") as process:
             lines(process, 3)

@@ -14,7 +14,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.device.endpoint import serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
@@ -34,7 +34,7 @@ def hot_room(tmp_path: Path) -> Path:
 
 def scanned(log: Path, thermometer: float | None, *options: str | Path) -> list[float | None]:
     """The ranges that `sonarhw scan` records."""
-    with serve(Board(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--step", "90", *map(str, options)]) == 0
     return [reading.range for reading in read_log(log).readings]
 
@@ -44,7 +44,7 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     board = load_board("polaroid-6500")
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
-    with serve(Board(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
         live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(folder, FOUR, traces=False)))
         live.start()
         live.hang_up()
@@ -82,7 +82,7 @@ def test_the_temperature_of_the_command_line_comes_before_thermometer_and_room(h
 def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: Path) -> None:
     beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
     scene = scene_with(load_board("polaroid-6500"))
-    with serve(Board(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
+    with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
         live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(tmp_path, beyond_the_cable)))
         live.start()
         live.hang_up()

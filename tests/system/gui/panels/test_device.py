@@ -20,7 +20,7 @@ from sonarhw_gui.shell.status_bar import badge
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder, sector
@@ -37,11 +37,11 @@ def during() -> Iterator[ExitStack]:
 
 
 @pytest.fixture
-def board(scene: Scene, echoes: RoomEchoes) -> Board:
-    return Board(echoes, 3, scene.board.blanking)
+def board(scene: Scene, echoes: RoomEchoes) -> FakeBoard:
+    return FakeBoard(echoes, 3, scene.board.blanking)
 
 
-def opened(open_with: OpenWith, board: Board, during: ExitStack, pace: Pace = 4.0, **start: object) -> MainWindow:
+def opened(open_with: OpenWith, board: FakeBoard, during: ExitStack, pace: Pace = 4.0, **start: object) -> MainWindow:
     """A window with its device panel open, before a board that is served."""
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
     window = open_with(source=lambda: Scanner.open(endpoint.url), **start)
@@ -67,7 +67,7 @@ def idle(window: MainWindow, phase: Phase) -> bool:
 
 
 def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     press(qtbot, window.device.connect_button)
@@ -82,7 +82,7 @@ def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
 
 
 def test_after_disconnect_a_scan_connects_again(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     press(qtbot, window.device.connect_button)
@@ -94,7 +94,7 @@ def test_after_disconnect_a_scan_connects_again(
 
 
 def test_one_connection_serves_one_scan_after_the_other(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
     until(qtbot, lambda: idle(window, Phase.DONE))
@@ -109,7 +109,7 @@ def test_one_connection_serves_one_scan_after_the_other(
 
 
 def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     type_into(qtbot, window.device.target, "123.4")
@@ -120,7 +120,9 @@ def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
     assert window.session.shown.readings == ()
 
 
-def test_f6_stops_a_turntable_that_turns(qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack) -> None:
+def test_f6_stops_a_turntable_that_turns(
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
+) -> None:
     window = opened(open_with, board, during, 0.3)
     window.session.live.home()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
@@ -130,7 +132,7 @@ def test_f6_stops_a_turntable_that_turns(qtbot: QtBot, open_with: OpenWith, boar
 
 
 def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, 0.3)
     dialog = QDialog(window)
@@ -144,7 +146,7 @@ def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
 
 
 def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     window.session.live.turn(math.radians(9999))
@@ -159,7 +161,7 @@ def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
 
 
 def test_a_sector_typed_into_the_panel_is_what_is_scanned(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     panel = window.device
@@ -176,7 +178,7 @@ def test_a_sector_typed_into_the_panel_is_what_is_scanned(
 
 
 def test_a_shorter_range_is_not_listened_beyond(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     type_into(qtbot, window.device.reach, "0.6")
@@ -188,7 +190,7 @@ def test_a_shorter_range_is_not_listened_beyond(
 
 
 def test_a_sector_without_headings_is_told_and_the_last_wish_stays(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
     type_into(qtbot, window.device.end, "0")
@@ -235,7 +237,7 @@ def test_in_a_replay_the_turntable_is_left_alone(
 
 
 def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_the_scan_is_whole(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, 6.0, autostart=True, order=LONG)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
@@ -257,7 +259,7 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
 
 
 def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_its_room(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack, scene: Scene
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack, scene: Scene
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
     seen = window.status_bar.badge
@@ -282,7 +284,7 @@ def test_after_a_scan_that_failed_the_badge_is_not_live(readings: int, told: str
 
 
 def test_a_cable_pulled_while_nothing_runs_is_told_too(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
     press(qtbot, window.device.connect_button)
@@ -296,7 +298,7 @@ def test_a_cable_pulled_while_nothing_runs_is_told_too(
 
 
 def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, autostart=True, order=LONG)
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
@@ -312,7 +314,7 @@ def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
 
 
 def test_the_clock_of_a_scanner_that_runs_at_another_pace_tells_no_drift(
-    qtbot: QtBot, open_with: OpenWith, board: Board, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
     press(qtbot, window.device.connect_button)

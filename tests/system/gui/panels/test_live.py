@@ -16,7 +16,7 @@ from sonarhw_gui.scene.scene_edit import standing_at
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Endpoint, open_door, serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.faulty_boards import faulty
@@ -177,7 +177,7 @@ def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
 def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
-    with vanishing(Board(echoes, 1, scene.board.blanking)) as (url, vanish):
+    with vanishing(FakeBoard(echoes, 1, scene.board.blanking)) as (url, vanish):
         endless = replace(ORDER, sweeps=100)
         window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True, order=endless)
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
@@ -228,7 +228,7 @@ def test_without_a_room_the_measured_points_are_shown(
 
 
 @contextmanager
-def vanishing(board: Board) -> Iterator[tuple[str, Callable[[], None]]]:
+def vanishing(board: FakeBoard) -> Iterator[tuple[str, Callable[[], None]]]:
     """A served board, its URL, and what makes it vanish."""
     with open_door(tcp="127.0.0.1:0") as door:
         endpoint = Endpoint(board, door, 4.0)

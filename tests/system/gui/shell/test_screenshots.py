@@ -30,7 +30,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.device.endpoint import Pace, serve
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import InputError
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.ports import Port, Usb
@@ -113,8 +113,8 @@ def echoes(bench: Scene) -> RoomEchoes:
     return echoes
 
 
-def fake(echoes: RoomEchoes, scene: Scene) -> Board:
-    return Board(echoes, 1, scene.board.blanking)
+def fake(echoes: RoomEchoes, scene: Scene) -> FakeBoard:
+    return FakeBoard(echoes, 1, scene.board.blanking)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sonarhw.device.device_protocol import BACKLOG
-from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.device.paced_line import Line
 from sonarhw.host.driver import Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
@@ -43,7 +43,9 @@ def refusal(joined: Joined, message: Message) -> Refusal:
     return Refusal(answer.code)
 
 
-def raw_answers(board: Board, kind: int, payload: bytes, sequence: int = 9, at: float = 1.0) -> list[Message | None]:
+def raw_answers(
+    board: FakeBoard, kind: int, payload: bytes, sequence: int = 9, at: float = 1.0
+) -> list[Message | None]:
     """What the board sends within 10 ms of a frame with any type and payload."""
     board.receive(encode_frame(Frame(kind, sequence, 0, payload)), at)
     frames = FrameDecoder().feed(board.advance(at + 0.01))
@@ -118,7 +120,7 @@ def test_a_busy_board_is_to_be_stopped_first(homed: Joined, message: Message) ->
 
 
 def test_an_unknown_type_and_a_malformed_payload_are_refused_by_name() -> None:
-    board = Board(PlainEchoes())
+    board = FakeBoard(PlainEchoes())
     raw_answers(board, Hello.TYPE, Hello(1, 0).pack())
     (unknown,) = raw_answers(board, 0x55, b"")
     (malformed,) = raw_answers(board, Turn.TYPE, b"\1\2")
@@ -178,7 +180,7 @@ def test_frames_leave_one_after_another_each_when_the_line_could_have_carried_it
 
 
 def test_a_host_that_only_talks_does_not_fill_the_board() -> None:
-    board = Board(PlainEchoes())
+    board = FakeBoard(PlainEchoes())
     for sequence in range(20_000):
         board.receive(encode_frame(Frame(Hello.TYPE, sequence, 0, Hello(1, 0).pack())), 0.0)
     assert board.line.waiting < BACKLOG + 200
@@ -195,7 +197,7 @@ def test_after_hanging_up_the_board_is_silent_and_wants_a_hello(homed: Joined) -
 
 def test_the_same_seed_gives_the_same_board_and_another_seed_another() -> None:
     def homing_time(seed: int) -> float:
-        joined = Joined(board=Board(PlainEchoes(), seed=seed))
+        joined = Joined(board=FakeBoard(PlainEchoes(), seed=seed))
         joined.ask(Hello(1, 0))
         joined.act(Home())
         return joined.now
@@ -204,7 +206,7 @@ def test_the_same_seed_gives_the_same_board_and_another_seed_another() -> None:
 
 
 def test_a_board_without_thermometer_says_so() -> None:
-    (info,) = raw_answers(Board(PlainEchoes(temperature_c=None)), Hello.TYPE, Hello(1, 0).pack())
+    (info,) = raw_answers(FakeBoard(PlainEchoes(temperature_c=None)), Hello.TYPE, Hello(1, 0).pack())
     assert isinstance(info, Info)
     assert info.temperature == NO_TEMPERATURE
 
@@ -223,7 +225,7 @@ def test_a_stop_half_way_leaves_the_turntable_where_it_is(homed: Joined) -> None
 def test_a_board_whose_ears_are_not_ready_homes_and_turns_and_holds_back_its_pings() -> None:
     ready = False
     echoes = PlainEchoes()
-    joined = Joined(board=Board(echoes, ready=lambda: ready))
+    joined = Joined(board=FakeBoard(echoes, ready=lambda: ready))
     joined.ask(Hello(1, 0))
     joined.act(Home())
     joined.act(Turn(90_000_000))
@@ -283,7 +285,7 @@ def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(homed: 
 
 
 def test_a_board_without_traces_says_so_in_its_settings_and_sends_none() -> None:
-    joined = Joined(board=Board(PlainEchoes(), identity=BoardIdentity(trace_rate=0)))
+    joined = Joined(board=FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0)))
     joined.greet(trace=True)
     assert joined.driver.assembler.settings is not None
     assert joined.driver.assembler.settings.trace == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sonarhw.device.fake_board import Board, BoardIdentity, rearmed
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import HOST_SILENCE, UNHEARD
 from sonarhw.wire.messages import (
@@ -41,7 +41,7 @@ class Host:
     """Says things to a board at given times, and hears what it says."""
 
     def __init__(self, minor: int = 1, identity: BoardIdentity | None = None) -> None:
-        self.board = Board(PlainEchoes(), seed=7, identity=identity)
+        self.board = FakeBoard(PlainEchoes(), seed=7, identity=identity)
         self.now = 0.0
         self.sequence = 0
         (self.info,) = self.say(Hello(1, minor))

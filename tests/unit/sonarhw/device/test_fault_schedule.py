@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from sonarhw.device.fault_schedule import KNOWN, AfterPings, At, Event, Faults, Kind, NowAndThen, read_faults
-from sonarhw.device.line_noise import Noise
+from sonarhw.device.fault_schedule import KNOWN, AfterPings, At, Event, FaultKind, Faults, NowAndThen, read_faults
+from sonarhw.device.line_noise import LineNoise
 from sonarhw.errors import InputError, SonarError
 from sonarhw.host.driver import Driver
 from sonarhw.wire.frames import Frame, FrameDecoder
@@ -31,7 +31,7 @@ def joined_with(spec: str) -> Joined:
 def test_the_table_of_the_document_names_every_fault_and_the_size_it_has_where_none_is_said() -> None:
     rows = re.findall(r"^\| `(\w+)=\w+[\w.]*` \|.*\| (.*?) ?\|$", DOCUMENT, flags=re.MULTILINE)
     assert [name for name, _ in rows] == list(KNOWN)
-    for kind in Kind:
+    for kind in FaultKind:
         said = dict(rows)[kind.text]
         assert kind.size == (math.inf if said == "for ever" else float(said))
 
@@ -51,10 +51,10 @@ def test_a_schedule_is_what_its_text_says() -> None:
             drift=-20,
             protocol=(0, 9),
             events=(
-                Event(Kind.RESET, 0.5, AfterPings(20)),
-                Event(Kind.STALL, 0.4, At(12.5)),
-                Event(Kind.UNPLUG, 2.0, NowAndThen(30)),
-                Event(Kind.WEDGE, math.inf, At(0)),
+                Event(FaultKind.RESET, 0.5, AfterPings(20)),
+                Event(FaultKind.STALL, 0.4, At(12.5)),
+                Event(FaultKind.UNPLUG, 2.0, NowAndThen(30)),
+                Event(FaultKind.WEDGE, math.inf, At(0)),
             ),
         )
     )
@@ -81,7 +81,7 @@ def test_what_is_no_schedule_is_refused_in_one_line(spec: str) -> None:
 @pytest.mark.parametrize("name", ["drop", "flip", "insert"])
 def test_a_share_of_the_bytes_is_damaged_as_asked(name: str) -> None:
     sent = bytes(range(1, 251)) * 4000  # a million
-    arrived = Noise(Faults(**{name: 1 / 1000}), seed=4).damage(sent)
+    arrived = LineNoise(Faults(**{name: 1 / 1000}), seed=4).damage(sent)
     expected, spread = 1000, math.sqrt(1000)
     if name == "drop":
         assert len(sent) - len(arrived) == pytest.approx(expected, abs=5 * spread)
@@ -95,10 +95,10 @@ def test_a_share_of_the_bytes_is_damaged_as_asked(name: str) -> None:
 
 def test_damage_is_the_same_for_the_same_seed_however_the_stream_is_cut() -> None:
     faults, sent = Faults(drop=0.01, flip=0.02, insert=0.01), bytes(range(250)) * 20
-    whole, in_pieces = Noise(faults, seed=9), Noise(faults, seed=9)
+    whole, in_pieces = LineNoise(faults, seed=9), LineNoise(faults, seed=9)
     assert whole.damage(sent) == b"".join(in_pieces.damage(sent[at : at + 7]) for at in range(0, len(sent), 7))
-    assert Noise(faults, seed=10).damage(sent) != Noise(faults, seed=9).damage(sent)
-    assert Noise(Faults(drop=1.0), seed=0).damage(sent) == b""
+    assert LineNoise(faults, seed=10).damage(sent) != LineNoise(faults, seed=9).damage(sent)
+    assert LineNoise(Faults(drop=1.0), seed=0).damage(sent) == b""
 
 
 def test_a_stalled_line_loses_nothing_and_lets_all_go_at_once() -> None:

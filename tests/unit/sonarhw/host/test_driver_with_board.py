@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sonarhw.device.fake_board import Board
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
 from sonarhw.host.driver import NOTHING_SOUND, SIGN_OF_LIFE, SILENCE, TRIES, Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
@@ -200,7 +200,7 @@ def test_heartbeats_come_every_quarter_second_while_homing_and_turning() -> None
 
 def test_homing_takes_less_than_three_seconds_from_any_angle() -> None:
     for seed in range(20):
-        joined = Joined(board=Board(PlainEchoes(), seed=seed))
+        joined = Joined(board=FakeBoard(PlainEchoes(), seed=seed))
         joined.ask(Hello(1, 1))
         began = joined.now
         assert joined.act(Home()).finished is not None

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from sonarhw.device.device_protocol import Conversation
-from sonarhw.device.fake_board import Board
+from sonarhw.device.device_protocol import ProtocolDevice
+from sonarhw.device.fake_board import FakeBoard
 from sonarhw.log import Log, read_log
 from sonarhw.replay.replayed_log import ReplayDevice
 from sonarhw.wire.fields import Samples, Scalar
@@ -59,7 +59,7 @@ ANY_FRAMES = MESSAGES.map(lambda message: (message.TYPE, message.pack())) | st.t
 class Host:
     """Asks a device, with a virtual clock."""
 
-    def __init__(self, device: Conversation) -> None:
+    def __init__(self, device: ProtocolDevice) -> None:
         self.device = device
         self.now = 0.0
         self._sequence = 0
@@ -89,8 +89,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return read_log(path)
 
 
-DEVICES: dict[str, Callable[[Log], Conversation]] = {
-    "board": lambda log: Board(PlainEchoes(), seed=2),
+DEVICES: dict[str, Callable[[Log], ProtocolDevice]] = {
+    "board": lambda log: FakeBoard(PlainEchoes(), seed=2),
     "replay": lambda log: ReplayDevice(log),
     "looping replay": lambda log: ReplayDevice(log, loop=True),
     "replay of a log without settings": lambda log: ReplayDevice(without_settings(log)),
@@ -108,7 +108,7 @@ def without_settings(log: Log) -> Log:
 @example(frames=[(kind.TYPE, kind.pack()) for kind in (Configure(65_000, 0, 1, 1), StartScan(0, 1, 1, 1, 1))])
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_every_message_is_answered_once_and_the_next_one_too(
-    device: Callable[[Log], Conversation], log: Log, frames: list[tuple[int, bytes]]
+    device: Callable[[Log], ProtocolDevice], log: Log, frames: list[tuple[int, bytes]]
 ) -> None:
     host = Host(device(log))
     for message in (Hello(1, 0), Home()):

@@ -3,13 +3,13 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonarhw.wire.arrivals import Arrivals, Progress
+from sonarhw.wire.arrivals import Progress, ReadingArrivals
 from sonarhw.wire.limits import KEPT_READINGS
 
 
 @given(st.integers(1, 300), st.lists(st.tuples(st.booleans(), st.integers(0, 320)), max_size=100))
 def test_every_reading_made_is_here_missing_or_lost(total: int, events: list[tuple[bool, int]]) -> None:
-    arrivals, here = Arrivals(total), set()
+    arrivals, here = ReadingArrivals(total), set()
     for arrives, number in events:
         if not arrives:
             arrivals.device_made(number)
@@ -26,7 +26,7 @@ def test_every_reading_made_is_here_missing_or_lost(total: int, events: list[tup
 
 
 def test_what_the_device_no_longer_keeps_is_lost_and_not_asked_for() -> None:
-    arrivals = Arrivals(1000)
+    arrivals = ReadingArrivals(1000)
     arrivals.device_made(100)
     assert arrivals.lost == 36
     assert arrivals.wanted() == (36, 64)
@@ -36,13 +36,13 @@ def test_what_the_device_no_longer_keeps_is_lost_and_not_asked_for() -> None:
 
 
 def test_a_count_beyond_all_sense_costs_nothing() -> None:
-    arrivals = Arrivals(2**32 - 1)
+    arrivals = ReadingArrivals(2**32 - 1)
     arrivals.device_made(2**32 - 1)
     assert arrivals.wanted() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
 
 
 def test_a_reading_beyond_the_order_is_none() -> None:
-    assert not Arrivals(10).arrived(10)
+    assert not ReadingArrivals(10).arrived(10)
 
 
 @given(st.integers(1, 40), st.lists(st.integers(-2, 45), max_size=80))
@@ -65,7 +65,7 @@ def test_progress_knows_what_is_missing_whatever_comes_in_whatever_order(total: 
 
 
 def test_readings_before_the_first_of_an_order_belong_to_another() -> None:
-    books = Arrivals(10, first=6)
+    books = ReadingArrivals(10, first=6)
     assert not books.arrived(5)
     assert books.wanted() is None
     assert books.arrived(7)
@@ -76,7 +76,7 @@ def test_readings_before_the_first_of_an_order_belong_to_another() -> None:
 
 
 def test_no_more_is_asked_for_than_the_device_keeps() -> None:
-    books = Arrivals(100, kept=8)
+    books = ReadingArrivals(100, kept=8)
     books.device_made(30)
     assert books.lost == 22
     assert books.wanted() == (22, 8)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cobs import cobs
 
-from sonarhw.device.fake_board import Board, BoardIdentity
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
 from sonarhw.echo_source import Heard, Ping
 from sonarhw.readings import Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
@@ -157,7 +157,7 @@ def test_what_is_documented_as_refused_is(row: list[str]) -> None:
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
     given = dict(re.findall(r"(\w+)=(-?\w*)", values))
     message = kind(**{key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given.items()})
-    joined = Joined(board=Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000))))
+    joined = Joined(board=FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000))))
     joined.greet()
     answer = joined.ask(message).answer
     assert isinstance(answer, Refused)
@@ -184,7 +184,7 @@ EXAMPLES: dict[type[Message], Message] = {
 def test_a_busy_board_does_with_a_command_what_the_table_says(row: list[str]) -> None:
     name, answer, busy, _ = row
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
-    device = Board(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
+    device = FakeBoard(PlainEchoes(), seed=7, identity=BoardIdentity(bauds=(250_000, 1_000_000)))
     for sequence, message in enumerate((Hello(1, 1), Home())):
         device.receive(encode_frame(Frame(message.TYPE, sequence, 0, message.pack())), 0.0)
     ready = device_messages(device, 1.9)
@@ -224,7 +224,7 @@ def widest(item: Field[Any]) -> int | bytes:
     return bytes(MAX_TEST) if item.metadata["wire"].name == "u8[]" else 1
 
 
-def device_messages(board: Board, until: float) -> list[Message | None]:
+def device_messages(board: FakeBoard, until: float) -> list[Message | None]:
     """What a board says up to a time."""
     frames = FrameDecoder().feed(board.advance(until))
     return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
@@ -262,7 +262,7 @@ def conversation() -> str:
         (0.344, AskStatistics()),
         (0.346, Stop()),
     ]
-    board = Board(DocumentedRoom(), seed=TRANSCRIPT_SEED)
+    board = FakeBoard(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []
     for sequence, (time, message) in enumerate(said, start=1):
         lines += device_says(board, time)
@@ -272,7 +272,7 @@ def conversation() -> str:
     return "".join([*lines, *device_says(board, 0.355)])
 
 
-def device_says(board: Board, until: float) -> list[str]:
+def device_says(board: FakeBoard, until: float) -> list[str]:
     """What the board sends up to a time."""
     frames = FrameDecoder().feed(board.advance(until))
     return [line for frame in frames if isinstance(frame, Frame) for line in written("device", frame)]
