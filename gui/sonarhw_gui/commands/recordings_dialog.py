@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.store.recording_list import Recording, RecordingList, Recordings
+from sonarhw_gui.store.recording_list import RecordingList, RecordingRow, Recordings
 
 _COLUMNS = ("date", "room", "place", "readings", "traces", "file", "condition")
 _PATH = Qt.ItemDataRole.UserRole
@@ -127,7 +127,7 @@ def _recording_table() -> QTableWidget:
     return table
 
 
-def _texts(row: Recording) -> tuple[str, ...]:
+def _texts(row: RecordingRow) -> tuple[str, ...]:
     date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(row.began))
     return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
 

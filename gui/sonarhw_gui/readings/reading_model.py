@@ -1,7 +1,7 @@
 """The rows of readings as Qt's table view wants to ask for them.
 
 Takes what is shown and which rows are wanted; hands on cells. Sorting and filtering are done on whole arrays in
-`reading_rows`: Qt's own proxy asks Python for two cells a comparison, and a log of an hour has half a million of them.
+`reading_order`: Qt's own proxy asks Python for two cells a comparison, and a log of an hour has half a million of them.
 """
 
 from typing import Any
@@ -13,18 +13,9 @@ from PySide6.QtGui import QBrush, QColor, QPixmap
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import mark_picture
 from sonarhw_gui.look.palette import MARKS, Unclassed
-from sonarhw_gui.shown.reading_rows import (
-    CLASSES,
-    NO_ROWS,
-    Class,
-    Column,
-    IntArray,
-    ReadingRows,
-    Wanted,
-    cell_text,
-    column_name,
-    order_of,
-)
+from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
+from sonarhw_gui.shown.reading_order import Wanted, order_of
+from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Class, IntArray, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 
 Index = QModelIndex | QPersistentModelIndex

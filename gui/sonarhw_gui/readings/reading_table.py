@@ -31,7 +31,8 @@ from sonarhw_gui.look.legend import mark_picture
 from sonarhw_gui.look.palette import MARKS, UNCLASSED, Unclassed
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.readings.reading_model import ReadingModel
-from sonarhw_gui.shown.reading_rows import CLASSES, Class, Column, class_name, column_name, rows_as_csv
+from sonarhw_gui.shown.reading_cells import Column, class_name, column_name, rows_as_csv
+from sonarhw_gui.shown.reading_rows import CLASSES, Class
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 

@@ -17,7 +17,7 @@ _SLICE = 0.2  # s of reading before what is known is shown
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordingRow:
     """One log."""
 
     path: Path
@@ -35,7 +35,7 @@ class RecordingList:
     """What is known of a folder."""
 
     folder: Path
-    rows: tuple[Recording, ...] = ()  # the newest first
+    rows: tuple[RecordingRow, ...] = ()  # the newest first
     files: int = 0  # that there are
 
     @property
@@ -74,15 +74,15 @@ def _files(folder: Path) -> list[tuple[Path, float]]:
     return sorted(found, key=lambda one: -one[1])
 
 
-def _recording(path: Path, changed: float) -> Recording:
+def _recording(path: Path, changed: float) -> RecordingRow:
     try:
         log = read_log(path)
     except InputError as error:
         told = str(error).removeprefix(f"{path}: ")
-        return Recording(path, changed, changed, "", "", 0, False, told)
+        return RecordingRow(path, changed, changed, "", "", 0, False, told)
     traces = any(reading.trace is not None for reading in log.readings[:1])
     made = log.metadata
-    return Recording(
+    return RecordingRow(
         path, changed, made.started or changed, _room(log), made.place, len(log.readings), traces, log.condition
     )
 

@@ -14,7 +14,7 @@ from sonarhw_gui.look.palette import DARK, LIGHT, MARKS
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.shell.application import open_application
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shown.reading_rows import Column
+from sonarhw_gui.shown.reading_cells import Column
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith

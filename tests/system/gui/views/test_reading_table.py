@@ -18,7 +18,9 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.readings.reading_table import ReadingTable
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Column, ReadingRows, Wanted, order_of, rows_as_csv
+from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
+from sonarhw_gui.shown.reading_order import Wanted, order_of
+from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.prediction_requests import Compared
 

@@ -1,0 +1,92 @@
+"""The cells of the table of readings as text, and the same rows as CSV."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable
+from enum import IntEnum
+
+from sonarhw_gui.look.appearance import Look
+from sonarhw_gui.look.palette import MARKS
+from sonarhw_gui.look.residual_unit import residual_unit
+from sonarhw_gui.shown.reading_rows import CLASSES, Class, ReadingRows
+
+_NOTHING = "–"
+
+
+class Column(IntEnum):
+    """The columns of the table, from left to right."""
+
+    NUMBER = 0
+    HEADING = 1
+    MEASURED = 2
+    PREDICTED = 3
+    RESIDUAL = 4
+    CLASS = 5
+    PATH = 6
+    SENTENCE = 7
+
+
+def class_name(kind: Class) -> str:
+    """A class as it stands in the table."""
+    return MARKS[kind].name if kind in MARKS else "silent"
+
+
+def heading_text(rows: ReadingRows, row: int) -> str:
+    """The heading, rounded so that no 360.0° appears."""
+    return f"{round(float(rows.headings[row]), 1) % 360:.1f}°"
+
+
+def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
+    """What stands in a cell, in the units of the look; a dash where there is no value."""
+    match column:
+        case Column.NUMBER:
+            return str(row)
+        case Column.HEADING:
+            return heading_text(rows, row)
+        case Column.MEASURED:
+            return _length(rows.measured[row], look)
+        case Column.PREDICTED:
+            return _length(rows.predicted[row], look)
+        case Column.RESIDUAL:
+            apart = float(rows.measured[row] - rows.predicted[row])
+            return _NOTHING if math.isnan(apart) else residual_unit(look.unit).text(apart)
+        case Column.CLASS:
+            return class_name(CLASSES[rows.classes[row]])
+    return rows.path(row)
+
+
+def column_name(column: Column, look: Look) -> str:
+    """What stands over a column, with its unit."""
+    match column:
+        case Column.MEASURED | Column.PREDICTED:
+            return f"{column.name.lower()} ({look.unit.label})"
+        case Column.RESIDUAL:
+            return f"residual ({residual_unit(look.unit).label})"
+        case Column.NUMBER:
+            return "no."
+    return column.name.lower()
+
+
+def _length(metres: float, look: Look) -> str:
+    return _NOTHING if math.isnan(metres) else f"{look.unit.of(metres):.{look.unit.decimals}f}"
+
+
+_CSV_HEADER = (
+    "number", "heading_deg", "measured_m", "predicted_m", "residual_m", "class", "path", "sentence",
+)  # fmt: skip
+
+
+def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int], str]) -> str:
+    """These rows as CSV with a header: degrees and metres whatever the look, empty where there is no value."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_CSV_HEADER)
+    residuals = rows.residuals
+    for row in order:
+        lengths = (rows.measured[row], rows.predicted[row], residuals[row])
+        told = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
+        kind = class_name(CLASSES[rows.classes[row]])
+        heading = f"{rows.headings[row]:.4f}"
+        writer.writerow((row, heading, *told, kind, rows.path(row), sentence(int(row))))
+    return text.getvalue()

@@ -1,0 +1,67 @@
+"""Which rows of readings are wanted and in what order, sorted and filtered at once however many there are."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_gui.shown.reading_cells import Column, class_name
+from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, Class, IntArray, ReadingRows
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which rows, and in what order."""
+
+    column: Column = Column.NUMBER
+    descending: bool = False
+    hidden: frozenset[Class] = frozenset()
+    text: str = ""  # each word of it stands in the heading, the class or the path
+
+    @property
+    def everything(self) -> bool:
+        """Whether the rows stand as they came, all of them."""
+        return self.column is Column.NUMBER and not (self.descending or self.hidden or self.text)
+
+
+def order_of(rows: ReadingRows, wanted: Wanted) -> IntArray:
+    """Which rows are wanted, in their order; rows without a value stand last either way."""
+    kept = np.ones(len(rows), bool)
+    if wanted.hidden:
+        kept &= ~np.isin(rows.classes, [CODES[kind] for kind in wanted.hidden])
+    if wanted.text.strip():
+        kept &= _saying(rows, wanted.text.casefold().split())
+    keys = _sort_keys(rows, wanted.column)
+    order = np.argsort(-keys if wanted.descending else keys, kind="stable")
+    return order[kept[order]]
+
+
+def _sort_keys(rows: ReadingRows, column: Column) -> FloatArray:
+    match column:
+        case Column.NUMBER:
+            return np.arange(len(rows), dtype=np.float64)
+        case Column.HEADING:
+            return rows.headings
+        case Column.MEASURED:
+            return rows.measured
+        case Column.PREDICTED:
+            return rows.predicted
+        case Column.RESIDUAL:
+            return rows.residuals
+        case Column.CLASS:
+            return rows.classes.astype(np.float64)
+    return np.where(rows.paths == NO_PATH, math.nan, rows.paths)
+
+
+def _saying(rows: ReadingRows, words: list[str]) -> NDArray[np.bool_]:
+    # a word is looked up in the few different texts of a column, not in every row
+    angles, which = np.unique(np.round(rows.headings, 1), return_inverse=True)
+    kept = np.ones(len(rows), bool)
+    for word in words:
+        in_heading = np.array([word in f"{angle:.1f}°" for angle in angles.tolist()], bool)[which]
+        in_class = np.array([word in class_name(kind) for kind in CLASSES], bool)[rows.classes]
+        in_path = np.array([*(word in name.casefold() for name in rows.path_names), False], bool)[rows.paths]
+        kept &= in_heading | in_class | in_path
+    return kept
