@@ -24,6 +24,8 @@
 #define ENTRY_CYCLES 5 // from the interrupt to its vector, which simavr leaves out
 #define EEPROM_SIZE 4096
 #define MOST_BEHIND 0.1 // s; what a stalled machine loses beyond that is not made up for
+#define HOST_LATE 1.6 // s of the board's time without a byte of the host; the firmware lets go after 2 s
+#define PATIENT 0.5 // pace while the host is late
 
 static struct options options = {.pace = 1, .stands = 0, .temperature = NAN};
 static volatile sig_atomic_t ending;
@@ -188,16 +190,23 @@ static double real_seconds(void)
     return (double)now.tv_sec + now.tv_nsec * 1e-9;
 }
 
+// Faster than real, the firmware would take a host that the machine holds up for one that has gone.
+static double pace(const avr_t *avr)
+{
+    return options.pace > PATIENT && line_silence(avr) > HOST_LATE ? PATIENT : options.pace;
+}
+
 // Wait until the real time has come that the board's time stands for.
 static void keep_pace(const avr_t *avr)
 {
-    static double offset; // real time at the board's 0
+    static double before, due; // the board's time, and the real time that it stands for
     if (options.pace == 0)
         return;
-    double due = seconds(avr) / options.pace;
-    double ahead = due + offset - real_seconds();
+    due += (seconds(avr) - before) / pace(avr);
+    before = seconds(avr);
+    double ahead = due - real_seconds();
     if (ahead < -MOST_BEHIND || ahead > 1)
-        offset = real_seconds() - due;
+        due = real_seconds();
     else if (ahead > 0)
         usleep((useconds_t)(ahead * 1e6));
 }

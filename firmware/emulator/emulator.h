@@ -73,6 +73,7 @@ void line_start(avr_t *avr, const char *link, bool any_baud);
 void line_reset(void);
 void line_poll(avr_t *avr);
 void line_end(void);
+double line_silence(const avr_t *avr); // s of the board's time since a client that is there was heard
 const char *line_name(void);
 
 /* parent.c */

@@ -17,7 +17,7 @@
 #define UBRR0L 0xC4
 #define UBRR0H 0xC5
 #define DOUBLE_SPEED 0x02
-#define STALLED 100 // ms that a client may stop reading before bytes for it are lost
+#define STALLED 10000 // ms that a client may stop reading, and the board stands still, before bytes for it are lost
 
 static struct {
     int terminal;
@@ -30,6 +30,7 @@ static struct {
     uint8_t received[4096];
     size_t received_at, received_size;
     bool feeding;
+    avr_cycle_count_t heard; // when the last byte of a client came, or there was no client
     uint32_t noise;
 } line;
 
@@ -113,10 +114,17 @@ void line_reset(void)
     line.feeding = false;
 }
 
+double line_silence(const avr_t *avr)
+{
+    return avr->cycle > line.heard ? (double)(avr->cycle - line.heard) / FREQUENCY : 0;
+}
+
 void line_poll(avr_t *avr)
 {
     correct_pace(avr);
     flush();
+    if (line.feeding || !client_there())
+        line.heard = avr->cycle;
     if (line.received_at < line.received_size)
         return;
     ssize_t got = read(line.terminal, line.received, sizeof line.received);
