@@ -30,6 +30,7 @@ from sonarhw_gui.store.open_requests import Opened, OpenRequest, RoomOpened
 from sonarhw_gui.work.fit_request import FitWish
 
 TICK = 30  # ms
+_LONGEST_TICK = 0.25  # s: a busy machine slows a replay down, readings are not skipped
 
 
 class WindowSession(QObject):
@@ -217,7 +218,7 @@ class WindowSession(QObject):
     def tick(self) -> None:
         """Fetch what has happened since the last tick, and report it."""
         now = time.monotonic()
-        elapsed, self._last_tick = now - self._last_tick, now
+        elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
         for part in (self.scanners, self.fitting, self.keeping):
             part.tick()
         for opened in self.documents.take():
