@@ -6,8 +6,6 @@ One more is one more entry in SCANNERS.
 import socket
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -18,6 +16,7 @@ from sonarhw_cli.console.connect import resolve
 from sonarhw.device.emulated_board import emulated_board
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.hang_guard import HANG, wait_until
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
 FIRMWARE = CHECKOUT / "firmware"
@@ -69,7 +68,7 @@ def ser2net(device: str) -> Iterator[str]:
         config = Path(folder) / "ser2net.yaml"
         config.write_text(_SER2NET.format(port=port, device=device))
         with _running("ser2net", "-n", "-u", "-c", str(config)):
-            _wait_for_port(port)
+            wait_until(lambda: _listens(port))
             # a pseudo-terminal has no DTR, and ser2net does not answer what it cannot do
             yield f"rfc2217://127.0.0.1:{port}?ign_set_control"
 
@@ -106,7 +105,7 @@ def _running(*command: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             process.terminate()
             try:
-                process.wait(timeout=10)
+                process.wait(timeout=HANG)
             except subprocess.TimeoutExpired:
                 process.kill()
 
@@ -116,13 +115,9 @@ def _free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _wait_for_port(port: int) -> None:
-    deadline = time.monotonic() + 10
-    while time.monotonic() < deadline:
-        try:
-            socket.create_connection(("127.0.0.1", port)).close()
-        except ConnectionRefusedError:
-            threading.Event().wait(0.02)
-        else:
-            return
-    raise AssertionError(f"nobody listens on port {port}")
+def _listens(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port)).close()
+    except ConnectionRefusedError:
+        return False
+    return True

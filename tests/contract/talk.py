@@ -30,6 +30,7 @@ from sonarhw.wire.messages import (
     TurntableSettings,
     unpack_message,
 )
+from tests.hang_guard import HANG
 
 ANSWERS = (
     Info,
@@ -42,7 +43,6 @@ ANSWERS = (
     Statistics,
     LinkTested,
 )
-PATIENCE = 30.0  # s of real time; the slowest thing asked for is a home
 HELLO_AGAIN = 0.5  # s
 SIGN_OF_LIFE = 0.5  # s from one to the next
 M = TypeVar("M", bound=Message)
@@ -91,13 +91,13 @@ class Talk:
     # in
 
     def until(self, wanted: Callable[[list[Message]], bool], since: int = 0, alive: bool = True) -> list[Message]:
-        """The messages from number `since` on, as soon as they are what is `wanted`; fails after PATIENCE.
+        """The messages from number `since` on, as soon as they are what is `wanted`; fails after HANG.
 
         Gives signs of life meanwhile, unless not `alive`; their answers are not among the messages.
         """
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + HANG
         while not wanted(messages := self.messages(since)):
-            assert time.monotonic() < deadline, f"heard {messages[-5:]}, and no more within {PATIENCE:g} s"
+            assert time.monotonic() < deadline, f"heard {messages[-5:]}, and no more within {HANG:g} s"
             if alive and time.monotonic() > self._alive + SIGN_OF_LIFE:
                 self._alive = time.monotonic()
                 self.send(AskStatistics())
@@ -152,15 +152,17 @@ class Talk:
 
     def greet(self) -> Info:
         """Say Hello until there is an Info. What belonged to an earlier conversation is forgotten."""
-        numbers, deadline = [], time.monotonic() + PATIENCE
-        while not (infos := [info for number in numbers for info in _answers(self.messages(), number)]):
-            assert time.monotonic() < deadline, f"no Info within {PATIENCE:g} s"
+        numbers, deadline = [], time.monotonic() + HANG
+        while not any(True for number in numbers for _ in _answers(self.messages(), number)):
+            assert time.monotonic() < deadline, f"no Info within {HANG:g} s"
             # a board may be starting, or still be at the speed of the line that somebody else has set
             numbers += self.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
             again = time.monotonic() + HELLO_AGAIN
             while time.monotonic() < again and not any(True for _ in _answers(self.messages(), numbers[-1])):
                 self.listen()
-        info = infos[-1]
+        # a slow device may answer an earlier Hello late; nothing of that comes after this answer
+        self.answer(AskStatistics())
+        info = [info for number in numbers for info in _answers(self.messages(), number)][-1]
         assert isinstance(info, Info)
         # before its Info a device may still send what it had to say to somebody else
         last = max(at for at, heard in enumerate(self.heard) if heard.message is info)

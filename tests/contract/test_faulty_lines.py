@@ -90,7 +90,7 @@ def test_a_scanner_that_comes_back_under_another_name_is_found_there(line: str, 
     ):
         assert_scanned(scanner)
         assert endpoint.url != url
-        assert scanner.statistics.losses == 1
+        assert scanner.statistics.losses >= 1
 
 
 def test_the_firmware_and_the_driver_understand_each_other_over_a_bad_line(tmp_path: Path) -> None:

@@ -40,7 +40,8 @@ from sonarhw.wire.messages import (
     Turn,
 )
 from sonarhw.wire.units import NO_TEMPERATURE
-from tests.contract.talk import PATIENCE, Talk, readings
+from tests.contract.talk import Talk, readings
+from tests.hang_guard import HANG
 
 DEGREE = 1_000_000  # µdeg
 TEN = StartScan(start=10 * DEGREE, step=5 * DEGREE, headings=5, sweeps=2, pings=1)
@@ -383,7 +384,7 @@ def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_ane
         talk = Talk(link)
         talk.greet()
         talk.home()
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + HANG
         wait_until_quiet(talk, deadline)
         while not isinstance(answer := talk.answer(Stop()), Refused):  # it was only slow
             wait_until_quiet(talk, deadline)

@@ -16,7 +16,7 @@ from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
 
 ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
-LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=4)
+LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=400)  # always stopped before its end
 MICROSTEP = math.radians(0.2)
 WIRE = StartScan(start=0, step=1_000_000, headings=90, sweeps=4, pings=1)
 

@@ -13,7 +13,7 @@ from tests.conftest import Count
 from tests.fixtures.plain_echoes import PlainEchoes
 from tests.system.cli.instrument.test_scan_command import lines, sonarhw, started
 
-LONG = ("--step", "1", "--sweeps", "4")
+LONG = ("--step", "1", "--sweeps", "400")  # always killed before its end
 TAIL = 4096  # bytes
 
 

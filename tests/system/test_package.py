@@ -13,7 +13,7 @@ from tests.checkout import CHECKOUT
 from tests.system import hostile
 
 
-@pytest.mark.timeout(900)  # it downloads and installs every dependency
+@pytest.mark.timeout(1800)  # it downloads and installs every dependency
 def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(CHECKOUT)]
     subprocess.run(build, check=True, capture_output=True)

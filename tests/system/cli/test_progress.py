@@ -11,6 +11,7 @@ from sonarhw_cli.app import run
 from sonarhw_cli.entry import INTERRUPTED
 
 from tests.checkout import CHECKOUT
+from tests.hang_guard import HANG
 
 ROOT = CHECKOUT
 # its standard error is the terminal that Ctrl-C comes from
@@ -80,7 +81,7 @@ def test_a_terminal_shows_how_far_the_work_is_and_what_is_printed_is_what_a_pipe
     doing, (command, *options) = COMMANDS[name]
     with at_terminal(command, log, *options) as (process, person):
         on_terminal = seen(person)
-        printed, _ = process.communicate(timeout=60)
+        printed, _ = process.communicate(timeout=HANG)
     assert process.returncode == 0
     assert doing in on_terminal
     assert BAR in on_terminal
@@ -98,7 +99,7 @@ def test_ctrl_c_at_the_bar_takes_it_away_and_ends_with_130(log: str) -> None:
         seen(person, until=doing)
         os.write(person, b"\x03")
         told = seen(person)
-        printed, _ = process.communicate(timeout=60)
+        printed, _ = process.communicate(timeout=HANG)
     assert process.returncode == INTERRUPTED
     assert printed == ""
     assert told.removesuffix(PLAIN).endswith(LINE_GONE)

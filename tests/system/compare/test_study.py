@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -24,6 +23,7 @@ from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.room.model import load_room
 
 from sonarhw.errors import InputError, SonarError
+from tests.hang_guard import HANG, wait_until
 
 ROOMS = Path("rooms").resolve()
 EXAMPLE = Path("docs/how_to/study_example.toml")
@@ -176,10 +176,10 @@ def test_ctrl_c_while_workers_start_is_one_line_and_the_study_goes_on(tmp_path: 
     command = [str(Path(sys.executable).with_name("sonarhw")), "study", str(spec), "--out", str(out), "--workers", "2"]
     study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     # the first part is made before workers are begun: now they import
-    wait_for(lambda: list(tmp_path.glob("out.unfinished/scans/part-*")))
+    wait_until(lambda: list(tmp_path.glob("out.unfinished/scans/part-*")))
     # as a terminal does: to all of them
     os.killpg(study.pid, signal.SIGINT)
-    told = study.communicate(timeout=60)
+    told = study.communicate(timeout=HANG)
     assert study.returncode == 130
     assert told == ("", f"sonarhw: interrupted; what is done is in {out}.unfinished: go on with --resume\n")
 
@@ -329,7 +329,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
 
     processes = [begin("scheduler", "--host", "127.0.0.1", "--port", "0")]
     try:
-        wait_for(where.exists)
+        wait_until(lambda: where.exists() and where.read_text().endswith("}"))  # it is written in place
         worker = ["worker", "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
         processes += [begin(*worker), begin(*worker)]
         yield json.loads(where.read_text())["address"], processes[1:]
@@ -340,14 +340,6 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
         log.close()
 
 
-def wait_for(done: object) -> None:
-    assert callable(done)
-    end = time.monotonic() + 60
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 def test_a_cluster_makes_the_same_files_though_a_worker_is_killed(tmp_path: Path) -> None:
     spec = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 10"))
     run_study(load_study(spec), tmp_path / "here", workers=1)
@@ -355,7 +347,7 @@ def test_a_cluster_makes_the_same_files_though_a_worker_is_killed(tmp_path: Path
     with cluster(tmp_path) as (url, workers):
         command = [Path(sys.executable).with_name("sonarhw"), "study", spec, "--out", there, "--scheduler", url]
         study = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        wait_for(lambda: list(tmp_path.glob("there*/scans/part-*")))
+        wait_until(lambda: list(tmp_path.glob("there*/scans/part-*")))
         assert study.poll() is None
         workers[0].send_signal(signal.SIGKILL)
         _, told = study.communicate()

@@ -1,6 +1,7 @@
 """The firmware as it is flashed, on the emulated board: driver, protocol, chip and virtual ranging board together.
 
-Three times real time: no faster, for the firmware misses a host that says nothing for two of its seconds.
+Three times real time: no faster, for the firmware misses a host that says nothing for two of its seconds. Where a test
+is about the board's own time, nothing is said to the board meanwhile: how often a host speaks depends on the machine.
 """
 
 import re
@@ -26,8 +27,20 @@ from sonarhw.echo_source import Heard, Ping
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import Reading, Trace
-from sonarhw.wire.messages import AskStatistics, Outcome, ReadingMessage, ResetCause, StartScan, Statistics
-from tests.contract.talk import Talk
+from sonarhw.wire.messages import (
+    Accepted,
+    AskStatistics,
+    Configure,
+    Finished,
+    Outcome,
+    ReadingMessage,
+    ResetCause,
+    SetBaud,
+    Settings,
+    StartScan,
+    Statistics,
+)
+from tests.contract.talk import Talk, readings
 from tests.system.firmware.conftest import FIRMWARE
 
 PACE = 3.0
@@ -109,13 +122,27 @@ def test_a_trace_has_the_level_and_the_time_of_what_was_heard() -> None:
 def test_pings_come_as_often_as_the_document_says() -> None:
     rows = re.findall(r"^\| ([\d.]+) ms, [\d.]+ m \| ([\d.]+)° \| (yes|yes or no) \| ([\d.]+) \|$", DOCUMENT, re.M)
     assert len(rows) == 4
-    with scanner_on(Echoes(0.020)) as (_, scanner):
+    with emulated_board(Echoes(0.020), pace=PACE) as board, Link(board.url) as link:
+        talk = Talk(link)
+        talk.greet()
+        talk.ask(SetBaud(1_000_000), Accepted)
+        link.set_baud(1_000_000)
+        talk.home()
         for listen, step, traces, told in rows:
             for trace in [True, False][: len(traces.split(" or "))]:
-                scanner.configure(listen=float(listen) / 1000, trace=trace)
-                fired = [reading.time for reading in scanner.scan(sector(0, 10 * float(step), float(step)))]
-                # in the board's own time, yet it waits for a computer that is slow to listen: now and then, not mostly
-                assert 1 / np.median(np.diff(sorted(fired))) == pytest.approx(float(told), abs=0.1)
+                talk.ask(Configure(round(float(listen) * 1000), 2_380, int(trace), 343_200), Settings)
+                # in the time of the board, which answers nobody meanwhile
+                fired = fired_unheard(talk, StartScan(0, round(float(step) * 1e6), 9, 1, 1))
+                assert 1e6 / np.median(np.diff(fired)) == pytest.approx(float(told), abs=0.1)
+
+
+def fired_unheard(talk: Talk, order: StartScan) -> list[int]:
+    """When the pings of a scan were fired to which nothing was said, µs; it must be over before the host is missed."""
+    since = len(talk.heard)
+    talk.send(order)
+    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), since, alive=False)
+    assert [message.outcome for message in messages if isinstance(message, Finished)] == [Outcome.DONE]
+    return [message.fired_us for message in readings(messages)]
 
 
 def test_memory_holds_the_trace_and_1600_bytes_and_leaves_1_kb_of_stack(built: Path) -> None:

@@ -3,15 +3,13 @@
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from sonarhw import Scanner
-
-WITHIN = 10.0  # s
+from tests.hang_guard import HANG, wait_until
 
 
 @pytest.fixture
@@ -24,14 +22,6 @@ def board(built: Path, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
         process.kill()
 
 
-def gone(link: Path) -> bool:
-    """Whether the link is away in time."""
-    deadline = time.monotonic() + WITHIN
-    while link.is_symlink() and time.monotonic() < deadline:
-        pass
-    return not link.is_symlink()
-
-
 def test_its_first_line_is_a_url_and_sigterm_ends_it_with_nothing_left(
     board: "subprocess.Popen[str]", tmp_path: Path
 ) -> None:
@@ -42,8 +32,8 @@ def test_its_first_line_is_a_url_and_sigterm_ends_it_with_nothing_left(
         assert scanner.info.firmware.startswith("sonarhw-mega")
         assert scanner.info.board == "polaroid-6500"
     board.send_signal(signal.SIGTERM)
-    board.wait(WITHIN)
-    assert gone(tmp_path / "scanner")
+    board.wait(HANG)
+    wait_until(lambda: not (tmp_path / "scanner").is_symlink())
     assert board.stdout.read() == ""
 
 
@@ -51,7 +41,5 @@ def test_a_board_whose_owner_is_killed_ends_too(board: "subprocess.Popen[str]", 
     assert board.stdout is not None
     terminal = Path(board.stdout.readline().strip()).resolve()
     board.kill()
-    board.wait(WITHIN)
-    deadline = time.monotonic() + WITHIN
-    while terminal.exists():
-        assert time.monotonic() < deadline
+    board.wait(HANG)
+    wait_until(lambda: not terminal.exists())

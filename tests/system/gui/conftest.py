@@ -4,6 +4,7 @@ import gc
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from tests.system.gui.driving import PATIENCE
 OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
 ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
+ENDLESS = replace(ORDER, sweeps=1000)  # always ended before its end
 
 
 @pytest.fixture

@@ -8,7 +8,9 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.plots.marks import ReadingMarks
 from sonarhw_gui.shell.main_window import MainWindow
 
-PATIENCE = 60_000  # ms
+from tests.hang_guard import HANG
+
+PATIENCE = round(1000 * HANG)  # ms
 
 
 def until(qtbot: QtBot, condition: Callable[[], bool]) -> None:

@@ -18,9 +18,10 @@ from PySide6.QtGui import QClipboard, QColor, QGuiApplication, QImage
 from scipy.ndimage import binary_erosion, center_of_mass, label
 from sonarhw_gui.look.palette import DARK, LIGHT, Palette
 
+from tests.hang_guard import HANG
+
 Pixel = tuple[int, int]
 Seen = TypeVar("Seen")
-_PATIENCE = 90.0  # s
 _PAUSE = 0.05
 _ABOVE_THE_PLAN = 90  # pixels: menus, tools and legend
 _SENTENCE = (4, 6), (4, 50)  # pixels from left and right, below the views
@@ -33,7 +34,7 @@ _IN_A_VIEW = 3  # pixels from the left
 
 def awaited(look: Callable[[], Seen], what: str) -> Seen:
     """What a look sees, as soon as it sees anything."""
-    deadline = time.monotonic() + _PATIENCE
+    deadline = time.monotonic() + HANG
     while not (seen := look()):
         assert time.monotonic() < deadline, f"not seen: {what}"
         time.sleep(_PAUSE)
@@ -63,11 +64,11 @@ class Outside:
     def _find(self) -> str:
         assert self._process.poll() is None, self._process.communicate()[1]
         search = ["xdotool", "search", "--onlyvisible", "--pid", str(self._process.pid), "--name", "^sonarhw — "]
-        return subprocess.run(search, capture_output=True, text=True, timeout=_PATIENCE).stdout.strip()
+        return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
 
     def ended(self) -> tuple[int, str]:
         """How it ended, and what it complained of."""
-        _, complaints = self._process.communicate(timeout=_PATIENCE)
+        _, complaints = self._process.communicate(timeout=HANG)
         return self._process.returncode, complaints
 
     @property
@@ -156,9 +157,7 @@ class Outside:
 
 
 def _hand(*does: str) -> str:
-    return subprocess.run(
-        ["xdotool", *does], check=True, capture_output=True, text=True, timeout=_PATIENCE
-    ).stdout.strip()
+    return subprocess.run(["xdotool", *does], check=True, capture_output=True, text=True, timeout=HANG).stdout.strip()
 
 
 def _rgb(colour: str) -> NDArray[np.uint8]:

@@ -16,6 +16,7 @@ from sonarhw.link.serial_link import Link
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Hello
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.hang_guard import HANG, wait_until
 
 
 class Chatterbox:
@@ -143,7 +144,7 @@ def test_a_client_that_does_not_read_holds_the_device_back(line: str, tmp_path: 
         assert device.sent < 16_000_000
         if client:
             client.close()
-            assert device.hung_up.wait(timeout=10)
+            assert device.hung_up.wait(timeout=HANG)
 
 
 def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same() -> None:
@@ -158,8 +159,8 @@ def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same
 def test_a_device_that_breaks_is_told_to_whoever_served_it_and_its_client_is_cut_off() -> None:
     def serve_until_it_breaks() -> None:
         with serve(Failing(), tcp="127.0.0.1:0") as endpoint:
-            while [thread for thread in threading.enumerate() if thread.name == f"serve {endpoint.url}"]:
-                threading.Event().wait(0.01)
+            name = f"serve {endpoint.url}"
+            wait_until(lambda: name not in [thread.name for thread in threading.enumerate()])
 
     with pytest.raises(ZeroDivisionError, match="broken device"):
         serve_until_it_breaks()
@@ -207,7 +208,4 @@ def test_a_client_that_goes_takes_its_conversation_with_it() -> None:
             client.sendall(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
             assert client.recv(100)
             assert board.next_event() is not None
-        deadline = time.monotonic() + 10
-        while board.next_event() is not None:
-            assert time.monotonic() < deadline
-            threading.Event().wait(0.01)
+        wait_until(lambda: board.next_event() is None)

@@ -1,8 +1,7 @@
 """Faults of a fake scanner over real links: the example of the document, cables that come out, another protocol."""
 
 import re
-import threading
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from sonarhw.wire.messages import Hello
 from tests.checkout import CHECKOUT
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import PlainEchoes
+from tests.hang_guard import wait_until
 
 DOCUMENT = (CHECKOUT / "docs" / "how_to" / "faults.md").read_text(encoding="utf-8")
 
@@ -49,13 +49,15 @@ def read_for_ever(link: Link) -> None:
 
 def opened_again(endpoint: Endpoint) -> Link:
     """A link to where the device is now, as soon as there is one."""
-    deadline = time.monotonic() + 10
-    while True:
-        try:
-            return Link(endpoint.url)
-        except LinkError:
-            assert time.monotonic() < deadline
-            threading.Event().wait(0.01)
+    links: list[Link] = []
+
+    def opened() -> bool:
+        with suppress(LinkError):
+            links.append(Link(endpoint.url))
+        return bool(links)
+
+    wait_until(opened)
+    return links[0]
 
 
 def test_another_protocol_version_is_refused_by_name() -> None:

@@ -11,6 +11,7 @@ import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,8 +28,11 @@ from sonarhw.wire.limits import HOST_SILENCE
 from sonarhw.wire.messages import Outcome
 from tests.checkout import CHECKOUT
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
+from tests.hang_guard import HANG, wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=72)
+LONG = replace(ORDER, sweeps=1000)  # always ended before its end
 Serve = Callable[..., AbstractContextManager[Endpoint]]
 
 
@@ -39,7 +43,7 @@ def no_thread_is_left() -> Iterator[None]:
     yield
     left = [thread for thread in threading.enumerate() if thread not in before]
     for thread in left:
-        thread.join(timeout=5)
+        thread.join(timeout=HANG)
     assert not [thread.name for thread in left if thread.is_alive()]
 
 
@@ -107,10 +111,10 @@ def test_a_scan_given_up_in_the_middle_stops_the_board_and_the_next_one_works(se
     board = FakeBoard(PlainEchoes(), seed=5)
     with served(board, pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
-        for reading in scanner.scan(ORDER):
+        for reading in scanner.scan(LONG):
             if reading.number == 5:
                 break
-        assert not board.busy
+        wait_until(lambda: not board.busy)
         check_scan(list(scanner.scan(ORDER)))
 
 
@@ -119,24 +123,22 @@ def test_stop_from_another_thread_ends_the_scan(served: Serve) -> None:
         scanner.home()
         readings = []
         stopper = threading.Thread(target=scanner.stop)
-        for reading in scanner.scan(ORDER):
+        for reading in scanner.scan(LONG):
             readings.append(reading)
             if reading.number == 5:
                 stopper.start()
         stopper.join()
-        assert 6 <= len(readings) < 72
+        assert 6 <= len(readings) < LONG.readings
 
 
 def test_stop_ends_homing_and_an_idle_scanner_can_be_stopped(served: Serve) -> None:
-    with served(pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
+    with served(EndlessHoming(PlainEchoes()), pace=1.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.stop()
         outcomes: list[Outcome] = []
         homing = threading.Thread(target=lambda: outcomes.append(scanner.home()))
         homing.start()
-        while not outcomes:
-            if scanner.state is Connection.MOVING:
-                scanner.stop()
-            homing.join(timeout=0.01)
+        wait_until(lambda: scanner.state is Connection.MOVING)
+        scanner.stop()
         homing.join()
         assert outcomes == [Outcome.STOPPED]
 
@@ -173,7 +175,7 @@ def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), seed=5)
 
     def interrupted(scanner: Scanner) -> None:
-        for reading in scanner.scan(ORDER):
+        for reading in scanner.scan(LONG):
             if reading.number == 3:
                 raise KeyboardInterrupt
 
@@ -182,7 +184,7 @@ def test_an_interrupt_in_the_middle_stops_the_board(served: Serve) -> None:
             scanner.home()
             with pytest.raises(KeyboardInterrupt):
                 interrupted(scanner)
-        assert not board.busy
+        wait_until(lambda: not board.busy)
 
 
 def test_a_second_client_is_served_after_the_first(served: Serve) -> None:
@@ -197,7 +199,7 @@ def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Ser
     with served(pace=20.0) as endpoint:
         first = Scanner.open(endpoint.url)
         first.home()
-        scan = first.scan(ORDER)
+        scan = first.scan(LONG)
         next(scan)
         # gone without a word, as a killed process goes
         first._closing.set()
@@ -213,14 +215,14 @@ def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serv
     with served(pace=20.0) as endpoint:
         scanner = Scanner.open(endpoint.url, reconnect=0.5)
         scanner.home()
-        scan = scanner.scan(ORDER)
+        scan = scanner.scan(LONG)
         readings += [next(scan) for _ in range(5)]
     with pytest.raises(LinkLost, match=r"went away.*not back within 0.5 s"):
         readings.extend(scan)
     with pytest.raises(LinkLost):
         scanner.home()
     scanner.close()
-    assert 5 <= len(readings) < 72
+    assert 5 <= len(readings) < LONG.readings
 
 
 def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
@@ -263,9 +265,9 @@ def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.Monkey
         scanner.home()
         scan = scanner.scan(ORDER)
         first = next(scan)
-        while len(scanner._scan.readings) < 4:  # then nothing is read, and the board is held back
-            threading.Event().wait(0.01)
-        threading.Event().wait(0.2)
+        held: list[float] = []
+        monkeypatch.setattr(scanner._session, "hold", held.append)
+        wait_until(lambda: len(held) == 4)  # the thread has come round four times, and read nothing
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
@@ -298,7 +300,7 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
         return str(next((name for name in names if name.exists()), names[0]))
 
     with ExitStack() as later:
-        with serve(FakeBoard(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
+        with serve(FiveReadings(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
             scanner = later.enter_context(Scanner.open(first.url, find=now_at))
             scan = scanner.scan(ORDER)
             readings = [next(scan) for _ in range(5)]
@@ -328,12 +330,11 @@ def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
 
 def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), seed=5)
-    with served(board, pace="real") as endpoint, Scanner.open(endpoint.url) as scanner:
+    with served(board, pace=0.5) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.turn(0.1)
         turned = board._now
-        while board._now < turned + 1.2 * HOST_SILENCE:
-            threading.Event().wait(0.05)
-            assert board.homed
+        wait_until(lambda: board._now > turned + 1.2 * HOST_SILENCE)
+        assert board.homed
         assert scanner.state is Connection.READY
 
 

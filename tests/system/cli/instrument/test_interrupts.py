@@ -14,6 +14,7 @@ from sonarhw_cli.entry import INTERRUPTED
 
 from tests.checkout import CHECKOUT
 from tests.conftest import Count
+from tests.hang_guard import HANG
 
 SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
 # says so when it has begun, so that no moment falls before our first line
@@ -120,7 +121,7 @@ def test_ctrl_c_at_any_moment_under_load_ends_a_command_with_130_and_without_a_t
                     out, errors = process.communicate(timeout=moment)
                 except subprocess.TimeoutExpired:
                     process.send_signal(signal.SIGINT)
-                    out, errors = process.communicate(timeout=30)
+                    out, errors = process.communicate(timeout=HANG)
             told = f"after {moment:.3f} s: {out}{errors}"
             # one that was over before is not interrupted, and has left or printed what it was asked for
             done = process.returncode == 0 and bool(out or any(folder.iterdir()))
@@ -136,7 +137,7 @@ def test_ctrl_c_ends_a_command_soon_and_quietly_whatever_a_library_makes_of_it(
 ) -> None:
     with begun(ANY, made_of_it, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=30) == ("", "")
+        assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
 
@@ -147,12 +148,12 @@ def test_a_second_ctrl_c_ends_it_at_once(tidying: str, tmp_path: Path, environme
         assert process.stdout is not None
         assert process.stdout.readline() == "tidying\n"
         process.send_signal(signal.SIGINT)
-        process.wait(timeout=30)
+        process.wait(timeout=HANG)
     assert process.returncode == INTERRUPTED
 
 
 def test_a_defect_is_still_told(tmp_path: Path, environment: dict[str, str]) -> None:
     with begun(ANY, "print('begun'); raise ZeroDivisionError", folder=tmp_path, environment=environment) as process:
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=HANG)
     assert process.returncode == 1
     assert "ZeroDivisionError" in errors

@@ -4,12 +4,11 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib.resources import files
 from pathlib import Path
-from threading import Timer
+from threading import main_thread
 
 import pytest
 from sonarhw_cli.app import run
@@ -17,20 +16,24 @@ from sonarhw_cli.console.interruption import sigterm_raises
 
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.echo_source import Heard, Ping
 from sonarhw.export.csv_rows import HEADER
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
 from tests.fixtures.example_logs import write_example
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
+from tests.fixtures.stuck_boards import EndlessHoming
+from tests.hang_guard import HANG, wait_until
 
 COMMAND = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
+ENDLESS = ("--sweeps", "1000")  # always ended before its end
 
 
 def sonarhw(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=HANG)
 
 
 @contextmanager
@@ -53,7 +56,7 @@ def lines(process: subprocess.Popen[str], count: int) -> list[str]:
 
 def end(process: subprocess.Popen[str]) -> tuple[int, str]:
     """Its exit status and what it said on standard error."""
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=HANG)
     return process.returncode, errors
 
 
@@ -112,28 +115,29 @@ def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
     board: FakeBoard, log: Path, number: signal.Signals
 ) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
-        with started("scan", endpoint.url, "--out", log, "--print") as process:
+        with started("scan", endpoint.url, "--out", log, "--print", *ENDLESS) as process:
             lines(process, 6)
             process.send_signal(number)
             status, errors = end(process)
-        assert not board.busy
+        wait_until(lambda: not board.busy)
     recorded = read_log(log)
     assert recorded.torn is None
-    assert 5 <= len(recorded.readings) < 72
+    assert 5 <= len(recorded.readings) < 72_000
     assert (status, errors) == (130, f"sonarhw: interrupted; {len(recorded.readings)} readings are kept in {log}\n")
 
 
 def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: FakeBoard, log: Path) -> None:
     with ExitStack() as outside:
         with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
-            process = outside.enter_context(started("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1"))
+            command = ("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1", *ENDLESS)
+            process = outside.enter_context(started(*command))
             lines(process, 6)
         status, errors = end(process)
     recorded = read_log(log)
     assert status == 1
     assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
     assert recorded.torn is None
-    assert 5 <= len(recorded.readings) < 72
+    assert 5 <= len(recorded.readings) < 72_000
 
 
 @pytest.mark.parametrize(
@@ -219,15 +223,14 @@ def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: FakeB
     assert [*log.parent.iterdir()] == [log]
 
 
-def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(board: FakeBoard, log: Path) -> None:
+def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(log: Path) -> None:
     log.write_bytes(b"precious")
     with (
-        serve(board, tcp="127.0.0.1:0", pace=0.1) as endpoint,
+        serve(EndlessHoming(PlainEchoes()), tcp="127.0.0.1:0") as endpoint,
         started("scan", endpoint.url, "--out", log, "--force", "--print") as process,
     ):
-        while len([*log.parent.iterdir()]) == 1:  # until the new log lies beside the old one
-            assert process.poll() is None
-            time.sleep(0.01)
+        # until the new log lies beside the old one
+        wait_until(lambda: len([*log.parent.iterdir()]) > 1 or process.poll() is not None)
         process.send_signal(signal.SIGINT)
         assert end(process)[0] == 130
     assert log.read_bytes() == b"precious"
@@ -249,9 +252,9 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         arguments = ["scan", endpoint.url, "--out", str(log), "--step", "1", "--print"]
         done = subprocess.run(
-            [sys.executable, "-c", SMALL_DISK, *arguments], capture_output=True, text=True, timeout=60
+            [sys.executable, "-c", SMALL_DISK, *arguments], capture_output=True, text=True, timeout=HANG
         )
-        assert not board.busy
+        wait_until(lambda: not board.busy)
     recorded = read_log(log)
     kept = len(recorded.readings)
     assert done.returncode == 1
@@ -264,12 +267,21 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
     assert recorded.torn == f"the file ends too early at byte {log.stat().st_size}"
 
 
+class Interrupting(PlainEchoes):
+    """Sends the main thread Ctrl-C at the third ping."""
+
+    def hear(self, ping: Ping) -> Heard:
+        """What was laid down."""
+        if len(self.pings) == 2:
+            signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
+        return super().hear(ping)
+
+
 def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
-    board: FakeBoard, log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 40_000_000)
-    with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
-        Timer(3.0, signal.raise_signal, (signal.SIGINT,)).start()
+    with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()
     told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
@@ -350,12 +362,12 @@ def test_a_log_goes_to_a_file_named_as_one(
 
 def test_a_closed_pipe_ends_quietly(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
-        with started("scan", endpoint.url, "--out", log, "--print") as process:
+        with started("scan", endpoint.url, "--out", log, "--print", *ENDLESS) as process:
             lines(process, 3)
             assert process.stdout is not None
             process.stdout.close()
             assert process.stderr is not None
             assert process.stderr.read() == ""
-            process.wait(timeout=30)
-        assert not board.busy
+            process.wait(timeout=HANG)
+        wait_until(lambda: not board.busy)
     assert read_log(log).torn is None

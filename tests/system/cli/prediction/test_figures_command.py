@@ -14,7 +14,6 @@ from sonarhw_compare.paper.setting import Scene
 COMMITTED = Path("docs/figures")
 
 
-@pytest.mark.timeout(400)  # a transducer whose face moves needs a search a heading
 def test_committed_page_is_what_the_command_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "paper" / "figures"
     assert run(["figures", str(folder)]) == 0

@@ -17,7 +17,8 @@ from sonarhw_gui.work.port_book import PortBook
 from sonarhw.errors import InputError
 from sonarhw.host.who_answers import who_answers
 from sonarhw.link.ports import Port, Usb
-from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.hang_guard import HANG
+from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import ended, until
 
 ARDUINO = Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None))
@@ -60,7 +61,7 @@ def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: 
 def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: OpenWith) -> None:
     gate = threading.Event()
     window = open_with(find_way=nowhere)
-    with_ports(window, lambda device: (gate.wait(30), "answered late"))
+    with_ports(window, lambda device: (gate.wait(HANG), "answered late"))
     open_dialog(qtbot, window)
     until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "asking …"]])
     qtbot.keyClick(window, Qt.Key.Key_2)
@@ -112,7 +113,7 @@ def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
 
 def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     opener = fake("real")
-    window = open_with(find_way=lambda url: ScannerWay(url, opener), source=fake(4.0), autostart=True)
+    window = open_with(find_way=lambda url: ScannerWay(url, opener), source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
     window.session.scanners.choose("socket://another")
     assert "a scan runs" in window.banner.message

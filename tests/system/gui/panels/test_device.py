@@ -17,17 +17,21 @@ from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.shell.status_bar import badge
-from sonarhw_sim.predict.room_echoes import RoomEchoes
+from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
+from sonarhw.echo_source import Heard, Ping
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder, sector
-from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
-from tests.system.gui.driving import ended, until
+from tests.fixtures.stuck_boards import EndlessHoming
+from tests.hang_guard import HANG
+from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
+from tests.system.gui.driving import PATIENCE, ended, until
 
-LONG = replace(ORDER, sweeps=5)  # so that something can happen in the midst of it
+LONG = replace(ORDER, sweeps=5)
+AWAY = 10 * HANG  # s that a lost scanner may be away: a test puts it back when it has seen enough
 
 
 @pytest.fixture
@@ -44,7 +48,7 @@ def board(scene: Scene, echoes: RoomEchoes) -> FakeBoard:
 def opened(open_with: OpenWith, board: FakeBoard, during: ExitStack, pace: Pace = 4.0, **start: object) -> MainWindow:
     """A window with its device panel open, before a board that is served."""
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
-    window = open_with(source=lambda: Scanner.open(endpoint.url), **start)
+    window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY), **start)
     window.docks.actions[0].trigger()
     return window
 
@@ -121,9 +125,9 @@ def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
 
 
 def test_f6_stops_a_turntable_that_turns(
-    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
 ) -> None:
-    window = opened(open_with, board, during, 0.3)
+    window = opened(open_with, EndlessHoming(echoes), during)
     window.session.live.home()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
     qtbot.keyClick(window, Qt.Key.Key_F6)
@@ -132,11 +136,11 @@ def test_f6_stops_a_turntable_that_turns(
 
 
 def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
-    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
 ) -> None:
-    window = opened(open_with, board, during, 0.3)
+    window = opened(open_with, EndlessHoming(echoes), during)
     dialog = QDialog(window)
-    with qtbot.waitActive(dialog):
+    with qtbot.waitActive(dialog, timeout=PATIENCE):
         dialog.show()
         dialog.activateWindow()
     window.commands.home.trigger()
@@ -236,12 +240,27 @@ def test_in_a_replay_the_turntable_is_left_alone(
 # the cable
 
 
+class PulledOnce(RoomEchoes):
+    """Pulls the cable of a board at the tenth ping."""
+
+    board: FakeBoard
+    pings = 0
+
+    def hear(self, ping: Ping) -> Heard:
+        """What the room gives back."""
+        self.pings += 1
+        if self.pings == 10:
+            self.board.plug = None
+        return super().hear(ping)
+
+
 def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_the_scan_is_whole(
-    qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
+    qtbot: QtBot, open_with: OpenWith, scene: Scene, during: ExitStack
 ) -> None:
+    echoes = PulledOnce(scene.room, scene.place, scene.board, 1, EXACT)
+    echoes.prepare()
+    board = echoes.board = FakeBoard(echoes, 3, scene.board.blanking)
     window = opened(open_with, board, during, 6.0, autostart=True, order=LONG)
-    until(qtbot, lambda: len(window.session.shown.readings) >= 3)
-    board.plug = None
     until(qtbot, lambda: "the scan goes on by itself" in window.banner.message)
     until(qtbot, lambda: window.status_bar.doing.text().startswith("waiting for the scanner"))
     assert window.status_bar.badge.text() == "away"
@@ -249,11 +268,11 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     assert window.commands.stop.isEnabled()
     board.plug = 0
     until(qtbot, lambda: window.banner.message == "")
-    until(qtbot, lambda: window.status_bar.badge.text() == "● live")
     until(qtbot, lambda: ended(window))
+    until(qtbot, lambda: window.status_bar.badge.text() == "recorded")
     assert window.session.status.phase is Phase.DONE
     assert sorted(reading.number for reading in window.session.shown.readings) == list(range(LONG.readings))
-    assert window.session.status.link.statistics.losses == 1
+    assert window.session.status.link.statistics.losses >= 1
     log = read_log(window.session.status.recording)
     assert len(log.readings) == LONG.readings
 
@@ -300,7 +319,7 @@ def test_a_cable_pulled_while_nothing_runs_is_told_too(
 def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
-    window = opened(open_with, board, during, autostart=True, order=LONG)
+    window = opened(open_with, board, during, autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
     board.plug = None
     until(qtbot, lambda: window.banner.message != "")

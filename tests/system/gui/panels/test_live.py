@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +19,8 @@ from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from tests.fixtures.faulty_boards import faulty
-from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
+from tests.hang_guard import HANG
+from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import ended, predicted, until
 
 
@@ -75,8 +75,7 @@ def test_the_log_of_a_scan_carries_the_board(qtbot: QtBot, open_with: OpenWith, 
 
 
 def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
-    long = replace(ORDER, sweeps=50)  # or a busy machine comes to its end before it is stopped
-    window = open_with(source=fake(4.0), autostart=True, order=long)
+    window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
     assert window.status_bar.badge.text() == "● live"
     assert not window.commands.scan.isEnabled()
@@ -88,7 +87,7 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
     assert window.commands.scan.isEnabled()
     log = read_log(window.session.status.recording)
     assert log.torn is None
-    assert 3 <= len(log.readings) < long.readings
+    assert 3 <= len(log.readings) < ENDLESS.readings
 
 
 def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
@@ -135,12 +134,12 @@ def test_stop_before_the_scanner_has_answered_leaves_no_log(qtbot: QtBot, open_w
     @contextmanager
     def slow() -> Iterator[Scanner]:
         asked.set()
-        assert go_on.wait(30)
+        assert go_on.wait(HANG)
         with opener() as scanner:
             yield scanner
 
     window = open_with(source=slow, autostart=True)
-    assert asked.wait(30)
+    assert asked.wait(HANG)
     window.session.stop()
     go_on.set()
     until(qtbot, lambda: ended(window))
@@ -163,7 +162,7 @@ def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
     before = {thread.name for thread in threading.enumerate()}
-    window = open_with(source=fake(4.0), autostart=True)
+    window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
     recording = window.session.status.recording
     window.close()
@@ -171,15 +170,14 @@ def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
     assert [name for name in left if not name.startswith("serve")] == []
     log = read_log(recording)
     assert log.torn is None
-    assert 3 <= len(log.readings) < ORDER.readings
+    assert 3 <= len(log.readings) < ENDLESS.readings
 
 
 def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
     with vanishing(FakeBoard(echoes, 1, scene.board.blanking)) as (url, vanish):
-        endless = replace(ORDER, sweeps=100)
-        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True, order=endless)
+        window = open_with(source=lambda: Scanner.open(url, reconnect=1.0), autostart=True, order=ENDLESS)
         until(qtbot, lambda: len(window.session.shown.readings) >= 3)
         vanish()
         until(qtbot, lambda: ended(window))

@@ -18,7 +18,7 @@ from sonarhw.log import Log, read_log
 from sonarhw.replay.playback import Playback
 from sonarhw.wire.messages import Outcome
 from tests.system.gui.conftest import ORDER, OpenFake, OpenWith
-from tests.system.gui.driving import predicted, until
+from tests.system.gui.driving import PATIENCE, predicted, until
 
 
 @pytest.fixture
@@ -47,7 +47,8 @@ def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: 
     window.session.showing.changed.connect(lambda shown: counts.append(len(shown.readings)))
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
     assert window.replay_bar.play.text() == "Pause"
-    until(qtbot, lambda: not window.session.replay.state.playing)
+    while window.session.replay.state.playing:
+        window.session.replay.advance(0.05)
     assert counts == sorted(counts)
     assert counts[0] <= 1
     assert counts[-1] == ORDER.readings
@@ -74,7 +75,7 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
         replay.seek(part * replay.state.duration)
         assert marked(), part
     window.session.showing.choose(0)
-    with qtbot.waitSignal(window.session.recent_changed):
+    with qtbot.waitSignal(window.session.recent_changed, timeout=PATIENCE):
         window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.shown.chosen == ORDER.readings - 1)
     assert marked()
@@ -82,7 +83,8 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
 
 def test_pause_stands_still_and_play_goes_on_from_there(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
-    until(qtbot, lambda: len(window.session.shown.readings) >= 2)
+    window.session.replay.advance(0.3)
+    assert len(window.session.shown.readings) >= 2
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
     stood = window.session.replay.state.position
     window.session.tick()

@@ -20,7 +20,7 @@ from sonarhw_sim.room.model import parse_room
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import until
+from tests.system.gui.driving import PATIENCE, until
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 OTHER = "Other room"
@@ -61,7 +61,7 @@ def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
 
 def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
     """Whether the window has had its say, and asked nothing."""
-    with qtbot.waitSignal(window.session.showing.changed):
+    with qtbot.waitSignal(window.session.showing.changed, timeout=PATIENCE):
         window.session.showing.tell_soon()
     return asked(window) == ""
 

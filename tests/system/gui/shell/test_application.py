@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from sonarhw_gui.shell.application import WindowStart
 
 from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
+from tests.hang_guard import HANG, wait_until
 
 MEANT = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
 SONARHW = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
@@ -34,7 +34,7 @@ def told(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.Comp
         env={**os.environ, "XDG_DATA_HOME": str(tmp_path), **environment},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=HANG,
     )
 
 
@@ -44,13 +44,14 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
     room.write_text(ROOM.read_text())
     process = started(tmp_path, f"fake:{room}?place=figure9&pace=2")
     recordings = tmp_path / "sonarhw" / "recordings"
-    deadline = time.monotonic() + 90
-    while not any(path.stat().st_size > 20_000 for path in recordings.glob("*.mcap")):
+
+    def recorded() -> bool:
         assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+        return any(path.stat().st_size > 20_000 for path in recordings.glob("*.mcap"))
+
+    wait_until(recorded)
     process.send_signal(number)
-    _, complaints = process.communicate(timeout=60)
+    _, complaints = process.communicate(timeout=HANG)
     assert process.returncode == 130
     assert complaints == ""
     (recording,) = recordings.glob("*.mcap")

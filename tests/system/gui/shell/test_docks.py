@@ -15,6 +15,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.shell.main_window import MainWindow
 
 from tests.system.gui.conftest import OpenWith
+from tests.system.gui.driving import until
 
 
 @pytest.fixture
@@ -37,8 +38,7 @@ def test_a_key_brings_its_dock_to_the_front_and_closes_it_only_there(qtbot: QtBo
         (Qt.Key.Key_F8, []),
     ):
         qtbot.keyClick(window, key)
-        qtbot.wait(50)
-        assert in_front(window) == seen
+        until(qtbot, lambda seen=seen: in_front(window) == seen)
         assert [action.text() for action in window.docks.actions if action.isChecked()] == seen
 
 
@@ -61,7 +61,7 @@ def test_the_wheel_scrolls_a_panel_and_changes_only_what_has_the_focus(qtbot: Qt
     room = window.room
     area = next(area for area in window.findChildren(QScrollArea) if area.widget() is room)
     bar = area.verticalScrollBar()
-    qtbot.waitUntil(lambda: bar.maximum() > 0)
+    until(qtbot, lambda: bar.maximum() > 0)
     before, parts = window.session.shown.scene, wheeled(room)
     assert len(parts) >= 15
     for part in parts:

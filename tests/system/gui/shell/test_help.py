@@ -12,7 +12,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import until
+from tests.system.gui.driving import PATIENCE, until
 
 
 def told(window: MainWindow) -> str:
@@ -53,7 +53,7 @@ def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: Op
     every = window.commands.all
     groups = {f"Group {k}": every[k : k + 8] for k in range(0, len(every), 8)}
     page = HelpPage(groups, Look(scale=scale), None, QSize(1280, 760))
-    with qtbot.waitExposed(page):
+    with qtbot.waitExposed(page, timeout=PATIENCE):
         page.show()
     assert page.width() <= 1280
     assert page.height() <= 760

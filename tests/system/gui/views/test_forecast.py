@@ -19,6 +19,8 @@ from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
+from tests.hang_guard import HANG
+from tests.system.gui.driving import until
 
 
 @dataclass(frozen=True)
@@ -56,14 +58,14 @@ def taken(qtbot: QtBot, worker: Worker, count: int) -> list[Any]:
         answers.extend(worker.take())
         return len(answers) >= count
 
-    qtbot.waitUntil(enough, timeout=10_000)
+    until(qtbot, enough)
     return answers
 
 
 def test_of_the_requests_that_wait_the_newest_is_answered(qtbot: QtBot, worker: Worker) -> None:
     gate, begun = threading.Event(), threading.Event()
     worker.ask(Waiting(gate, begun))
-    assert begun.wait(10)
+    assert begun.wait(HANG)
     for word in ("old", "older", "new"):
         worker.ask(Echoed(word))
     gate.set()
@@ -98,7 +100,7 @@ def finished(qtbot: QtBot, forecast: Forecast) -> None:
         forecast.take()
         return not forecast.searching and not forecast._comparer.busy
 
-    qtbot.waitUntil(settled, timeout=30_000)
+    until(qtbot, settled)
 
 
 def test_answers_for_another_scene_or_scan_are_dropped(
@@ -196,7 +198,7 @@ def test_while_a_hand_moves_the_sensor_there_are_drafts_and_the_rest_comes_when_
     clock = Clock()
     forecast = Forecast(clock)
     forecast.change_scene(moved(scene, 0.1), moving=True)
-    qtbot.waitUntil(forecast.take, timeout=30_000)
+    until(qtbot, forecast.take)
     draft = forecast.outline
     assert draft.place.position == moved(scene, 0.1).place.position
     clock.now += 0.5 * REST
@@ -249,7 +251,7 @@ def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notic
     finished(qtbot, forecast)
     gate, begun = threading.Event(), threading.Event()
     forecast._comparer.ask(Waiting(gate, begun))  # so that nothing comes
-    assert begun.wait(10)
+    assert begun.wait(HANG)
     forecast.change_scene(moved(scene, 0.1))
     for now, behind in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
         clock.now = now

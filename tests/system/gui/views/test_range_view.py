@@ -16,7 +16,7 @@ from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.readings import Reading
-from tests.system.gui.driving import click, place_of
+from tests.system.gui.driving import PATIENCE, click, place_of, until
 
 SPEED = 343.2
 RANGES = (0.8, 0.5, 0.9, None)
@@ -38,7 +38,7 @@ def view(qtbot: QtBot, shown: Shown) -> RangeView:
     qtbot.addWidget(view)
     view.resize(600, 350)
     view.show_state(shown)
-    with qtbot.waitExposed(view):
+    with qtbot.waitExposed(view, timeout=PATIENCE):
         view.show()
     return view
 
@@ -71,7 +71,7 @@ def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how
     for pixel in (at - QPoint(40, 40), at):
         qtbot.mouseMove(view.viewport(), pixel)
         qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
-    qtbot.waitUntil(lambda: "residual +400 mm" in view.residuals.vb.toolTip())
+    until(qtbot, lambda: "residual +400 mm" in view.residuals.vb.toolTip())
     view.show_state(replace(shown, compared=None))
     assert not view.beyond[Kind.LONG].isVisible()
 
@@ -96,7 +96,7 @@ def test_residuals_are_read_in_the_small_unit(view: RangeView, shown: Shown, uni
 
 
 def test_a_click_in_the_residuals_picks_the_nearest_reading(qtbot: QtBot, view: RangeView) -> None:
-    with qtbot.waitSignal(view.gestures.picked) as picked:
+    with qtbot.waitSignal(view.gestures.picked, timeout=PATIENCE) as picked:
         click(qtbot, view, view.residuals.vb, (80.0, 0.1))
     assert picked.args == [1]
 

@@ -26,6 +26,7 @@ from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.log import read_log
 from sonarhw.readings import Reading
+from tests.system.gui.driving import PATIENCE, until
 
 COUNT = 36
 LONG = 36_000  # readings of an hour
@@ -53,7 +54,7 @@ def table(qtbot: QtBot, shown: Shown) -> ReadingTable:
     qtbot.addWidget(table)
     table.resize(900, 300)
     table.show_state(shown)
-    with qtbot.waitExposed(table):
+    with qtbot.waitExposed(table, timeout=PATIENCE):
         table.show()
     return table
 
@@ -193,13 +194,13 @@ def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot
     click_header(qtbot, table, Column.HEADING)
     click_header(qtbot, table, Column.HEADING)
     table.view.scrollToTop()
-    with qtbot.waitSignal(table.gestures.picked) as picked:
+    with qtbot.waitSignal(table.gestures.picked, timeout=PATIENCE) as picked:
         click_row(qtbot, table, 2)
     assert picked.args == [int(listed(table)[2])]
 
 
 def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: ReadingTable) -> None:
-    with qtbot.waitSignal(table.gestures.picked) as picked:
+    with qtbot.waitSignal(table.gestures.picked, timeout=PATIENCE) as picked:
         qtbot.keyClick(table.view, Qt.Key.Key_Up)
     assert picked.args == [COUNT - 2]
 
@@ -219,7 +220,7 @@ def test_the_chosen_reading_stays_in_sight_when_the_table_is_made_smaller(
     table.show_state(replace(shown, chosen=20))
     table.resize(900, 110)
     chosen = table.view.currentIndex()
-    qtbot.waitUntil(lambda: table.view.viewport().rect().contains(table.view.visualRect(chosen).center()))
+    until(qtbot, lambda: table.view.viewport().rect().contains(table.view.visualRect(chosen).center()))
     assert chosen.row() == 20
 
 
@@ -283,7 +284,7 @@ def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_as
     for pixels in (300, 1500, 300, width):
         table.resize(pixels, 200)
     view, header = table.view, table.view.horizontalHeader()
-    qtbot.waitUntil(lambda: view.viewport().width() > width - 40)
+    until(qtbot, lambda: view.viewport().width() > width - 40)
     assert view.horizontalScrollBar().maximum() == 0
     assert {column for column in Column if view.isColumnHidden(column)} == left_out
     assert header.sortIndicatorSection() == Column.RESIDUAL
@@ -330,7 +331,7 @@ def test_sentences_are_only_made_for_rows_that_are_seen(
     table.resize(1400, 300)
     many = shown.readings * (LONG // len(shown.readings))
     table.show_state(replace(shown, readings=many, chosen=len(many) - 1))
-    with qtbot.waitExposed(table):
+    with qtbot.waitExposed(table, timeout=PATIENCE):
         table.show()
     table.view.viewport().repaint()
     assert 0 < len(asked) < 100

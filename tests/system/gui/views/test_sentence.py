@@ -10,6 +10,8 @@ from sonarhw_gui.readings.sentence import Sentence, shortened_to_lines
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Shown
 
+from tests.system.gui.driving import PATIENCE
+
 LONG = "a later echo, " + ", ".join(["bottom", "top", "left", "right"] * 20) + "; the near wall lies within blanking"
 
 
@@ -44,7 +46,7 @@ def test_what_does_not_fit_ends_in_an_ellipsis_and_is_whole_in_the_tooltip(sente
 
 def test_in_a_wider_window_more_of_it_is_seen(qtbot: QtBot, sentence: Sentence) -> None:
     before = len(sentence.text())
-    with qtbot.waitExposed(sentence):
+    with qtbot.waitExposed(sentence, timeout=PATIENCE):
         sentence.show()
     sentence.resize(900, sentence.height())
     assert before < len(sentence.text()) < len(LONG)

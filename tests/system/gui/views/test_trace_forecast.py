@@ -15,6 +15,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import NotALog
 from sonarhw.readings import FloatArray, Reading, Trace
+from tests.system.gui.driving import until
 
 WISH = BScanWish((Pane.MEASURED,), polar=False, decibels=True)
 
@@ -43,7 +44,7 @@ def taken(qtbot: QtBot, forecast: TraceForecast, enough: Callable[[], bool]) -> 
         forecast.take()
         return enough()
 
-    qtbot.waitUntil(ready, timeout=30_000)
+    until(qtbot, ready)
 
 
 def degrees(forecast: TraceForecast) -> float | None:

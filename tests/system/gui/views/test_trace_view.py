@@ -21,7 +21,7 @@ from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.echo_source import Ping
 from sonarhw.readings import Reading
-from tests.system.gui.driving import drag, pixel_at
+from tests.system.gui.driving import PATIENCE, drag, pixel_at, until
 
 HEADING = math.radians(270.0)
 
@@ -41,11 +41,11 @@ def view(qtbot: QtBot, shown: Shown) -> TraceView:
     view = TraceView()
     qtbot.addWidget(view)
     view.resize(900, 400)
-    with qtbot.waitActive(view):
+    with qtbot.waitActive(view, timeout=PATIENCE):
         view.show()
         view.activateWindow()
     view.show_state(shown)
-    qtbot.waitUntil(lambda: view.plot.vb.width() > 600)
+    until(qtbot, lambda: view.plot.vb.width() > 600)
     return view
 
 
@@ -87,13 +87,13 @@ def test_every_mark_stands_at_the_time_of_its_echo(view: TraceView, shown: Shown
 def test_the_key_for_rf_shows_the_carrier_and_back(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
     assert "dB" in view.plot.getAxis("left").labelText
     qtbot.keyClick(view, Qt.Key.Key_R)
-    qtbot.waitUntil(lambda: "signal" in view.plot.getAxis("left").labelText)
+    until(qtbot, lambda: "signal" in view.plot.getAxis("left").labelText)
     _, drawn = view._predicted.getOriginalDataset()
     assert drawn.min() < -0.02
     assert drawn.max() > 0.02
     assert "envelope only" in view.title.text()
     qtbot.keyClick(view, Qt.Key.Key_V)
-    qtbot.waitUntil(lambda: "dB" in view.plot.getAxis("left").labelText)
+    until(qtbot, lambda: "dB" in view.plot.getAxis("left").labelText)
     assert view._predicted.getOriginalDataset()[1].max() <= 0
 
 
@@ -111,7 +111,7 @@ def test_a_title_that_is_too_long_ends_in_dots_and_is_told_whole_to_a_hand_held_
 def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
     assert not view.readout.isVisible()
     qtbot.keyClick(view, Qt.Key.Key_C)
-    qtbot.waitUntil(view.readout.isVisible)
+    until(qtbot, view.readout.isVisible)
     for start, end in zip(view.cursors.times, (0.002, 0.005), strict=True):
         drag(qtbot, view.canvas, view.plot.vb, (start, -20.0), (end, -20.0))
     first, second = view.cursors.times
@@ -134,7 +134,7 @@ def test_the_mouse_points_at_a_range_of_the_chosen_heading(qtbot: QtBot, view: T
     told: list[Cursor | None] = []
     view.gestures.pointed.connect(told.append)
     qtbot.mouseMove(view.canvas.viewport(), pixel_at(view.canvas, view.plot.vb, (0.004, -20.0)))
-    qtbot.waitUntil(lambda: bool(told) and told[-1] is not None)
+    until(qtbot, lambda: bool(told) and told[-1] is not None)
     assert told[-1].range == pytest.approx(0.6864, abs=0.01)
     assert math.degrees(told[-1].heading) % 360 == pytest.approx(270.0)
 

@@ -14,6 +14,7 @@ from sonarhw.disk_room import DiskRoom, log_size
 from sonarhw.errors import LogError
 from sonarhw.log import LogWriter, read_log
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
+from tests.hang_guard import HANG
 from tests.unit.sonarhw.log.test_log import reading_frame
 
 
@@ -96,7 +97,7 @@ class Drive:
     def wait(self) -> None:
         """Until all that was written has been pushed, or once in vain."""
         size = self._path.stat().st_size
-        while self._pushed.get(timeout=30) < size and not self.pulled:
+        while self._pushed.get(timeout=HANG) < size and not self.pulled:
             pass
 
 
