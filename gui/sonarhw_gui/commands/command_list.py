@@ -1,7 +1,4 @@
-"""Every action of the window: its name, its key, and what a hand held over it says.
-
-Takes the window; hands on actions, which toolbar, menus and help page show.
-"""
+"""Every action of the window with its name, key and tooltip."""
 
 from collections.abc import Sequence
 

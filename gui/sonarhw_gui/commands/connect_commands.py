@@ -1,7 +1,4 @@
-"""The command that connects a scanner: opens the dialog and keeps it up with the ports.
-
-Takes the session's choice of scanners; tells it which one is wanted.
-"""
+"""The command that connects a scanner: it opens the dialog and shows it the ports."""
 
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QMainWindow

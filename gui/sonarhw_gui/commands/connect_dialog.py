@@ -1,7 +1,4 @@
-"""The connect dialog: the ports of this machine with what answers there, and a line for any other URL.
-
-Takes rows of ports; hands on the URL that was chosen. Not modal: what runs goes on.
-"""
+"""The connect dialog: the ports of this machine with what answers there, and a line for any other URL. Not modal."""
 
 from collections.abc import Sequence
 

@@ -1,7 +1,4 @@
-"""The commands about files: opened by a dialog, from the list of recent ones, or dropped on the window; rooms saved.
-
-Takes commands and session; tells the session which file is meant. Nothing modal: what runs goes on.
-"""
+"""The commands about files: open by dialog, from the list of recent files or by drag and drop, and save rooms."""
 
 from collections.abc import Callable, Sequence
 from itertools import count

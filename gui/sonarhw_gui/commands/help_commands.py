@@ -1,7 +1,4 @@
-"""The command that opens the help page, with the menus as its groups: what can be done is found where it is listed.
-
-Takes the menu bar; opens at most one page.
-"""
+"""The command that opens the help page, which groups the actions as the menus do."""
 
 from typing import cast
 

@@ -1,7 +1,4 @@
-"""The help page: what the window shows, how to ask it, and every key, on one screen.
-
-Takes groups of commands; shows their names and keys. Not modal: it can stay open beside the window.
-"""
+"""The help page: what the window shows, how to use it, and every key, on one screen. Not modal."""
 
 from collections.abc import Mapping, Sequence
 from html import escape

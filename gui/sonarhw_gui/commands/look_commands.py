@@ -1,7 +1,4 @@
-"""The commands about the look: light or dark, unit of length, size of text.
-
-Takes commands and session; tells the session what a person chose, and the commands what is in force.
-"""
+"""The commands about the look: light or dark, unit of length, size of text."""
 
 from dataclasses import replace
 

@@ -1,7 +1,4 @@
-"""The recordings of this person as a list that can be searched; one of them is opened.
-
-Takes rows; hands on the path that was chosen. Not modal: what runs goes on.
-"""
+"""The dialog that lists and searches the recordings, and opens one. Not modal."""
 
 import time
 from pathlib import Path

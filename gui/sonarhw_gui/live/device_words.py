@@ -1,7 +1,4 @@
-"""What the device panel says, as text: who answers, how the line is, how much a scan will be.
-
-Takes the connection as it was seen and what is wanted; hands on lines. No widgets.
-"""
+"""The texts of the device panel: who answers, the state of the line, the size of a scan."""
 
 import math
 

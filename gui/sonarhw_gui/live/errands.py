@@ -1,7 +1,4 @@
-"""What a scanner can be sent to do: home, turn, or scan and record. Each is a frozen value, done in the live thread.
-
-Takes an open scanner and somebody to tell; hands on how it ended.
-"""
+"""What a scanner can be sent to do: connect, home, turn, or scan and record. Each is a frozen value."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -1,7 +1,6 @@
 """One scanner in a thread of its own: opened, sent on one errand after another, watched, closed.
 
-Takes the way to a scanner and errands; hands on readings as they come, through a bounded queue from which the oldest
-give way: the scan and its log never wait for the window. The threads know no Qt.
+Readings wait in a bounded queue that drops the oldest, so the scan and its log never wait for the window.
 """
 
 import threading

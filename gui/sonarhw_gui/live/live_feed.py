@@ -1,7 +1,4 @@
-"""The live scanner as the session sees it: sent on errands, stopped, and asked every tick for what is new.
-
-Takes the way to a scanner; hands on readings, how things stand, and once, when an errand has failed, what to tell.
-"""
+"""The live scanner as the session uses it: it starts and stops errands and polls for new readings every tick."""
 
 from sonarhw.errors import SonarError
 from sonarhw.readings import Reading

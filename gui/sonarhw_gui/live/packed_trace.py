@@ -1,6 +1,6 @@
-"""Traces kept in the bytes in which they came: an hour of a live scan with traces then fits into a memory.
+"""Traces kept as the bytes of the wire, so that an hour of a live scan with traces fits into memory.
 
-Takes traces of floating-point samples; hands on the same traces, whose samples are worked out when somebody looks.
+The samples are computed on access.
 """
 
 from dataclasses import replace

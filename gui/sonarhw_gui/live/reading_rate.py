@@ -1,7 +1,4 @@
-"""How many readings a second arrive, over the last few seconds.
-
-Takes counts with the time they came; hands on the rate. No clock of its own.
-"""
+"""The number of readings per second over the last few seconds."""
 
 from collections import deque
 

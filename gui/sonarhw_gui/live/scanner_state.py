@@ -1,7 +1,4 @@
-"""How a live scanner stands, as values: what it is at, what it has made, who it is and how the line to it is.
-
-Takes nothing; hands on frozen dataclasses that its thread replaces as a whole.
-"""
+"""The state of a live scanner as frozen values: its errand, its identity and its link."""
 
 from dataclasses import dataclass
 from enum import StrEnum

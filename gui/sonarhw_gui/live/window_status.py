@@ -1,7 +1,4 @@
-"""What the status bar says, as values: where readings come from, how fast, how many were lost, how warm it is.
-
-Takes nothing; hands on frozen dataclasses that the session fills in.
-"""
+"""The content of the status bar as frozen values: source, rate, lost readings, temperature."""
 
 from dataclasses import dataclass
 from enum import StrEnum

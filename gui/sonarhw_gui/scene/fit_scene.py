@@ -1,7 +1,6 @@
-"""What a fit has chosen, put into a scene: the sensor's place, its range offset, the air, the materials. No widgets.
+"""Apply the values of a fit to a scene: place, range offset, air and materials.
 
-Takes a scene and fitted values; hands on the scene with them, in room and profile as text too, so that they can be
-saved and recorded.
+The texts of room and board change too, so that the result can be saved and recorded.
 """
 
 import math

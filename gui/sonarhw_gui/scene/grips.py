@@ -1,7 +1,6 @@
-"""Grips: what a hand can take hold of in the plan, and what of it lies under the mouse.
+"""The parts of the plan that the mouse can drag, and which of them lies under it.
 
-Takes a scene, a point and how long a pixel is; hands on a frozen `Grip`, or None. What is small lies over what is
-large: the sensor and the handle on its beam first, then corners and rims of posts, then walls and posts.
+Small parts come before large ones: sensor and beam handle, then corners and rims of posts, then walls and posts.
 """
 
 import math

@@ -1,7 +1,4 @@
-"""What has been done to the scene, so that it can be undone: labelled scenes, one gesture one step.
-
-Takes scenes before they are changed; hands them back. Scenes are frozen, so a step is the scene itself.
-"""
+"""The undo history of the scene: labelled scenes, one step a gesture."""
 
 from dataclasses import dataclass
 

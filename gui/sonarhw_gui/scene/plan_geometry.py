@@ -1,7 +1,4 @@
-"""Lines of the plan, as arrays: walls, the outline with its gaps, the beam.
-
-Takes rooms, predictions and directions; hands on (n, 2) points in metres, NaN where a line is broken.
-"""
+"""Lines of the plan as (n, 2) arrays of points in metres: walls, outline and beam. NaN marks a gap."""
 
 import math
 from functools import lru_cache

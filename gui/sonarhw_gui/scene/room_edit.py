@@ -1,8 +1,7 @@
-"""Changes to a room as one makes them with a pencil: corners, walls and posts moved, added, taken away, made of
-something else.
+"""Edits of a room: corners, walls and posts moved, added or removed, and their material.
 
-Takes a room, which surface is meant (its number, as `Room.names` counts) and where to; hands on the changed room, or
-refuses with the InputError of a wrong room file. Names are kept, and so are places and whatever else the file says.
+A surface is given by its number in `Room.names`. The text of the room file is edited, so names, places and other keys
+stay; an invalid result raises InputError.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""What is predicted for: a room, a place in it and a board; or a board alone where no room is known.
-
-Takes what a person chose or what a log carries; hands on a frozen `Scene`.
-"""
+"""The scene of a prediction: a room, a place in it and a board; or a board alone if the room is unknown."""
 
 from dataclasses import dataclass, field, replace
 

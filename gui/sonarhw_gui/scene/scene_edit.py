@@ -1,7 +1,6 @@
-"""Changes to a scene as a hand makes them: the sensor moved or turned, corners, walls and posts dragged.
+"""Edits of a scene, each with its label for undo: sensor, surfaces, materials, air, board.
 
-Takes a scene, what was taken hold of and where it was dragged; hands on the changed scene and what was done, in words
-for undo. Refuses with InputError: nothing is half done.
+An edit that is not possible raises InputError and changes nothing.
 """
 
 import math

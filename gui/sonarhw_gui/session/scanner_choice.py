@@ -1,8 +1,4 @@
-"""Which scanner is used, and which there are to choose from.
-
-Takes URLs; hands on the way to the scanner at one, and rows of the ports of this machine. The window's session asks it
-every tick for what is new.
-"""
+"""Which scanner is used, and which ports there are to choose from."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

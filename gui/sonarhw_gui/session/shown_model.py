@@ -1,6 +1,6 @@
-"""What is shown and how it changes: the scene and its edits, what is predicted in it, the choice among the readings.
+"""The model behind the views: the scene and its edits, the prediction for it, and the chosen reading.
 
-Takes scenes, gestures and the readings that there are; hands on `Shown` by a signal, at once or with the next tick.
+Every change emits `Shown`, at once or with the next tick.
 """
 
 from collections.abc import Sequence

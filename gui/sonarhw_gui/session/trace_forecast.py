@@ -1,7 +1,6 @@
-"""Traces and B-scans behind the window: read, predicted and drawn while the window goes on.
+"""The chosen trace and the B-scan, read, predicted and drawn in threads.
 
-Takes what is shown; hands on the chosen trace and the B-scan. Of what is asked for while the thread is busy the newest
-is answered; what belongs to another scan is dropped.
+Of several requests the newest is answered; answers for another scan are dropped.
 """
 
 import time

@@ -1,6 +1,6 @@
-"""The application: opens the window on a scene and a source, and ends it clean, however it is ended.
+"""The application: opens the window on a scene and a source, and returns the exit status.
 
-Takes a `WindowStart`; hands on an exit status: 0 after closing the window, 130 after Ctrl-C or SIGTERM.
+The status is 0 after the window was closed and 130 after Ctrl-C or SIGTERM.
 """
 
 import signal

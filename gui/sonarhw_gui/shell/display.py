@@ -1,7 +1,4 @@
-"""Whether a window can be opened here: asked before Qt is, for without a display Qt ends the process.
-
-Takes the environment; hands on a clear error.
-"""
+"""Checks for a display before Qt is loaded, because without one Qt ends the process."""
 
 import ctypes
 import os

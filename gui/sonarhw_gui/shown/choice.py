@@ -1,7 +1,4 @@
-"""Which reading the window is about: one that a person picked, or whichever is newest.
-
-Takes picks and steps; hands on an index for however many readings there are.
-"""
+"""Which reading is chosen: one that a person picked, or the newest."""
 
 
 class Choice:

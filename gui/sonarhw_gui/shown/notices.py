@@ -1,7 +1,4 @@
-"""What the banner has to say: what stands now, such as a lost cable, and what has happened, one after the other.
-
-Takes messages; hands on the one to be read now and how many wait behind it. No widgets.
-"""
+"""The messages of the banner: the current state, such as a lost cable, and events waiting to be read."""
 
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,6 @@
-"""What the window shows at one moment: a frozen value that every view draws its part of.
+"""What the window shows at one moment, as one frozen value for all views.
 
-Takes scene, readings, prediction and choice; hands on the same things as a view wants to ask for them. A view compares
-the parts with those it drew last and redraws only what is another object.
+A view compares its parts with those that it drew last and redraws only parts that are another object.
 """
 
 from dataclasses import dataclass, field

@@ -1,7 +1,4 @@
-"""The files of the window: opened in a thread, rooms saved, and which were used last.
-
-Takes paths; hands on logs and rooms as they have been read.
-"""
+"""The files of the window: opened in a thread, rooms saved, and the list of recent files."""
 
 import os
 from pathlib import Path

@@ -1,7 +1,4 @@
-"""Where a live scan is recorded when nobody said where: a folder of the person's own, a file named by date and room.
-
-Takes a scene; hands on an open log.
-"""
+"""A new log for a live scan: in the user's folder of recordings, named by date and room."""
 
 import re
 import time

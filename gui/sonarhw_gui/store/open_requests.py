@@ -1,7 +1,4 @@
-"""Opening logs, rooms and other people's scans while the window goes on: requests for a worker, and what it answers.
-
-Takes a file; hands on a log with the scene it carries, or a scene for the room.
-"""
+"""Requests to open a log, a room or a CSV scan, and their answers."""
 
 import time
 from dataclasses import dataclass, replace

@@ -1,7 +1,4 @@
-"""What was used last: files and scanners, the newest first.
-
-Takes names; hands on a tuple of a few.
-"""
+"""A short list of recently used names, newest first."""
 
 MOST = 10
 

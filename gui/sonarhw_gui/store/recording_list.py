@@ -1,7 +1,4 @@
-"""The recordings of this person: what lies in their folder, read a few at a time in a thread, the newest first.
-
-Takes a folder; hands on rows. No widgets.
-"""
+"""The logs in the folder of recordings, read a few at a time in a thread, newest first."""
 
 import time
 from dataclasses import dataclass, replace

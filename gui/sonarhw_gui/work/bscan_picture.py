@@ -1,7 +1,6 @@
-"""The B-scan as a picture: levels become colours, heading and range become places, flat or polar.
+"""The B-scan as pixels, flat or polar.
 
-Takes `BScan`s and how they are wanted; hands on arrays of pixels with the area that they cover. Colours are looked up
-before places are, so that a picture of half a million pixels costs some milliseconds.
+Colours are looked up before positions, so a picture of half a million pixels takes some milliseconds.
 """
 
 import math

@@ -1,7 +1,6 @@
-"""The rows of a B-scan, worked out a slice at a time, so that nothing newer waits long for its turn.
+"""The rows of a B-scan, computed in slices of time so that newer requests do not wait.
 
-Takes readings and the prediction's outline; hands on `BScanRows`, as much as is done. Asked again with them it goes on
-where it ended: a row is made once for its reading, and once for its prediction.
+A later call continues where the last one ended: each row is computed once for its reading and once for its prediction.
 """
 
 import time

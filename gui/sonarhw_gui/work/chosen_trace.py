@@ -1,7 +1,6 @@
-"""The trace of the chosen reading as the trace view draws it: curves over time, the gain, and every echo with its path.
+"""The trace of the chosen reading: curves over time, the gain, and every echo with its path.
 
-Takes a reading, its scene and its prediction; hands on a frozen `ChosenTrace`. A stored trace is read from its log here
-and the predicted one is summed, so this is work for a thread.
+A stored trace is read from its log and the predicted one is summed, so this runs in a thread.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""How deep a draft of the prediction goes: as deep as keeps up with a hand that moves the sensor.
-
-Takes how long the last draft took; hands on how many bounces and rays the next one may have.
-"""
+"""How many bounces and rays a draft of the prediction uses, so that drafts keep up with a dragged sensor."""
 
 from dataclasses import dataclass, replace
 

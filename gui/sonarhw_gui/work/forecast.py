@@ -1,8 +1,7 @@
-"""The prediction behind the window: paths, outline and comparison, worked out while the window goes on.
+"""The prediction behind the window: paths, outline and comparison, computed in threads.
 
-Takes a scene and readings; hands on the newest outline and comparison. Paths come twice, a draft at once and all of
-them when they are found. While a hand moves something there are drafts only, one after the other, and the rest when it
-stands still. An answer for a scene or scan that is no longer shown is dropped.
+Paths come twice: a quick draft, then all of them. While something is dragged there are drafts only. Answers for a scene
+or scan that is no longer shown are dropped.
 """
 
 import time

@@ -1,7 +1,7 @@
-"""The ports of this machine and what answers at each: looked up and asked while the window goes on.
+"""The ports of this machine and what answers at each, looked up in a thread.
 
-Takes wishes to look and to ask; hands on rows. Ports with known USB ends are asked at once, the others when a person
-says so: asking may reset whatever hangs on a port.
+Ports with a known USB device are asked at once. The others are asked on request, because opening a port may reset its
+device.
 """
 
 from collections.abc import Callable

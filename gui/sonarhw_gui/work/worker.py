@@ -1,7 +1,6 @@
-"""A thread for work that must not hold up the window: requests and answers are frozen values.
+"""A thread that answers requests; requests and answers are frozen values, and the thread loads no Qt.
 
-Takes requests, each with a pure `answer`; hands answers on when asked. Of several requests of one type that wait, the
-newest is kept and the others are forgotten. The thread knows no Qt: whoever asks also fetches.
+Of several waiting requests of one type only the newest is kept.
 """
 
 import threading
