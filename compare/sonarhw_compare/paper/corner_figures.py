@@ -13,16 +13,16 @@ from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, Scene, ranges, span
+from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
 from sonarhw_compare.pictures.points import points_at
 
-OBLIQUE = Scene("oblique_corner", "near", (-60.0, 63.0, 3.0))
+OBLIQUE = PaperScene("oblique_corner", "near", (-60.0, 63.0, 3.0))
 OBLIQUE_FAR = replace(OBLIQUE, place="far")
-RIGHT = Scene("right_corner", "figure12", (-30.0, 123.0, 3.0))
+RIGHT = PaperScene("right_corner", "figure12", (-30.0, 123.0, 3.0))
 RIGHT_NEARER = replace(RIGHT, place="figure13")
 
 
-def walls_do_not_meet(scene: Scene = OBLIQUE) -> Claim:
+def walls_do_not_meet(scene: PaperScene = OBLIQUE) -> Claim:
     """A gap of headings, and of ranges."""
     lower, upper = scene.heard("lower"), scene.heard("upper")
     if not (lower and upper):
@@ -40,7 +40,7 @@ def walls_do_not_meet(scene: Scene = OBLIQUE) -> Claim:
 _APART = "an oblique corner looks like two walls that do not meet"
 
 
-def lower_is_seen_behind_upper(scene: Scene = OBLIQUE) -> Claim:
+def lower_is_seen_behind_upper(scene: PaperScene = OBLIQUE) -> Claim:
     """The arc of the lower wall, beyond where the upper one stands."""
     truly = replace(scene, model=Model.NEAREST)
     behind = [
@@ -57,12 +57,12 @@ def lower_is_seen_behind_upper(scene: Scene = OBLIQUE) -> Claim:
     )
 
 
-def oblique_walls_are_lost_at_a_slant(scene: Scene = OBLIQUE) -> Claim:
+def oblique_walls_are_lost_at_a_slant(scene: PaperScene = OBLIQUE) -> Claim:
     """Nothing answers beyond the critical angle."""
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("lower",)))
 
 
-def corner_is_a_tangential_wall(scene: Scene = RIGHT) -> Claim:
+def corner_is_a_tangential_wall(scene: PaperScene = RIGHT) -> Claim:
     """One range, that of the vertex."""
     corner = _corner(scene)
     away = math.dist(scene.scan.place.position, _vertex(scene))
@@ -75,14 +75,14 @@ def corner_is_a_tangential_wall(scene: Scene = RIGHT) -> Claim:
     )
 
 
-def hole_at_each_side(scene: Scene = RIGHT) -> Claim:
+def hole_at_each_side(scene: PaperScene = RIGHT) -> Claim:
     """Silence between the corner and each wall."""
     seen = _shape(scene)
     told = f"{seen.before} silent headings before it, {seen.after} behind" if seen else "no corner between two walls"
     return Claim("with one hole at each side", told, seen is not None)
 
 
-def almost_unchanged_as_it_nears(scene: Scene = RIGHT, nearer: Scene = RIGHT_NEARER) -> Claim:
+def almost_unchanged_as_it_nears(scene: PaperScene = RIGHT, nearer: PaperScene = RIGHT_NEARER) -> Claim:
     """The same picture from nearer by."""
     first, second = _shape(scene), _shape(nearer)
     if first is None or second is None:
@@ -103,7 +103,7 @@ def almost_unchanged_as_it_nears(scene: Scene = RIGHT, nearer: Scene = RIGHT_NEA
 _UNCHANGED = "almost unchanged as the robot moves towards it"
 
 
-def right_walls_are_lost_at_a_slant(scene: Scene = RIGHT) -> Claim:
+def right_walls_are_lost_at_a_slant(scene: PaperScene = RIGHT) -> Claim:
     """Nothing answers beyond the critical angle."""
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("right",), ("upper", "right")))
 
@@ -121,7 +121,7 @@ class _Shape:
         return max(abs(self.before - other.before), abs(self.corner - other.corner), abs(self.after - other.after))
 
 
-def _shape(scene: Scene) -> _Shape | None:
+def _shape(scene: PaperScene) -> _Shape | None:
     """Wall, one hole, corner, one hole, wall; None where it is anything else."""
     runs = [(via, len(list(run))) for via, run in groupby(answer.via for answer in scene.answers)]
     while runs and runs[0][0] == ():
@@ -134,17 +134,17 @@ def _shape(scene: Scene) -> _Shape | None:
     return _Shape(runs[1][1], runs[2][1], runs[3][1])
 
 
-def _corner(scene: Scene) -> list[Answer]:
+def _corner(scene: PaperScene) -> list[Answer]:
     return scene.heard("upper", "right")
 
 
-def _vertex(scene: Scene) -> tuple[float, float]:
+def _vertex(scene: PaperScene) -> tuple[float, float]:
     """Where the two boxes meet."""
     x, y = scene.scan.room.walls[0][2:]
     return float(x), float(y)
 
 
-def _lost_beyond_the_critical_angle(scene: Scene, ways: tuple[tuple[str, ...], ...]) -> Claim:
+def _lost_beyond_the_critical_angle(scene: PaperScene, ways: tuple[tuple[str, ...], ...]) -> Claim:
     """Whether every way is heard up to the angle at which its echo sinks under the threshold, and no farther."""
     scan = scene.scan
     heard_to = max((_slant(scene, answer) for via in ways for answer in scene.heard(*via)), default=math.nan)
@@ -159,7 +159,7 @@ def _lost_beyond_the_critical_angle(scene: Scene, ways: tuple[tuple[str, ...], .
     )
 
 
-def _slant(scene: Scene, answer: Answer) -> float:
+def _slant(scene: PaperScene, answer: Answer) -> float:
     """How far off the axis the sound of an answer left, degrees."""
     scan = scene.scan
     row = next(k for k, other in enumerate(scene.answers) if other is answer)
@@ -167,7 +167,7 @@ def _slant(scene: Scene, answer: Answer) -> float:
     return abs((math.degrees(departure) - answer.degrees + 180) % 360 - 180)
 
 
-def _critical_degrees(scene: Scene) -> float:
+def _critical_degrees(scene: PaperScene) -> float:
     """Where the main lobe, both ways, meets the threshold."""
     board = scene.scan.board
     ka = board.wavenumber(scene.scan.room.air) * board.aperture_radius
@@ -199,13 +199,13 @@ def _draw_right() -> Figure:
     return figure
 
 
-def _draw_corner(axes: Axes, scene: Scene, title: str, bounds: Bounds, walls: tuple[str, str]) -> None:
+def _draw_corner(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, walls: tuple[str, str]) -> None:
     mark_silence(axes, scene, 0.18)
     label_walls(axes, scene, walls)
     plan(axes, scene, title, bounds, "lower left")
 
 
-def _note_at(axes: Axes, scene: Scene, answer: Answer, text: str, aside: tuple[float, float]) -> None:
+def _note_at(axes: Axes, scene: PaperScene, answer: Answer, text: str, aside: tuple[float, float]) -> None:
     """Words beside the point of one answer."""
     headings, distances = np.radians([answer.degrees]), np.array(ranges([answer]))
     x, y = points_at(scene.scan.place.position, headings, distances)[0]

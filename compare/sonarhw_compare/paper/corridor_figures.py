@@ -13,18 +13,18 @@ from sonarhw_sim.choices import Model
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 _STEP = 0.1  # m from place to place
-_START = Scene("corridor", "-2,0.5", (0.0, 360.0, 5.0), "polaroid-6500")
+_START = PaperScene("corridor", "-2,0.5", (0.0, 360.0, 5.0), "polaroid-6500")
 WALK = tuple(replace(_START, place=f"{x:.1f},0.5") for x in np.arange(-2, 2 + _STEP / 2, _STEP))
 _ACROSS = (90.0, 270.0)  # degrees
 _LONG = 1.0  # m
 _ALIKE = 0.8  # correlation
 
 
-def right_at_right_angles(walk: tuple[Scene, ...] = WALK) -> Claim:
+def right_at_right_angles(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Straight across the corridor."""
     worst = float(np.abs([errors(scene)[_row(scene, degrees)] for scene in walk for degrees in _ACROSS]).max())
     return Claim(
@@ -34,7 +34,7 @@ def right_at_right_angles(walk: tuple[Scene, ...] = WALK) -> Claim:
     )
 
 
-def long_ahead_and_behind(walk: tuple[Scene, ...] = WALK) -> Claim:
+def long_ahead_and_behind(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Along the corridor."""
     off = _all_errors(walk)
     long = np.nan_to_num(off) > _LONG
@@ -48,7 +48,7 @@ def long_ahead_and_behind(walk: tuple[Scene, ...] = WALK) -> Claim:
     )
 
 
-def errors_go_on_to_the_next_heading(walk: tuple[Scene, ...] = WALK) -> Claim:
+def errors_go_on_to_the_next_heading(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Neighbouring headings err alike."""
     off = _all_errors(walk)
     found, pairs = correlation(off, np.roll(off, -1, axis=1))
@@ -59,7 +59,7 @@ def errors_go_on_to_the_next_heading(walk: tuple[Scene, ...] = WALK) -> Claim:
     )
 
 
-def errors_go_on_to_the_next_place(walk: tuple[Scene, ...] = WALK) -> Claim:
+def errors_go_on_to_the_next_place(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Neighbouring places err alike, also beyond what a heading always errs by."""
     off = _all_errors(walk)
     found, pairs = correlation(off[:-1], off[1:])
@@ -75,7 +75,7 @@ def errors_go_on_to_the_next_place(walk: tuple[Scene, ...] = WALK) -> Claim:
     )
 
 
-def errors(scene: Scene) -> FloatArray:
+def errors(scene: PaperScene) -> FloatArray:
     """Error of every reading, (n,) m; NaN where there is no echo."""
     truly = replace(scene, model=Model.NEAREST, seed=None)
     return np.asarray(scene.scan.ranges - truly.scan.ranges)
@@ -87,12 +87,12 @@ def correlation(first: FloatArray, second: FloatArray) -> tuple[float, int]:
     return float(np.corrcoef(first[both], second[both])[0, 1]), int(both.sum())
 
 
-def _all_errors(walk: tuple[Scene, ...]) -> FloatArray:
+def _all_errors(walk: tuple[PaperScene, ...]) -> FloatArray:
     """(places, headings), m."""
     return np.array([errors(scene) for scene in walk])
 
 
-def _row(scene: Scene, degrees: float) -> int:
+def _row(scene: PaperScene, degrees: float) -> int:
     return scene.answers.index(scene.at(degrees))
 
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
 from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.points import points_at
@@ -31,7 +31,7 @@ def sheet(width: float, height: float) -> Figure:
     return figure
 
 
-def plan(axes: Axes, scene: Scene, title: str, bounds: Bounds, legend: Corner = "upper left") -> None:
+def plan(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, legend: Corner = "upper left") -> None:
     """The room within `bounds` (left, right, bottom, top; m), the sensor, and the scan over it."""
     draw_room(axes, scene.scan.room)
     points(axes, scene, "predicted")
@@ -39,7 +39,9 @@ def plan(axes: Axes, scene: Scene, title: str, bounds: Bounds, legend: Corner = 
     finish_plan(axes, title, bounds, legend)
 
 
-def points(axes: Axes, scene: Scene, label: str, colour: str = PREDICTED, marker: str = "o", size: float = 4.5) -> None:
+def points(
+    axes: Axes, scene: PaperScene, label: str, colour: str = PREDICTED, marker: str = "o", size: float = 4.5
+) -> None:
     """What a scan reports, where a user would draw it; neighbours by the same way are joined."""
     scan = scene.scan
     where = points_at(scan.standpoints, scan.headings, scan.ranges)
@@ -49,17 +51,17 @@ def points(axes: Axes, scene: Scene, label: str, colour: str = PREDICTED, marker
             axes.plot(*where[[here, there]].T, "-", color=colour, lw=1.0)
 
 
-def _same_wall(scene: Scene, here: int, there: int) -> bool:
+def _same_wall(scene: PaperScene, here: int, there: int) -> bool:
     first, second = scene.answers[here], scene.answers[there]
     return first.via == second.via != () and first.range == second.range
 
 
-def mark_sensor(axes: Axes, scene: Scene, label: str = "sensor") -> None:
+def mark_sensor(axes: Axes, scene: PaperScene, label: str = "sensor") -> None:
     """Where the sensor stands, or the axis it turns about."""
     axes.plot(*scene.scan.place.position, "^", color="black", mec="white", ms=8, label=label, zorder=5)
 
 
-def mark_silence(axes: Axes, scene: Scene, radius: float) -> None:
+def mark_silence(axes: Axes, scene: PaperScene, radius: float) -> None:
     """Headings without echo, as ticks round the sensor at `radius` (m)."""
     scan = scene.scan
     silent = scan.headings[np.isnan(scan.ranges)]
@@ -95,7 +97,7 @@ def note(axes: Axes, text: str, at: tuple[float, float], beside: tuple[float, fl
     )
 
 
-def label_walls(axes: Axes, scene: Scene, names: Sequence[str], with_reflectance: bool = False) -> None:
+def label_walls(axes: Axes, scene: PaperScene, names: Sequence[str], with_reflectance: bool = False) -> None:
     """Names along walls, on the side away from the sensor."""
     room, sensor = scene.scan.room, np.array(scene.scan.place.position)
     for name in names:

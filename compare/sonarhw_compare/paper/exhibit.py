@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,6 @@ class Exhibit:
     name: str  # of its picture, without the ending
     title: str
     setting: str  # what of it is the paper's and what is ours
-    scenes: tuple[Scene, ...]  # the scans in the picture
+    scenes: tuple[PaperScene, ...]  # the scans in the picture
     draw: Callable[[], Figure]
     claims: tuple[Callable[[], Claim], ...]

@@ -10,16 +10,16 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, finish_plan, mark_sensor, note, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, Scene, ranges, span
+from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
-SCANS = tuple(Scene("table_top", "table", (start, start + 360, 5.0), "polaroid-6500") for start in (0.0, 1.5, 3.0))
+SCANS = tuple(PaperScene("table_top", "table", (start, start + 360, 5.0), "polaroid-6500") for start in (0.0, 1.5, 3.0))
 BESIDE_THE_BLACKBOARD = replace(SCANS[0], place="beside")
 _TO_THE_WALL = 270.0  # degrees
 _PROUD = 0.020  # m
 
 
-def near_wall_over_a_short_span(scenes: tuple[Scene, ...] = SCANS) -> Claim:
+def near_wall_over_a_short_span(scenes: tuple[PaperScene, ...] = SCANS) -> Claim:
     """The blackboard, and what is read beside it."""
     answers = _together(scenes)
     middle = next(k for k, answer in enumerate(answers) if answer.degrees == _TO_THE_WALL)
@@ -37,7 +37,7 @@ def near_wall_over_a_short_span(scenes: tuple[Scene, ...] = SCANS) -> Claim:
     )
 
 
-def blackboard_moves_the_wall(before: Scene = SCANS[0], beside: Scene = BESIDE_THE_BLACKBOARD) -> Claim:
+def blackboard_moves_the_wall(before: PaperScene = SCANS[0], beside: PaperScene = BESIDE_THE_BLACKBOARD) -> Claim:
     """Readings before the blackboard and before the bare wall."""
     blackboard, bare = before.at(_TO_THE_WALL).range, beside.at(_TO_THE_WALL).range
     moved = math.nan if blackboard is None or bare is None else bare - blackboard
@@ -48,7 +48,7 @@ def blackboard_moves_the_wall(before: Scene = SCANS[0], beside: Scene = BESIDE_T
     )
 
 
-def protruding_corner_is_strong(scenes: tuple[Scene, ...] = SCANS, corner: str = "closet-corner") -> Claim:
+def protruding_corner_is_strong(scenes: tuple[PaperScene, ...] = SCANS, corner: str = "closet-corner") -> Claim:
     """The outer corner, a round bead."""
     answers, level = _by(scenes, corner), _loudest(scenes, corner)
     return Claim(
@@ -59,7 +59,7 @@ def protruding_corner_is_strong(scenes: tuple[Scene, ...] = SCANS, corner: str =
     )
 
 
-def person_is_strong(scenes: tuple[Scene, ...] = SCANS, person: str = "person") -> Claim:
+def person_is_strong(scenes: tuple[PaperScene, ...] = SCANS, person: str = "person") -> Claim:
     """The person, wider to the sonar than to the eye."""
     answers, level, wide = _by(scenes, person), _loudest(scenes, person), _width(scenes[0], person)
     seen = 5.0 / len(scenes) * len(answers)
@@ -70,7 +70,7 @@ def person_is_strong(scenes: tuple[Scene, ...] = SCANS, person: str = "person") 
     )
 
 
-def pillar_is_half_lost(scenes: tuple[Scene, ...] = SCANS, pillar: str = "pillar") -> Claim:
+def pillar_is_half_lost(scenes: tuple[PaperScene, ...] = SCANS, pillar: str = "pillar") -> Claim:
     """The pillar beside the person."""
     loud = sum(_loud_headings(scene, pillar) for scene in scenes)
     read = len(_by(scenes, pillar))
@@ -82,29 +82,29 @@ def pillar_is_half_lost(scenes: tuple[Scene, ...] = SCANS, pillar: str = "pillar
     )
 
 
-def _together(scenes: tuple[Scene, ...]) -> list[Answer]:
+def _together(scenes: tuple[PaperScene, ...]) -> list[Answer]:
     """All answers by heading, from 0 to 360°."""
     answers = [replace(answer, degrees=answer.degrees % 360) for scene in scenes for answer in scene.answers]
     return sorted(answers, key=lambda answer: answer.degrees)
 
 
-def _by(scenes: tuple[Scene, ...], name: str) -> list[Answer]:
+def _by(scenes: tuple[PaperScene, ...], name: str) -> list[Answer]:
     """Answers straight from a thing, by heading from -180 to 180°."""
     answers = [answer for scene in scenes for answer in scene.heard(name)]
     turned = [replace(answer, degrees=(answer.degrees + 180) % 360 - 180) for answer in answers]
     return sorted(turned, key=lambda answer: answer.degrees)
 
 
-def _loudest(scenes: tuple[Scene, ...], name: str) -> float:
+def _loudest(scenes: tuple[PaperScene, ...], name: str) -> float:
     """Level of the echo straight from a thing at its best heading, dB."""
     return max(float(level) for scene in scenes for level in _levels(scene, name))
 
 
-def _loud_headings(scene: Scene, name: str) -> int:
+def _loud_headings(scene: PaperScene, name: str) -> int:
     return sum(level >= scene.scan.board.threshold_db for level in _levels(scene, name))
 
 
-def _levels(scene: Scene, name: str) -> list[float]:
+def _levels(scene: PaperScene, name: str) -> list[float]:
     """Level at each heading of the echo straight from a thing, dB."""
     scan = scene.scan
     path = _straight_from(scan.paths, scan.room, name)
@@ -116,7 +116,7 @@ def _straight_from(paths: Paths, room: Room, name: str) -> int | None:
     return next(rows, None)
 
 
-def _width(scene: Scene, post: str) -> float:
+def _width(scene: PaperScene, post: str) -> float:
     """How wide a post looks from the sensor, degrees."""
     room = scene.scan.room
     x, y, radius = room.posts[room.names.index(post) - len(room.walls)]

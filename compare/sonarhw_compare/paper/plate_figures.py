@@ -13,10 +13,10 @@ from sonarhw_sim.choices import Unit
 from sonarhw.readings import FloatArray
 from sonarhw_compare.paper.drawing import MEASURED, PREDICTED, WALL, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 
 _STRAIGHT = (0.0, 1.0, 1.0)
-NO_TARGET = Scene("figure2a", "stand", _STRAIGHT, "polaroid-6500", Unit.REFLECT)
+NO_TARGET = PaperScene("figure2a", "stand", _STRAIGHT, "polaroid-6500", Unit.REFLECT)
 TILTED = replace(NO_TARGET, room="figure2b")
 PARALLEL = replace(NO_TARGET, room="figure2c")
 AT_45 = replace(NO_TARGET, room="figure2d")
@@ -29,7 +29,7 @@ _MAGNIFIED = 50
 _SILENCE = 1e-5  # amplitude; -100 dB
 
 
-def nothing_returns(scene: Scene = NO_TARGET) -> Claim:
+def nothing_returns(scene: PaperScene = NO_TARGET) -> Claim:
     """Figure 2a."""
     board, air = scene.scan.board, scene.scan.room.air
     loudest = _loudest(scene, board.blanked_range(air), board.max_range)
@@ -40,7 +40,7 @@ def nothing_returns(scene: Scene = NO_TARGET) -> Claim:
     )
 
 
-def one_echo(scene: Scene = TILTED) -> Claim:
+def one_echo(scene: PaperScene = TILTED) -> Claim:
     """Figure 2b."""
     echoes = scene.scan.echoes(0)
     return Claim(
@@ -50,7 +50,7 @@ def one_echo(scene: Scene = TILTED) -> Claim:
     )
 
 
-def many_echoes(scene: Scene = PARALLEL) -> Claim:
+def many_echoes(scene: PaperScene = PARALLEL) -> Claim:
     """Figure 2c."""
     found = np.array([echo.range for echo in scene.scan.echoes(0)])
     apart = np.diff(found)
@@ -63,7 +63,7 @@ def many_echoes(scene: Scene = PARALLEL) -> Claim:
     )
 
 
-def strongest_by_way_of_the_plate(scene: Scene = AT_45) -> Claim:
+def strongest_by_way_of_the_plate(scene: PaperScene = AT_45) -> Claim:
     """Figure 2d, the large echo and the small one before it."""
     early, late = _loudest(scene, *_PLATE), _loudest(scene, *_CABINET)
     scan = scene.scan
@@ -78,7 +78,7 @@ def strongest_by_way_of_the_plate(scene: Scene = AT_45) -> Claim:
     )
 
 
-def small_one_vanishes(scene: Scene = AT_45, turned: Scene = AT_45_TURNED) -> Claim:
+def small_one_vanishes(scene: PaperScene = AT_45, turned: PaperScene = AT_45_TURNED) -> Claim:
     """Figure 2d, after a slight turn."""
     before, after = _loudest(scene, *_PLATE), _loudest(turned, *_PLATE)
     strong_before, strong_after = _loudest(scene, *_CABINET), _loudest(turned, *_CABINET)
@@ -90,13 +90,13 @@ def small_one_vanishes(scene: Scene = AT_45, turned: Scene = AT_45_TURNED) -> Cl
     )
 
 
-def _loudest(scene: Scene, nearest: float, farthest: float) -> float:
+def _loudest(scene: PaperScene, nearest: float, farthest: float) -> float:
     """Highest amplitude of the trace between two ranges (m)."""
     ranges, samples = _envelope(scene, farthest + 0.1)
     return float(samples[(ranges > nearest) & (ranges < farthest)].max())
 
 
-def _envelope(scene: Scene, farthest: float) -> tuple[FloatArray, FloatArray]:
+def _envelope(scene: PaperScene, farthest: float) -> tuple[FloatArray, FloatArray]:
     speed = scene.scan.room.air.speed_of_sound
     trace = scene.scan.signal_at(0, 2 * farthest / speed).envelope()
     return trace.times * speed / 2, trace.samples
@@ -137,7 +137,7 @@ def _draw_magnified(axes: Axes) -> None:
     axes.set_xlabel("range: speed of sound × time / 2 (m)")
 
 
-def _trace(scene: Scene, farthest: float) -> tuple[FloatArray, FloatArray]:
+def _trace(scene: PaperScene, farthest: float) -> tuple[FloatArray, FloatArray]:
     speed = scene.scan.room.air.speed_of_sound
     samples = scene.scan.signal_at(0, 2 * farthest / speed).rf(_RATE)
     return np.arange(len(samples)) / _RATE * speed / 2, samples

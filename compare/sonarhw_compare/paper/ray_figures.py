@@ -18,7 +18,7 @@ from sonarhw_compare.paper.drawing import (
     sheet,
 )
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 from sonarhw_compare.paper.simple_room_figures import FIGURE_9
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
@@ -28,7 +28,7 @@ _OTHERS = 3  # echoes beside the first that are drawn
 _DRIFT = 0.05  # m: rays that run to and fro on one line are drawn so far apart
 
 
-def legs_of_the_reading(scene: Scene = READING) -> Claim:
+def legs_of_the_reading(scene: PaperScene = READING) -> Claim:
     """The false wall's path, leg by leg."""
     legs = _legs(scene)
     expected = len(legs) == len(_LEGS) and bool(np.allclose(legs, _LEGS, atol=1e-6))
@@ -40,7 +40,7 @@ def legs_of_the_reading(scene: Scene = READING) -> Claim:
     )
 
 
-def each_wall_takes_its_part(scene: Scene = READING) -> Claim:
+def each_wall_takes_its_part(scene: PaperScene = READING) -> Claim:
     """The level, from the reflectances on the walls."""
     scan, winner = scene.scan, int(scene.scan.winners[0])
     level = float(scan.levels_at(0)[winner])
@@ -53,7 +53,7 @@ def each_wall_takes_its_part(scene: Scene = READING) -> Claim:
     )
 
 
-def _legs(scene: Scene) -> FloatArray:
+def _legs(scene: PaperScene) -> FloatArray:
     outline = scene.scan.paths.outline(int(scene.scan.winners[0]))
     return np.asarray(np.hypot(*np.diff(outline, axis=0).T))
 

@@ -30,7 +30,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Scene:
+class PaperScene:
     """What is scanned, from where and by what."""
 
     room: str  # a file of rooms/, without its ending
@@ -81,7 +81,7 @@ class Scene:
 
 
 @lru_cache(maxsize=256)
-def _scan(scene: Scene) -> PredictedScan:
+def _scan(scene: PaperScene) -> PredictedScan:
     room, board = room_called(scene.room), load_board(scene.board)
     if scene.reach is not None:
         board = replace(board, max_range=scene.reach)
@@ -92,7 +92,7 @@ def _scan(scene: Scene) -> PredictedScan:
 
 
 @lru_cache(maxsize=256)
-def _answers(scene: Scene) -> tuple[Answer, ...]:
+def _answers(scene: PaperScene) -> tuple[Answer, ...]:
     scan = scene.scan
     rows = zip(scan.headings, scan.ranges, scan.winners, strict=True)
     return tuple(

@@ -13,14 +13,14 @@ from sonarhw_sim.choices import Receiver, Unit
 
 from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, mark_sensor, note, plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, Scene, ranges, span
+from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 _ROUND = (0.0, 360.0, 3.0)
-FIGURE_7 = Scene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
+FIGURE_7 = PaperScene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
 FIGURE_7_BOARD = replace(FIGURE_7, board="polaroid-6500", receiver=Receiver.BOARD)
 FIGURE_8 = replace(FIGURE_7, unit=Unit.BLOCK)
-FIGURE_9 = Scene("simple", "figure9", _ROUND)
+FIGURE_9 = PaperScene("simple", "figure9", _ROUND)
 # its face 85 mm from the lower wall, as in figure 9; the longer the ways, the more of them a round body opens
 ROBOT = replace(FIGURE_9, place="0.574,0.237", board="paper-b12", reach=2.0)
 _HEIGHT = 0.742  # m, of the room
@@ -28,7 +28,7 @@ _NEAR_CIRCLE = 0.005  # m beyond blanking
 _VERY_CLOSE = 0.6  # m
 
 
-def very_close_at_the_right(scene: Scene = FIGURE_7) -> Claim:
+def very_close_at_the_right(scene: PaperScene = FIGURE_7) -> Claim:
     """Sound that rings between the wall at the right and the face until blanking ends."""
     answer = scene.at(0.0)
     wall, face = answer.via.count("right"), answer.via.count("unit")
@@ -42,7 +42,7 @@ def very_close_at_the_right(scene: Scene = FIGURE_7) -> Claim:
     )
 
 
-def circle_of_minimum_range(scene: Scene = FIGURE_7_BOARD) -> Claim:
+def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
     """Readings that stick at the end of blanking."""
     blanked = scene.scan.board.blanked_range(scene.scan.room.air)
     close = [answer for answer in scene.answers if answer.range is not None and answer.range < blanked + _NEAR_CIRCLE]
@@ -57,7 +57,7 @@ def circle_of_minimum_range(scene: Scene = FIGURE_7_BOARD) -> Claim:
     )
 
 
-def far_wall_is_wavy(scene: Scene = FIGURE_8) -> Claim:
+def far_wall_is_wavy(scene: PaperScene = FIGURE_8) -> Claim:
     """Two corners and the wall between them."""
     upper, wall, lower = scene.heard("top", "left"), scene.heard("left"), scene.heard("bottom", "left")
     if not (upper and wall and lower):
@@ -71,7 +71,7 @@ def far_wall_is_wavy(scene: Scene = FIGURE_8) -> Claim:
 _WAVY = "the far wall is wavy: two corners, and the wall between them"
 
 
-def nothing_near_at_the_right(scene: Scene = FIGURE_8) -> Claim:
+def nothing_near_at_the_right(scene: PaperScene = FIGURE_8) -> Claim:
     """The side on which the paper's simulation is silent."""
     nearest = min(ranges(_within(scene, 6.0)), default=math.inf)
     return Claim(
@@ -82,7 +82,7 @@ def nothing_near_at_the_right(scene: Scene = FIGURE_8) -> Claim:
     )
 
 
-def upper_wall_is_true(scene: Scene = FIGURE_9) -> Claim:
+def upper_wall_is_true(scene: PaperScene = FIGURE_9) -> Claim:
     """The far wall, straight."""
     answer = scene.at(90.0)
     return Claim(
@@ -92,7 +92,7 @@ def upper_wall_is_true(scene: Scene = FIGURE_9) -> Claim:
     )
 
 
-def lower_wall_is_false(scene: Scene = FIGURE_9) -> Claim:
+def lower_wall_is_false(scene: PaperScene = FIGURE_9) -> Claim:
     """The near wall by way of the far one."""
     answer = scene.at(270.0)
     false = scene.heard("bottom", "top", "bottom")
@@ -107,7 +107,7 @@ def lower_wall_is_false(scene: Scene = FIGURE_9) -> Claim:
     )
 
 
-def corridor_of_twice_the_width(scene: Scene = FIGURE_9) -> Claim:
+def corridor_of_twice_the_width(scene: PaperScene = FIGURE_9) -> Claim:
     """Both walls together."""
     up, down = scene.at(90.0).range, scene.at(270.0).range
     width = math.nan if up is None or down is None else up + down
@@ -118,7 +118,7 @@ def corridor_of_twice_the_width(scene: Scene = FIGURE_9) -> Claim:
     )
 
 
-def body_takes_the_false_wall_away(scene: Scene = ROBOT) -> Claim:
+def body_takes_the_false_wall_away(scene: PaperScene = ROBOT) -> Claim:
     """The robot before the same wall."""
     answer = scene.at(270.0)
     false = [other for other in scene.answers if other.range is not None and abs(other.range - 0.827) < 0.02]
@@ -131,7 +131,7 @@ def body_takes_the_false_wall_away(scene: Scene = ROBOT) -> Claim:
     )
 
 
-def _within(scene: Scene, degrees: float) -> list[Answer]:
+def _within(scene: PaperScene, degrees: float) -> list[Answer]:
     """The answers at headings so near to 0°."""
     return [answer for answer in scene.answers if abs((answer.degrees + 180) % 360 - 180) <= degrees]
 

@@ -7,14 +7,14 @@ from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, Scene
+from sonarhw_compare.paper.setting import Answer, PaperScene
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
-RAY_FOLLOWING = Scene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
+RAY_FOLLOWING = PaperScene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
 KUC_SIEGEL = replace(RAY_FOLLOWING, model=Model.KUC_SIEGEL)
 
 
-def single_readings_are_theirs(followed: Scene = RAY_FOLLOWING, theirs: Scene = KUC_SIEGEL) -> Claim:
+def single_readings_are_theirs(followed: PaperScene = RAY_FOLLOWING, theirs: PaperScene = KUC_SIEGEL) -> Claim:
     """Where one reflection makes the reading, both models agree."""
     single = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) == 1]
     apart = [abs(mine.range - his.range) for mine, his in single if mine.range and his.range]
@@ -26,7 +26,7 @@ def single_readings_are_theirs(followed: Scene = RAY_FOLLOWING, theirs: Scene = 
     )
 
 
-def several_reflections_are_lacking(followed: Scene = RAY_FOLLOWING, theirs: Scene = KUC_SIEGEL) -> Claim:
+def several_reflections_are_lacking(followed: PaperScene = RAY_FOLLOWING, theirs: PaperScene = KUC_SIEGEL) -> Claim:
     """Where more than one makes it, theirs has nothing of the kind."""
     several = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) > 1]
     same = sum(mine.range == his.range for mine, his in several)
@@ -39,7 +39,7 @@ def several_reflections_are_lacking(followed: Scene = RAY_FOLLOWING, theirs: Sce
     )
 
 
-def _pairs(followed: Scene, theirs: Scene) -> list[tuple[Answer, Answer]]:
+def _pairs(followed: PaperScene, theirs: PaperScene) -> list[tuple[Answer, Answer]]:
     return list(zip(followed.answers, theirs.answers, strict=True))
 
 

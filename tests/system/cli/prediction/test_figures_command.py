@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.paper.page import EXHIBITS
-from sonarhw_compare.paper.setting import Scene
+from sonarhw_compare.paper.setting import PaperScene
 
 COMMITTED = Path("docs/figures")
 
@@ -36,7 +36,7 @@ SCENES = [scene for exhibit in EXHIBITS for scene in exhibit.scenes if scene.rea
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: f"{scene.room} {scene.place} {scene.unit}")
-def test_command_under_a_figure_predicts_the_figure(scene: Scene, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_under_a_figure_predicts_the_figure(scene: PaperScene, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(shlex.split(scene.command)[1:]) == 0
     printed = [row["range_m"] for row in csv.DictReader(io.StringIO(capsys.readouterr().out))]
     drawn = ["" if answer.range is None else f"{answer.range:.9g}" for answer in scene.answers]
