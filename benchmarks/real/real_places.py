@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 from sonarhw_compare.fit import PlacedScan
 from sonarhw_compare.headings import heading_text
-from sonarhw_compare.locate.poses import Located, locate
+from sonarhw_compare.locate.poses import Located, locate_scan
 from sonarhw_compare.map import map_scans
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
@@ -28,9 +28,9 @@ OTHER_ROOMS = ("corridor", "kuc_siegel", "laboratory", "table_top")
 OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
 
-def locate_scan(scan: RealScan, board_name: str = "lego-nxt", room_name: str = "arena") -> Located:
+def locate_real(scan: RealScan, board_name: str = "lego-nxt", room_name: str = "arena") -> Located:
     """Where in a room, the arena unless said otherwise, a scan may have been taken."""
-    return locate(scan.readings, load_room(f"rooms/{room_name}.toml"), load_board(board_name))
+    return locate_scan(scan.readings, load_room(f"rooms/{room_name}.toml"), load_board(board_name))
 
 
 def true_place(scan: RealScan) -> str:
@@ -46,7 +46,7 @@ def main() -> None:
     print("scan  place  found   most probable pose           probability   from the place")
     right = at_best = 0
     for scan in scans:
-        located, place = locate_scan(scan), true_place(scan)
+        located, place = locate_real(scan), true_place(scan)
         shares = located.places()
         found, best = max(shares, key=shares.__getitem__), located.poses[0]
         away = math.dist(best.position, (scan.x, scan.y))
@@ -69,7 +69,7 @@ def tell_elsewhere(scans: Sequence[RealScan]) -> None:
     print("\nroom        board          echoes within 5 cm at the best pose: least, median, most of the scans")
     others = [("arena", board) for board in OTHER_BOARDS] + [(room, "lego-nxt") for room in OTHER_ROOMS]
     for room, board in [("arena", "lego-nxt"), *others]:
-        shares = [locate_scan(scan, board, room).explained for scan in scans]
+        shares = [locate_real(scan, board, room).explained for scan in scans]
         print(f"{room:11} {board:14} {min(shares):5.0%} {median(shares):5.0%} {max(shares):5.0%}", flush=True)
 
 
@@ -78,7 +78,7 @@ def tell_map(scans: Sequence[RealScan]) -> None:
     room = load_room("rooms/arena.toml")
     placed = []
     for scan in scans:
-        poses = locate_scan(scan).poses
+        poses = locate_real(scan).poses
         nearest = min(poses, key=lambda pose: math.dist(pose.position, (scan.x, scan.y)))
         placed.append(PlacedScan(scan.readings, Place(scan.name, nearest.position, nearest.heading), scan.name))
     found = map_scans(placed, load_board("lego-nxt"))

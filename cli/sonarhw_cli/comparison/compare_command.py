@@ -125,10 +125,10 @@ def _figures(comparison: "Comparison", explained: bool) -> dict[str, object]:
 
 
 def _tell(comparison: "Comparison") -> None:
-    from sonarhw_compare.explain.sentences import explain
+    from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
-        typer.echo(f"{row.kind.replace('_', ' '):11}  {explain(comparison, row.index)}")
+        typer.echo(f"{row.kind.replace('_', ' '):11}  {explain_reading(comparison, row.index)}")
     typer.echo()
     for line in summary_lines(comparison.summary()):
         typer.echo(line)

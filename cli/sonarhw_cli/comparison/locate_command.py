@@ -67,7 +67,7 @@ def locate_log(
     height: float | None = None,
 ) -> "Located":
     """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
-    from sonarhw_compare.locate.poses import locate
+    from sonarhw_compare.locate.poses import locate_scan
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
 
@@ -79,7 +79,7 @@ def locate_log(
         raise InputError(f"{log_file}: holds no readings; nothing can be located")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     with progress_of_share() as show:
-        return locate(
+        return locate_scan(
             log.readings,
             room,
             chosen,

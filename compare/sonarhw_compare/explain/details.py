@@ -11,7 +11,7 @@ from typing import Any
 from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 
 from sonarhw_compare.explain.contest import Step, change_for, contest, wall_change
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.matching.assign import assigned_echoes, echo_statistics
 from sonarhw_compare.matching.match import Comparison
@@ -40,7 +40,7 @@ def reading_details(comparison: Comparison, index: int) -> Details:
         "measured_m": row.measured,
         "predicted_m": row.predicted,
         "class": row.kind.value,
-        "explanation": explain(comparison, index),
+        "explanation": explain_reading(comparison, index),
         "echoes": [
             {
                 "measured_m": echo.measured,

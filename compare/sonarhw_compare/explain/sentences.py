@@ -29,7 +29,7 @@ def in_metres(length: float) -> str:
     return f"{length:.3f} m"
 
 
-def explain(comparison: Comparison, index: int, text: LengthText = in_metres) -> str:
+def explain_reading(comparison: Comparison, index: int, text: LengthText = in_metres) -> str:
     """One sentence on reading `index`: range, heading, the path that accounts for it, and the near wall if blanked.
 
     `text` writes its lengths.

@@ -1,12 +1,20 @@
-from .fitting import fit_scans as fit_scans
-from .plain_fit import Fit as Fit
-from .plain_fit import fit_scan as fit_scan
-from .values.fit_result import Estimate as Estimate
-from .values.fit_result import FitOptions as FitOptions
-from .values.fit_result import FitResult as FitResult
-from .values.fit_result import Mode as Mode
-from .values.fit_result import PlacedScan as PlacedScan
-from .values.parameters import Parameter as Parameter
-from .values.parameters import free_parameters as free_parameters
-from .values.quantities import QUANTITIES as QUANTITIES
-from .values.quantities import Quantity as Quantity
+from .fitting import fit_scans
+from .plain_fit import Fit, fit_scan
+from .values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan
+from .values.parameters import Parameter, free_parameters
+from .values.quantities import QUANTITIES, Quantity
+
+__all__ = [
+    "QUANTITIES",
+    "Estimate",
+    "Fit",
+    "FitOptions",
+    "FitResult",
+    "Mode",
+    "Parameter",
+    "PlacedScan",
+    "Quantity",
+    "fit_scan",
+    "fit_scans",
+    "free_parameters",
+]

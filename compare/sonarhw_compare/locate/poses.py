@@ -98,7 +98,7 @@ class _Top:
     objective: Objective
 
 
-def locate(
+def locate_scan(
     readings: Sequence[Reading],
     room: Room,
     board: Board,

@@ -19,7 +19,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.errors import InputError
 from sonarhw.log import Log, LogMetadata
 from sonarhw.readings import Reading
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
 from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
@@ -227,7 +227,7 @@ def _readings(report: Report) -> Iterator[str]:
             _metres(row.predicted),
             "" if row.residual is None else millimetres(row.residual),
             row.kind.value.replace("_", " "),
-            explain(comparison, row.index),
+            explain_reading(comparison, row.index),
         )
         yield "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
     yield "</tbody></table>"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Kind, Matched
 from sonarhw_sim.predict.predicted_scan import PredictedScan
@@ -92,7 +92,7 @@ class Shown:
     def sentence_of(self, reading: int) -> str:
         """What a reading says, or what it waits for."""
         if self.compared is not None and self.row(reading) is not None:
-            return explain(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
+            return explain_reading(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
         heard = self.readings[reading].range
         at = heading_text(self.heading(reading))
         told = f"no echo at {at}" if heard is None else f"{self.look.unit.text(heard)} at {at}"

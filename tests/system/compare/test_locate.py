@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.comparison.locate_command import _figures_of
-from sonarhw_compare.locate.poses import Pose, locate
+from sonarhw_compare.locate.poses import Pose, locate_scan
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from benchmarks.real.real_places import locate_scan, true_place
+from benchmarks.real.real_places import locate_real, true_place
 from benchmarks.real.real_scans import DEFAULT_FOLDER, load_scans
 from sonarhw.readings import Reading
 from tests.conftest import Count
@@ -39,7 +39,7 @@ def arena() -> Room:
 
 
 def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
-    located = locate(scan_from(arena, (0.47, 1.13), math.radians(217)), arena, BOARD)
+    located = locate_scan(scan_from(arena, (0.47, 1.13), math.radians(217)), arena, BOARD)
     best = located.poses[0]
     assert best.probability > 0.9
     assert math.dist(best.position, (0.47, 1.13)) < 0.01
@@ -49,7 +49,7 @@ def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
 
 def test_a_rectangle_looks_the_same_from_two_poses() -> None:
     room = polygon_room([(0.0, 0.0), (1.7, 0.0), (1.7, 1.1), (0.0, 1.1)])
-    located = locate(scan_from(room, (0.5, 0.4), 0.3), room, BOARD)
+    located = locate_scan(scan_from(room, (0.5, 0.4), 0.3), room, BOARD)
     one, other = located.poses[:2]
     assert one.probability + other.probability > 0.99
     assert one.probability == pytest.approx(0.5, abs=0.1)
@@ -60,7 +60,7 @@ def test_a_rectangle_looks_the_same_from_two_poses() -> None:
 
 def test_what_is_said_three_times_is_no_more_evidence(arena: Room) -> None:
     scan = scan_from(arena, (1.8, 0.3), 0.0)
-    once, thrice = (locate(readings, arena, BOARD) for readings in (scan, [one for one in scan for _ in range(3)]))
+    once, thrice = (locate_scan(readings, arena, BOARD) for readings in (scan, [one for one in scan for _ in range(3)]))
     assert once.poses[1].probability > 0.1
     assert thrice.readings_alike == pytest.approx(3 * once.readings_alike)
     assert thrice.poses[0].probability == pytest.approx(once.poses[0].probability, abs=0.1)
@@ -71,7 +71,7 @@ def test_real_scans_tell_their_place_though_the_arena_looks_alike_from_others(co
     scans = load_scans(DEFAULT_FOLDER)[count(1, 0) :: count(9, 1)]
     right = 0
     for scan in scans:
-        located = locate_scan(scan)
+        located = locate_real(scan)
         shares = located.places()
         right += max(shares, key=shares.__getitem__) == true_place(scan)
         # where it was is always among the answers

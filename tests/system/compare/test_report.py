@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_compare.explain.details import region_details
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.report import html_report as report_module
 from sonarhw_compare.report.html_report import Report, report_html, report_of
 from sonarhw_compare.report.report_regions import regions_table
@@ -88,7 +88,7 @@ def test_every_reading_has_its_row_class_and_sentence(report: Report) -> None:
     for cells, row in zip(rows, comparison.rows, strict=True):
         assert cells[1] == f"{math.degrees(row.heading) % 360:.1f}"
         assert cells[5] == row.kind.value.replace("_", " ")
-        assert cells[6] == explain(comparison, row.index)
+        assert cells[6] == explain_reading(comparison, row.index)
 
 
 def regions_told(report: Report) -> list[list[str]]:

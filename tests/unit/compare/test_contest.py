@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.explain.contest import change_for, contest, steps, wall_change
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.values.free_walls import left_normals, with_shifted_walls
 from sonarhw_compare.matching.match import compare_readings
 from sonarhw_sim.board.profile import load_board
@@ -92,6 +92,6 @@ def test_a_wall_moved_by_what_is_told_lets_the_other_win_and_not_before(position
 
 def test_a_sentence_tells_of_the_wall_that_nearly_lets_another_win() -> None:
     reading = Reading(0, 0, 0, math.radians(320.0), 0.0, (2 * 0.3 / 340.0,), 340.0)
-    sentence = explain(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
+    sentence = explain_reading(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
     assert sentence.startswith("0.300 m at 320.0°: one reflection, east; it would be one reflection, south, were ")
     assert sentence.endswith(("were east 0.005 m farther", "were south 0.005 m nearer"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sonarhw_cli.comparison.compare_command import summary_lines
 from sonarhw_cli.comparison.fit_table import lines_of
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.report.html_report import report_html, report_of
@@ -44,7 +44,7 @@ def test_report_sentence_and_figures_tell_one_heading() -> None:
     page = report_html(report)
     assert "<td>turntable step 0 at</td><td>0.0°</td>" in page
     assert "<td>0.0</td>" in page
-    assert " at 0.0°: " in explain(report.comparison, 0)
+    assert " at 0.0°: " in explain_reading(report.comparison, 0)
     assert re.search("turntable step 0 at 0.0°", summary_lines(report.comparison.summary())[-1])
     assert "360.0" not in page
 

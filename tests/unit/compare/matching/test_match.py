@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_compare.explain.sentences import explain
+from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit.plain_fit import fit_scan
 from sonarhw_compare.matching.match import Comparison, Kind, classify, compare_readings
 from sonarhw_sim.board.profile import load_board
@@ -87,13 +87,13 @@ def test_figures_are_null_where_nothing_was_measured() -> None:
 
 def test_a_sensor_outside_the_walls_is_said_to_stand_there() -> None:
     outside = replace(PLACE, position=(-1.0, 0.3))
-    said = explain(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
+    said = explain_reading(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
     assert said.endswith("no path of the model is heard here; the sensor stands outside the walls")
 
 
 def sentence(angle_deg: float, distance: float | None) -> str:
     comparison = compare_readings([reading(0, math.radians(angle_deg), distance)], ROOM, PLACE, PAPER)
-    return explain(comparison, 0)
+    return explain_reading(comparison, 0)
 
 
 def test_false_wall_is_explained() -> None:
@@ -118,7 +118,7 @@ def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
     ):
         board = replace(PAPER, threshold_db=threshold)
         readings = [reading(0, math.pi / 2, measured)]
-        sentence = explain(compare_readings(readings, ROOM, PLACE, board), 0)
+        sentence = explain_reading(compare_readings(readings, ROOM, PLACE, board), 0)
         assert sentence.endswith(told)
         assert not told or ("accounts for it" not in sentence and "may stand in the room" not in sentence)
 

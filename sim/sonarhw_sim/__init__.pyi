@@ -1,0 +1,43 @@
+# The public names; each is loaded when it is first used.
+from .air import Air
+from .board.mount import Mount
+from .board.profile import Board, board_names, load_board, parse_board
+from .board.ring import Ring
+from .board.traces import Signal
+from .choices import EdgeStrength, Model, Receiver, Unit
+from .predict.models import predict_with
+from .predict.predicted_scan import Echo, PredictedScan
+from .predict.prediction import PredictionOptions, paths_for, predict_scan
+from .predict.room_echoes import Disturbance, RoomEchoes
+from .rays.paths import Paths
+from .room.model import Place, Room, load_room, parse_room
+from .room.room_writing import save_room
+
+__all__ = [
+    "Air",
+    "Board",
+    "Disturbance",
+    "Echo",
+    "EdgeStrength",
+    "Model",
+    "Mount",
+    "Paths",
+    "Place",
+    "PredictedScan",
+    "PredictionOptions",
+    "Receiver",
+    "Ring",
+    "Room",
+    "RoomEchoes",
+    "Signal",
+    "Unit",
+    "board_names",
+    "load_board",
+    "load_room",
+    "parse_board",
+    "parse_room",
+    "paths_for",
+    "predict_scan",
+    "predict_with",
+    "save_room",
+]

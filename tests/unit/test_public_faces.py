@@ -1,0 +1,33 @@
+"""The public faces of the packages: every name resolves, is documented and typed."""
+
+import ast
+import inspect
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+LAZY = ("sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit", "sonarhw_compare.study")
+NAMES = [(package, name) for package in LAZY for name in import_module(package).__all__]
+
+
+@pytest.mark.parametrize(("package", "name"), NAMES)
+def test_a_public_name_resolves_and_is_documented_and_typed(package: str, name: str) -> None:
+    found = getattr(import_module(package), name)
+    if not callable(found):
+        assert name.isupper()  # a constant, which its module types
+        return
+    assert inspect.getdoc(found)
+    if inspect.isfunction(found):
+        signature = inspect.signature(found)
+        assert signature.return_annotation is not signature.empty
+        assert all(one.annotation is not one.empty for one in signature.parameters.values())
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_the_stub_lists_every_name_once_sorted(package: str) -> None:
+    module = import_module(package)
+    assert module.__file__ is not None
+    stub = ast.parse(Path(module.__file__).with_suffix(".pyi").read_text())
+    listed = next(ast.literal_eval(one.value) for one in stub.body if isinstance(one, ast.Assign))
+    assert listed == list(module.__all__) == sorted(set(listed))
