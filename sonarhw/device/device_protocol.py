@@ -24,13 +24,12 @@ from sonarhw.wire.limits import (
 )
 from sonarhw.wire.messages import (
     BY_TYPE,
-    FROM_HOST,
-    FROM_HOST_1_0,
     Accepted,
     Approach,
     AskCapabilities,
     AskStatistics,
     Capabilities,
+    CommandMessage,
     Configure,
     ConfigureTurntable,
     Finished,
@@ -59,6 +58,7 @@ from sonarhw.wire.messages import (
     TraceKind,
     Turn,
     TurntableSettings,
+    WhenBusy,
 )
 
 BACKLOG = 65_536  # bytes waiting for the line; commands that come on top of that are dropped
@@ -314,9 +314,9 @@ class ProtocolDevice(ABC):
         except Refusing as refusal:
             self.line.send(Refused(frame.sequence, refusal.code, refusal.text), now)
 
-    def _understand(self, frame: Frame) -> Message:
+    def _understand(self, frame: Frame) -> CommandMessage:
         kind = BY_TYPE.get(frame.type)
-        if kind not in (FROM_HOST if self.line.minor >= 1 else FROM_HOST_1_0):
+        if kind is None or not issubclass(kind, CommandMessage) or self.line.minor < kind.SINCE:
             raise Refusing(Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is not known to this firmware")
         try:
             message = kind.unpack(frame.payload)
@@ -328,28 +328,25 @@ class ProtocolDevice(ABC):
             raise Refusing(Refusal.NO_HELLO, "say Hello first")
         return message
 
-    def _carry_out(self, message: Message, key: tuple[int, int, bytes], now: float) -> None:
+    def _carry_out(self, message: CommandMessage, key: tuple[int, int, bytes], now: float) -> None:
         sequence = key[1]
+        if message.WHEN_BUSY is WhenBusy.REFUSED and self._running:
+            raise Refusing(Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
         match message:
             case Hello():
                 self._greet(message, sequence, now)
             case Configure():
-                self._refuse_when_busy()
                 _check_settings(message)
                 self.line.send(self.configure(message, sequence), now)
             case ConfigureTurntable():
-                self._refuse_when_busy()
                 if message.approach not in [*Approach]:
                     raise Refusing(Refusal.OUT_OF_RANGE, f"approach is {message.approach}; it is 0, 1 or 2")
                 self.line.send(self.configure_turntable(message, sequence), now)
             case Home():
-                self._refuse_when_busy()
                 self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
             case Turn():
-                self._refuse_when_busy()
                 self._start(_Action(key, Accepted(sequence), State.TURNING, self.turning(message, now)), now)
             case StartScan():
-                self._refuse_when_busy()
                 total, wakes = self.scanning(message, now)
                 count = _readings_to_make(message, total)
                 self._kept.clear()
@@ -366,7 +363,6 @@ class ProtocolDevice(ABC):
             case AskStatistics():
                 self.line.send(self.statistics(sequence), now)
             case SetBaud():
-                self._refuse_when_busy()
                 self._set_baud(message, sequence, now)
             case TestLink():
                 self._test_link(message, sequence, now)
@@ -400,10 +396,6 @@ class ProtocolDevice(ABC):
             raise Refusing(Refusal.OUT_OF_RANGE, text)
         repeats = -(-wish.size // len(wish.data))
         self.line.send(LinkTested(sequence, (wish.data * repeats)[: wish.size]), now)
-
-    def _refuse_when_busy(self) -> None:
-        if self._running:
-            raise Refusing(Refusal.BUSY, f"{self._running.state.name.lower()}; send Stop first")
 
     # home, turn, scan
 

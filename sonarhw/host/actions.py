@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from sonarhw.errors import LostSteps, NoAnswer
 from sonarhw.host.conversation import Conversation
-from sonarhw.host.driver import Answer
 from sonarhw.host.job import Job, Script
 from sonarhw.readings import FloatArray
 from sonarhw.wire.messages import (
+    AnswerMessage,
     Configure,
     ConfigureTurntable,
     Feature,
@@ -78,7 +78,7 @@ def _configure(talk: Conversation, wish: Configure) -> Script[Settings]:
     return settings
 
 
-def _configure_turntable(talk: Conversation, wish: ConfigureTurntable) -> Script[Answer]:
+def _configure_turntable(talk: Conversation, wish: ConfigureTurntable) -> Script[AnswerMessage]:
     answer = yield from talk.ask(wish)
     talk.device.turntable = wish
     return answer

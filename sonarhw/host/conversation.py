@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LostSteps, NoAnswer
-from sonarhw.host.driver import TRIES, Answer, Command, Driver, raise_if_refused
+from sonarhw.host.driver import TRIES, Command, Driver, raise_if_refused
 from sonarhw.host.job import Job, Script, Wait
 from sonarhw.wire.limits import FIRST_BAUD
 from sonarhw.wire.messages import (
+    AnswerMessage,
     Capabilities,
     Configure,
     ConfigureTurntable,
@@ -88,7 +89,7 @@ class Conversation:
         except MessageError as error:
             raise InputError(f"{type(message).__name__} cannot be sent: {error}") from error
 
-    def ask(self, message: Message) -> Script[Answer]:
+    def ask(self, message: Message) -> Script[AnswerMessage]:
         """Ask anything. Raises CommandRefused."""
         command = self.send(message)
         yield settled(command)

@@ -17,28 +17,24 @@ from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, decode_block, encode_frame
 from sonarhw.wire.limits import KEPT_READINGS, PROTOCOL_MAJOR
 from sonarhw.wire.messages import (
-    Accepted,
+    ActionMessage,
+    AnswerMessage,
     AskStatistics,
     Capabilities,
     Finished,
     Heartbeat,
-    Home,
     Info,
-    LinkTested,
     Message,
     MessageError,
     ReadingMessage,
     Refusal,
     Refused,
     Resend,
-    Settings,
     Started,
     StartScan,
     State,
     Statistics,
     TraceChunk,
-    Turn,
-    TurntableSettings,
     unpack_message,
 )
 from sonarhw.wire.units import microseconds_of
@@ -50,8 +46,6 @@ NOTHING_SOUND = 3.0  # s without a message that a scanner sends
 SIGN_OF_LIFE = 0.5  # s after which the host says something, so that the device does not let go
 ASK_AGAIN = 0.3  # s after a Resend was accepted
 ASKS = 20  # for one stretch of readings, or for one Finished
-_ACTIONS = (Home, Turn, StartScan)
-Answer = Info | Accepted | Refused | Settings | Started | Capabilities | TurntableSettings | Statistics | LinkTested
 
 
 Tap = Callable[[bool, float, bytes], None]  # whether from the device, when, the frame with its delimiter
@@ -73,7 +67,7 @@ class Command:
         self.sent = 1
         self.tries = tries
         self.given_up = False  # after fewer tries than usual; the caller knows what to do
-        self.answer: Answer | None = None
+        self.answer: AnswerMessage | None = None
         self.answered_us = 0  # on the device's clock
         self.finished: Finished | None = None
 
@@ -147,7 +141,7 @@ class Driver:
         self._open[command.sequence] = command
         if self._heard is None:
             self._heard = self._sound = now
-        if isinstance(message, _ACTIONS):
+        if isinstance(message, ActionMessage):
             self._begin(command)
         self._send(command, now)
         return command
@@ -262,7 +256,7 @@ class Driver:
             self._handle(message, now)
 
     def _handle(self, message: Message, now: float) -> None:
-        if not isinstance(message, Answer):
+        if not isinstance(message, AnswerMessage):
             self._sound = now
         match message:
             case ReadingMessage():
@@ -284,8 +278,8 @@ class Driver:
 
     def _answered(self, message: Message, now: float) -> bool:
         # an answer to a command of an earlier conversation is none
-        command = self._open.pop(message.command, None) if isinstance(message, Answer) else None
-        if command is None or not isinstance(message, Answer):
+        command = self._open.pop(message.command, None) if isinstance(message, AnswerMessage) else None
+        if command is None or not isinstance(message, AnswerMessage):
             return False
         self._sound = now
         command.answer, command.answered_us = message, self._device_time

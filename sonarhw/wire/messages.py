@@ -1,12 +1,13 @@
 """The messages of the wire protocol: the one definition that code, document and tests share.
 
-A message is a frozen dataclass whose fields say how they lie on the wire; `pack` and `unpack` follow the fields in
+A message is a frozen dataclass whose fields describe their form on the wire; `pack` and `unpack` follow the fields in
 order, little-endian, without padding. A field with a default came with version 1.1: an older sender leaves it out, an
-older receiver skips it. The tables of firmware_protocol.md are held against this file by a test.
+older receiver skips it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` list every message that is defined here.
+`firmware/generate.py` writes the C structures and the tables of firmware_protocol.md from this file.
 """
 
 from dataclasses import MISSING, dataclass, field, fields
-from enum import IntEnum, IntFlag
+from enum import Enum, IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
 from sonarhw.wire.fields import I16, I32, U8, U16, U32, U64, Numbers, Samples, Text, Wire
@@ -26,11 +27,18 @@ def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
 # the messages
 
 
+BY_TYPE: "dict[int, type[Message]]" = {}
+
+
 @dataclass(frozen=True)
 class Message:
-    """Base of all messages."""
+    """Base of all messages; one with a TYPE is on the wire, from the host below 0x80, from the device above."""
 
     TYPE: ClassVar[int]
+
+    def __init_subclass__(cls) -> None:
+        if "TYPE" in cls.__dict__:
+            BY_TYPE[cls.TYPE] = cls
 
     def pack(self, minor: int = PROTOCOL_MINOR) -> bytes:
         """The payload as version 1.`minor` has it. Raises MessageError where a value does not fit its field."""
@@ -54,6 +62,36 @@ class Message:
 
 
 M = TypeVar("M", bound=Message)
+
+
+class WhenBusy(Enum):
+    """What happens to a command while the device homes, turns or scans."""
+
+    ANSWERED = "answered"
+    REFUSED = "BUSY"
+    STOPS = "stops it"
+
+
+@dataclass(frozen=True)
+class CommandMessage(Message):
+    """Base of the messages from the host; a device answers each with an `AnswerMessage`."""
+
+    SINCE: ClassVar[int] = 0  # minor version
+    WHEN_BUSY: ClassVar[WhenBusy] = WhenBusy.ANSWERED
+
+
+@dataclass(frozen=True)
+class ActionMessage(CommandMessage):
+    """Base of the commands that take time: a Finished follows the answer."""
+
+    WHEN_BUSY = WhenBusy.REFUSED
+
+
+@dataclass(frozen=True)
+class AnswerMessage(Message):
+    """Base of the messages that answer a command."""
+
+    command: int = _on_wire(U16, "sequence number of the command")
 
 
 class State(IntEnum):
@@ -129,19 +167,21 @@ class Feature(IntFlag):
 
 
 @dataclass(frozen=True)
-class Hello(Message):
+class Hello(CommandMessage):
     """Opens the conversation; stops whatever the device was doing. Answer: Info."""
 
     TYPE = 0x01
+    WHEN_BUSY = WhenBusy.STOPS
     major: int = _on_wire(U8, "protocol version the host speaks")
     minor: int = _on_wire(U8, "protocol version the host speaks")
 
 
 @dataclass(frozen=True)
-class Configure(Message):
+class Configure(CommandMessage):
     """Settings for the pings to come. Answer: Settings, with what is in force."""
 
     TYPE = 0x02
+    WHEN_BUSY = WhenBusy.REFUSED
     listen_us: int = _on_wire(U32, "how long to listen after the start of transmission, µs")
     blanking_us: int = _on_wire(U32, "no echo counts before this time, µs")
     trace: int = _on_wire(U8, "trace code: what to send of every ping besides its echo times")
@@ -154,14 +194,14 @@ class Configure(Message):
 
 
 @dataclass(frozen=True)
-class Home(Message):
+class Home(ActionMessage):
     """Find the zero of the turntable. Answers: Accepted, then Finished."""
 
     TYPE = 0x03
 
 
 @dataclass(frozen=True)
-class Turn(Message):
+class Turn(ActionMessage):
     """Turn to an angle. Answers: Accepted, then Finished."""
 
     TYPE = 0x04
@@ -169,7 +209,7 @@ class Turn(Message):
 
 
 @dataclass(frozen=True)
-class StartScan(Message):
+class StartScan(ActionMessage):
     """Scan a sector. Answers: Started, readings and traces, then Finished."""
 
     TYPE = 0x05
@@ -183,14 +223,15 @@ class StartScan(Message):
 
 
 @dataclass(frozen=True)
-class Stop(Message):
+class Stop(CommandMessage):
     """Stop turning and pinging. Answers: Finished for what was stopped, then Accepted."""
 
     TYPE = 0x06
+    WHEN_BUSY = WhenBusy.STOPS
 
 
 @dataclass(frozen=True)
-class Resend(Message):
+class Resend(CommandMessage):
     """Send readings again that did not arrive. Answer: Accepted, then those readings still kept."""
 
     TYPE = 0x07
@@ -199,17 +240,20 @@ class Resend(Message):
 
 
 @dataclass(frozen=True)
-class AskCapabilities(Message):
+class AskCapabilities(CommandMessage):
     """Ask what the device can. Answer: Capabilities."""
 
     TYPE = 0x08
+    SINCE = 1
 
 
 @dataclass(frozen=True)
-class ConfigureTurntable(Message):
+class ConfigureTurntable(CommandMessage):
     """How to turn from now on. Answer: TurntableSettings, with what is in force."""
 
     TYPE = 0x09
+    SINCE = 1
+    WHEN_BUSY = WhenBusy.REFUSED
     speed: int = _on_wire(U32, "µdeg/s; 0: the device's own")
     acceleration: int = _on_wire(U32, "µdeg/s²; 0: the device's own")
     settle_us: int = _on_wire(U32, "from standing still to the next ping, µs")
@@ -217,26 +261,30 @@ class ConfigureTurntable(Message):
 
 
 @dataclass(frozen=True)
-class AskStatistics(Message):
+class AskStatistics(CommandMessage):
     """Ask what the device has counted; the host's sign of life. Answer: Statistics."""
 
     TYPE = 0x0A
+    SINCE = 1
 
 
 @dataclass(frozen=True)
-class SetBaud(Message):
+class SetBaud(CommandMessage):
     """Change the speed of the line. Answer: Accepted at the old speed, everything behind it at the new one."""
 
     TYPE = 0x0B
+    SINCE = 1
+    WHEN_BUSY = WhenBusy.REFUSED
     baud: int = _on_wire(U32, "bits per second")
 
 
 @dataclass(frozen=True)
-class TestLink(Message):
+class TestLink(CommandMessage):
     """Ask for bytes back, to try the line. Answer: LinkTested."""
 
     __test__ = False  # pytest: no test of ours
     TYPE = 0x0C
+    SINCE = 1
     size: int = _on_wire(U16, "how many bytes to send back, at most 480")
     data: bytes = _on_wire(Samples(), "1 to 64 bytes")
 
@@ -245,7 +293,7 @@ class TestLink(Message):
 
 
 @dataclass(frozen=True)
-class Info(Message):
+class Info(AnswerMessage):
     """Who the device is. Answers Hello."""
 
     TYPE = 0x81
@@ -263,25 +311,23 @@ class Info(Message):
 
 
 @dataclass(frozen=True)
-class Accepted(Message):
+class Accepted(AnswerMessage):
     """The command is understood and begun."""
 
     TYPE = 0x82
-    command: int = _on_wire(U16, "sequence number of the command")
 
 
 @dataclass(frozen=True)
-class Refused(Message):
+class Refused(AnswerMessage):
     """The command is not carried out; nothing changed."""
 
     TYPE = 0x83
-    command: int = _on_wire(U16, "sequence number of the command")
     code: int = _on_wire(U8, "refusal code")
     text: str = _on_wire(Text(), "the reason for a person to read")
 
 
 @dataclass(frozen=True)
-class Settings(Message):
+class Settings(AnswerMessage):
     """The settings in force. Answers Configure; a board that cannot do what was asked says here what it does."""
 
     TYPE = 0x84
@@ -298,7 +344,7 @@ class Settings(Message):
 
 
 @dataclass(frozen=True)
-class Started(Message):
+class Started(AnswerMessage):
     """The scan has begun; readings of the one before are no longer kept."""
 
     TYPE = 0x85
@@ -361,11 +407,10 @@ class Heartbeat(Message):
 
 
 @dataclass(frozen=True)
-class Capabilities(Message):
+class Capabilities(AnswerMessage):
     """What the device can. Answers AskCapabilities."""
 
     TYPE = 0x8A
-    command: int = _on_wire(U16, "sequence number of the command")
     features: int = _on_wire(U32, "sum of the feature codes that hold")
     lowest_angle: int = _on_wire(I32, "how far the cable lets it turn clockwise, µdeg")
     highest_angle: int = _on_wire(I32, "how far the cable lets it turn counter-clockwise, µdeg")
@@ -386,11 +431,10 @@ class Capabilities(Message):
 
 
 @dataclass(frozen=True)
-class TurntableSettings(Message):
+class TurntableSettings(AnswerMessage):
     """How it turns. Answers ConfigureTurntable; where the device cannot do what was asked it says what it does."""
 
     TYPE = 0x8B
-    command: int = _on_wire(U16, "sequence number of the command")
     speed: int = _on_wire(U32, "µdeg/s, never 0")
     acceleration: int = _on_wire(U32, "µdeg/s²; 0: not known")
     settle_us: int = _on_wire(U32, "as in ConfigureTurntable")
@@ -398,11 +442,10 @@ class TurntableSettings(Message):
 
 
 @dataclass(frozen=True)
-class Statistics(Message):
+class Statistics(AnswerMessage):
     """What the device has counted since it started. Answers AskStatistics."""
 
     TYPE = 0x8C
-    command: int = _on_wire(U16, "sequence number of the command")
     frames: int = _on_wire(U32, "sound frames that came from the host")
     rejected: int = _on_wire(U32, "blocks between two zeros that were no frame")
     overruns: int = _on_wire(U32, "bytes that came faster than they were taken")
@@ -413,39 +456,15 @@ class Statistics(Message):
 
 
 @dataclass(frozen=True)
-class LinkTested(Message):
+class LinkTested(AnswerMessage):
     """Bytes back. Answers TestLink."""
 
     TYPE = 0x8D
-    command: int = _on_wire(U16, "sequence number of the command")
     data: bytes = _on_wire(Samples(), "those of the TestLink over and over, as many as it asked for")
 
 
-FROM_HOST_1_0: tuple[type[Message], ...] = (Hello, Configure, Home, Turn, StartScan, Stop, Resend)
-FROM_HOST: tuple[type[Message], ...] = (
-    *FROM_HOST_1_0,
-    AskCapabilities,
-    ConfigureTurntable,
-    AskStatistics,
-    SetBaud,
-    TestLink,
-)
-FROM_DEVICE: tuple[type[Message], ...] = (
-    Info,
-    Accepted,
-    Refused,
-    Settings,
-    Started,
-    Finished,
-    ReadingMessage,
-    TraceChunk,
-    Heartbeat,
-    Capabilities,
-    TurntableSettings,
-    Statistics,
-    LinkTested,
-)
-BY_TYPE: dict[int, type[Message]] = {kind.TYPE: kind for kind in FROM_HOST + FROM_DEVICE}
+FROM_HOST = tuple(kind for _, kind in sorted(BY_TYPE.items()) if issubclass(kind, CommandMessage))
+FROM_DEVICE = tuple(kind for _, kind in sorted(BY_TYPE.items()) if not issubclass(kind, CommandMessage))
 
 
 def unpack_message(kind: int, payload: bytes) -> Message | None:

@@ -11,6 +11,7 @@ from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, Rejected, encode
 from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
     Accepted,
+    AnswerMessage,
     AskCapabilities,
     AskStatistics,
     Capabilities,
@@ -19,30 +20,15 @@ from sonarhw.wire.messages import (
     Hello,
     Home,
     Info,
-    LinkTested,
     Message,
     ReadingMessage,
     Refused,
     Settings,
-    Started,
-    Statistics,
     Stop,
-    TurntableSettings,
     unpack_message,
 )
 from tests.hang_guard import HANG
 
-ANSWERS = (
-    Info,
-    Accepted,
-    Refused,
-    Settings,
-    Started,
-    Capabilities,
-    TurntableSettings,
-    Statistics,
-    LinkTested,
-)
 HELLO_AGAIN = 0.5  # s
 SIGN_OF_LIFE = 0.5  # s from one to the next
 M = TypeVar("M", bound=Message)
@@ -194,7 +180,7 @@ def readings(messages: list[Message]) -> list[ReadingMessage]:
 
 
 def _answers(messages: list[Message], number: int) -> Iterator[Message]:
-    return (message for message in messages if isinstance(message, ANSWERS) and message.command == number)
+    return (message for message in messages if isinstance(message, AnswerMessage) and message.command == number)
 
 
 def _finished(messages: list[Message], number: int) -> Iterator[Finished]:

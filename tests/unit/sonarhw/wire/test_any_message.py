@@ -17,28 +17,20 @@ from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     FROM_HOST,
     Accepted,
-    Capabilities,
+    AnswerMessage,
     Configure,
     Finished,
     Hello,
     Home,
-    Info,
-    LinkTested,
     Message,
     Outcome,
-    Refused,
-    Settings,
-    Started,
     StartScan,
-    Statistics,
     Stop,
-    TurntableSettings,
     unpack_message,
 )
 from tests.fixtures.example_logs import write_example
 from tests.fixtures.plain_echoes import PlainEchoes
 
-ANSWERS = (Info, Accepted, Refused, Settings, Started, Capabilities, TurntableSettings, Statistics, LinkTested)
 LIMITS = {"u8": (0, 0xFF), "u16": (0, 0xFFFF), "u32": (0, 0xFFFF_FFFF), "i32": (-(2**31), 2**31 - 1)}
 
 
@@ -79,7 +71,7 @@ class Host:
 
     def answers(self, said: list[Message]) -> list[Message]:
         """Those that answer the last frame."""
-        return [message for message in said if isinstance(message, ANSWERS) and message.command == self._sequence]
+        return [message for message in said if isinstance(message, AnswerMessage) and message.command == self._sequence]
 
 
 @pytest.fixture(scope="module")
