@@ -33,6 +33,8 @@ def resolves(name: str) -> bool:
         except ModuleNotFoundError:
             continue
         if spec is not None:
-            text = Path(spec.origin or "").read_text(encoding="utf-8")
+            source = Path(spec.origin or "")
+            stub = source.with_suffix(".pyi")  # names that are loaded on demand
+            text = (stub if stub.exists() else source).read_text(encoding="utf-8")
             return all(re.search(rf"\b{part}\b", text) for part in parts[end:])
     return False

@@ -25,9 +25,10 @@ def test_a_public_name_resolves_and_is_documented_and_typed(package: str, name: 
 
 
 @pytest.mark.parametrize("package", LAZY)
-def test_the_stub_lists_every_name_once_sorted(package: str) -> None:
+def test_the_stub_lists_every_name_once(package: str) -> None:
     module = import_module(package)
     assert module.__file__ is not None
     stub = ast.parse(Path(module.__file__).with_suffix(".pyi").read_text())
     listed = next(ast.literal_eval(one.value) for one in stub.body if isinstance(one, ast.Assign))
-    assert listed == list(module.__all__) == sorted(set(listed))
+    assert sorted(listed) == list(module.__all__)
+    assert len(set(listed)) == len(listed)
