@@ -6,7 +6,6 @@ A command lives in the file of its name and does its heavy imports inside its fu
 import errno
 import os
 import sys
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
@@ -78,6 +77,8 @@ app.command("board", hidden=True)(board.board)
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"sonarhw {version('sonarhw')}")
         raise typer.Exit
 

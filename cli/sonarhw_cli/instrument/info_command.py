@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sonarhw.errors import CommandRefused
-from sonarhw.wire.messages import Feature
 from sonarhw_cli.console.connect import ScannerUrl, connect
 from sonarhw_cli.console.interruption import sigterm_raises
 from sonarhw_cli.console.number_format import counted
@@ -70,6 +69,8 @@ def _who(who: "DeviceInfo") -> list[tuple[str, str]]:
 
 
 def _abilities(who: "DeviceInfo") -> list[tuple[str, str]]:
+    from sonarhw.wire.messages import Feature
+
     can = who.capabilities
     if can is None:
         return [("capabilities", "not stated")]
