@@ -7,6 +7,7 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
@@ -22,11 +23,11 @@ def open_log(path: Path) -> "Log":
     log = load_log(path)
     if log.torn:
         read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
-        typer.echo(f"sonarhw: warning: {path}: {log.condition}; {read}; {log.torn}", err=True)
+        warn(f"{path}: {log.condition}; {read}; {log.torn}")
     for number, scan in enumerate(log.scans, 1):
         if scan.doubt:
             which = f"scan {number}: " if len(log.scans) > 1 else ""
-            typer.echo(f"sonarhw: warning: {path}: {which}{scan.doubt}", err=True)
+            warn(f"{path}: {which}{scan.doubt}")
     return log
 
 
@@ -54,7 +55,7 @@ def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
     from sonarhw_compare.imports.recorded_board import DEFAULT_BOARD, board_of_log
 
     if not metadata.board_text and not metadata.board:
-        typer.echo(f"sonarhw: warning: {log_file}: names no board, taken for {DEFAULT_BOARD}; give --board", err=True)
+        warn(f"{log_file}: names no board, taken for {DEFAULT_BOARD}; give --board")
     return board_of_log(metadata)
 
 

@@ -11,6 +11,7 @@ from sonarhw_sim.choices import EdgeStrength, Receiver
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.whole_file import is_special
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
@@ -71,9 +72,7 @@ def chosen_place(room: "Room", wanted: str | None) -> "Place":
     place = room.place(wanted)
     if room.is_outside(place.position) or room.is_far_from(place.position):
         x, y = place.position
-        typer.echo(
-            f"sonarhw: warning: place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}", err=True
-        )
+        warn(f"place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}")
     return place
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_sim.room.model import Room
@@ -18,9 +18,8 @@ def open_room(path: Path) -> "Room":
     for found in facets_of(room):
         first, last = room.names[found.walls[0]], room.names[found.walls[-1]]
         x, y = (round(at, 4) + 0.0 for at in found.middle)
-        typer.echo(
-            f"sonarhw: warning: {path}: walls {first!r} to {last!r} draw a circle, and flat walls hardly send sound "
-            f"back; a pillar is [[posts]] with center = [{x:g}, {y:g}] and radius = {found.radius:.4g}",
-            err=True,
+        warn(
+            f"{path}: walls {first!r} to {last!r} draw a circle, and flat walls hardly send sound "
+            f"back; a pillar is [[posts]] with center = [{x:g}, {y:g}] and radius = {found.radius:.4g}"
         )
     return room

@@ -12,6 +12,7 @@ import typer
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import LOG, Force, checked_out
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
@@ -63,18 +64,15 @@ def import_csv(
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
     _warn_of_far_ranges(readings, scale)
     if no_echo is None and (likely := likely_silence(file, Columns(heading, distance))):
-        typer.echo(
-            f"sonarhw: warning: {likely[1]} ranges are {likely[0]:g}: no echo? --no-echo {likely[0]:g}", err=True
-        )
+        warn(f"{likely[1]} ranges are {likely[0]:g}: no echo? --no-echo {likely[0]:g}")
 
 
 def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
     ranges = [reading.range for reading in readings if reading.range is not None]
     if ranges and (middle := median(ranges)) > _FAR:
-        typer.echo(
-            f"sonarhw: warning: half of the ranges are over {middle:.4g} m, farther than such a board hears; "
-            f"are they centimetres? --scale {scale / 100:g}",
-            err=True,
+        warn(
+            f"half of the ranges are over {middle:.4g} m, farther than such a board hears; "
+            f"are they centimetres? --scale {scale / 100:g}"
         )
 
 

@@ -33,6 +33,7 @@ from sonarhw_cli.console.options import (
 from sonarhw_cli.console.output import standard_output
 from sonarhw_cli.console.progress import progress
 from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_sim.air import Air
@@ -142,12 +143,12 @@ def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata", air: "Air"
     board = _board(scanner, wish)
     metadata = replace(metadata, board=board.name, board_text=board.text)
     if wish.traces and not scanner.info.trace_rate:
-        _warn(f"{scanner.url}: sends no traces; only echo times are recorded")
+        warn(f"{scanner.url}: sends no traces; only echo times are recorded")
     with ExitStack() as during:
         terminal = _Terminal(scanner, wish, during)
         during.enter_context(_interruption_reported(wish, terminal))
         terminal.interrupted = during.enter_context(interruption(scanner.stop))
-        log = LogWriter(wish.out, metadata, overwrite=wish.force, warn=_warn)
+        log = LogWriter(wish.out, metadata, overwrite=wish.force, warn=warn)
         record_scan(scanner, _plan(wish, board, air), log, terminal)
     typer.echo(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {wish.out}", err=True)
     _warn_of_another_count(terminal.count, wish)
@@ -208,7 +209,7 @@ class _Terminal:
         self._advance()
 
     def warn(self, message: str) -> None:
-        _warn(message)
+        warn(message)
 
     def _print(self, line: str) -> None:
         # a pipe that nothing reads blocks here; no part of the log is half written meanwhile
@@ -235,16 +236,12 @@ def _warn_of_another_count(count: int, wish: _Wish) -> None:
     """A replayed log plays all its readings, whatever is ordered."""
     if count != wish.order.readings:
         more = "no more" if count < wish.order.readings else "so many, and a replay plays them all"
-        _warn(f"{count} of {counted(wish.order.readings, 'reading')} came: the log holds {more}")
+        warn(f"{count} of {counted(wish.order.readings, 'reading')} came: the log holds {more}")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:
     link = scanner.statistics
     if link.reopened or link.resets:  # a moment's silence alone does not matter
-        _warn(f"the scanner was lost {counted(link.losses, 'time')} on the way and came back; is the cable sound?")
+        warn(f"the scanner was lost {counted(link.losses, 'time')} on the way and came back; is the cable sound?")
     elif link.lost_readings:
-        _warn(f"measured again, for the link had lost them: {counted(link.lost_readings, 'reading')}")
-
-
-def _warn(line: str) -> None:
-    typer.echo(f"sonarhw: warning: {line}", err=True)
+        warn(f"measured again, for the link had lost them: {counted(link.lost_readings, 'reading')}")

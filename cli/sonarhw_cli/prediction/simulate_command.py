@@ -29,6 +29,7 @@ from sonarhw_cli.console.options import (
 )
 from sonarhw_cli.console.output import text_output
 from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.warning_line import warn
 from sonarhw_cli.prediction.predicted_files import (
     HEADER,
     TraceKind,
@@ -162,10 +163,9 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
     begins = far_field(scan.board.aperture_radius, scan.board.wavelength(scan.room.air))
     near = int((scan.distances[~np.isnan(scan.distances)] < begins).sum())
     if near:
-        typer.echo(
-            f"sonarhw: warning: {counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
-            "transducer begins: what the beam takes of them is rough",
-            err=True,
+        warn(
+            f"{counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
+            "transducer begins: what the beam takes of them is rough"
         )
 
 
@@ -175,10 +175,9 @@ def _warn_of_face_outside(scan: "PredictedScan") -> None:
         return
     outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
     if outside:
-        typer.echo(
-            f"sonarhw: warning: at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
-            f"holds the face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]",
-            err=True,
+        warn(
+            f"at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
+            f"holds the face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]"
         )
 
 
