@@ -57,7 +57,7 @@ app.command("home")(bench.home)
 app.command("turn", context_settings={"ignore_unknown_options": True})(bench.turn)  # -90 is an angle
 app.command("stop")(bench.stop)
 app.command("monitor")(bench.monitor)
-app.command("calibrate")(calibrate.calibrate)
+app.command("calibrate")(calibrate.calibrate_scanner)
 app.command("fake")(fake.fake)
 app.command("simulate")(simulate.simulate)
 app.command("paths")(paths.paths)

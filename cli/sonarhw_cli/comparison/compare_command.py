@@ -11,19 +11,21 @@ from sonarhw_compare.headings import heading_text
 from sonarhw_sim.choices import Model, Receiver
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_place, recorded_room
+from sonarhw_cli.console.log_input import LogFile, open_in_room, recorded_place
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
+    BoardOfLog,
     Force,
+    ModelChoice,
     PlaceName,
     ReceiverChoice,
+    RoomOfLog,
     checked_out,
     chosen_place,
     chosen_receiver,
 )
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room
 
 if TYPE_CHECKING:
     from sonarhw_compare.matching.match import Comparison, Summary
@@ -32,15 +34,11 @@ if TYPE_CHECKING:
 
 def compare(
     log_file: LogFile,
-    room_file: Annotated[
-        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
-    ] = None,
+    room_file: RoomOfLog = None,
     place: PlaceName = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
-    model: Annotated[Model, typer.Option(help="Model that predicts.")] = Model.RAY_FOLLOWING,
+    model: ModelChoice = Model.RAY_FOLLOWING,
     fit: Annotated[
         str,
         typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
@@ -79,14 +77,10 @@ def compare_log(
     """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
     from sonarhw_compare.fit.plain_fit import fit_scan
     from sonarhw_compare.matching.match import compare_readings
-    from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    room = None if room_file is None else open_room(room_file)
-    log = open_log(log_file)
-    room = room or recorded_room(log_file, log.metadata)
+    log, room, chosen = open_in_room(log_file, room_file, board)
     here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
-    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be compared")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))

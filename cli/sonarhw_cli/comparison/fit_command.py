@@ -13,10 +13,10 @@ from sonarhw_compare.fit.values.quantities import QUANTITIES, BoardQuantity, X, 
 from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
-from sonarhw_cli.comparison.fit_table import figures, lines_of
-from sonarhw_cli.console.log_input import open_log, recorded_board, recorded_place, recorded_room
+from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
+from sonarhw_cli.console.log_input import LogFiles, open_log, recorded_board, recorded_place, recorded_room
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import Force, ReceiverChoice, checked_out, chosen_place, chosen_receiver
+from sonarhw_cli.console.options import BoardOfLog, Force, ReceiverChoice, checked_out, chosen_place, chosen_receiver
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
@@ -33,7 +33,7 @@ _NUMBER = r"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)"
 
 
 def fit(
-    log_files: Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG...")],
+    log_files: LogFiles,
     room_file: Annotated[
         Path | None, typer.Option("--room", help="Room file; default: the room inside the first log.", metavar="ROOM")
     ] = None,
@@ -43,9 +43,7 @@ def fit(
             "--place", help="Place, or X,Y in metres; once for each log. A free position stays near it.", metavar="P"
         ),
     ] = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     free: Annotated[
         str,
@@ -84,9 +82,9 @@ def fit(
     write_found(fitted, out, board_out)
     result = fitted.result
     if as_json:
-        typer.echo(json.dumps(figures(result), indent=2))
+        typer.echo(json.dumps(fit_figures(result), indent=2))
     else:
-        for line in lines_of(result):
+        for line in fit_lines(result):
             typer.echo(line)
 
 

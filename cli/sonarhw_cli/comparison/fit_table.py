@@ -11,7 +11,7 @@ _CORRELATED = 0.5  # from where on a correlation is told
 _DIGITS = 6  # of what has no error to speak of
 
 
-def figures(result: "FitResult") -> dict[str, Any]:
+def fit_figures(result: "FitResult") -> dict[str, Any]:
     """The figures of a fit: the keys of `fit --json`; headings in degrees."""
     return {
         "estimates": {
@@ -35,7 +35,7 @@ def figures(result: "FitResult") -> dict[str, Any]:
     }
 
 
-def lines_of(result: "FitResult") -> Iterator[str]:
+def fit_lines(result: "FitResult") -> Iterator[str]:
     """The table, how readings err, what is known only together, and warnings."""
     width = max(len(parameter.name) for parameter in result.parameters)
     yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % region"

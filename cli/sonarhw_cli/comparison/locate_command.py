@@ -10,11 +10,10 @@ from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_sim.choices import Receiver
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.log_input import LogFile, open_log, recorded_board, recorded_room
-from sonarhw_cli.console.options import Force, ReceiverChoice, checked_out, chosen_receiver
+from sonarhw_cli.console.log_input import LogFile, open_in_room
+from sonarhw_cli.console.options import BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out, chosen_receiver
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
-from sonarhw_cli.console.room_input import open_room
 
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose
@@ -26,12 +25,8 @@ _RIVAL = 0.25  # of the first answer's probability: what has less is told apart
 
 def locate(
     log_file: LogFile,
-    room_file: Annotated[
-        Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
-    ] = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
-    ] = None,
+    room_file: RoomOfLog = None,
+    board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     height: Annotated[
         float | None, typer.Option(help="Of the transducer, metres; then floor and ceiling are heard.", metavar="M")
@@ -68,13 +63,9 @@ def locate_log(
 ) -> "Located":
     """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
     from sonarhw_compare.locate.poses import locate_scan
-    from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    room = None if room_file is None else open_room(room_file)
-    log = open_log(log_file)
-    room = room or recorded_room(log_file, log.metadata)
-    chosen = load_board(board) if board else recorded_board(log_file, log.metadata)
+    log, room, chosen = open_in_room(log_file, room_file, board)
     if not log.readings:
         raise InputError(f"{log_file}: holds no readings; nothing can be located")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))

@@ -11,9 +11,9 @@ import typer
 from sonarhw_compare.headings import in_degrees
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.log_input import open_log, recorded_board, recorded_room
+from sonarhw_cli.console.log_input import LogFiles, open_log, recorded_board, recorded_room
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import Force, checked_out
+from sonarhw_cli.console.options import BoardOfLog, Force, checked_out
 from sonarhw_cli.console.output import whole_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def map_logs(
-    log_files: Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG...")],
+    log_files: LogFiles,
     places: Annotated[
         list[str] | None,
         typer.Option("--place", help="Place of the room, or X,Y in metres; once for each log.", metavar="P"),
@@ -40,9 +40,7 @@ def map_logs(
         Path | None,
         typer.Option("--room", help="Follow sound round this room; default: the walls found.", metavar="ROOM"),
     ] = None,
-    board: Annotated[
-        str | None, typer.Option(help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml")
-    ] = None,
+    board: BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
     out: Annotated[Path | None, typer.Option(help="Draw the maps.", metavar="FILE.png")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,

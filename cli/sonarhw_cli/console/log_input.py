@@ -7,6 +7,7 @@ import typer
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from sonarhw.log import Log, LogMetadata
 
 LogFile = Annotated[Path, typer.Argument(help="Log (*.mcap), whole or torn.", metavar="LOG")]
+LogFiles = Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or torn.", metavar="LOG...")]
 
 
 def open_log(path: Path) -> "Log":
@@ -39,6 +41,16 @@ def load_log(path: Path) -> "Log":
         what = "is a folder" if path.is_dir() else "is no file" if path.exists() else "there is no such file"
         raise InputError(f"{path}: {what}; give the name of a log (*.mcap)")
     return read_log(path)
+
+
+def open_in_room(log_file: Path, room_file: Path | None, board: str | None) -> "tuple[Log, Room, Board]":
+    """The log with its room and board: those given, else those recorded in it. Raises InputError if it has none."""
+    from sonarhw_sim.board.profile import load_board
+
+    room = None if room_file is None else open_room(room_file)
+    log = open_log(log_file)
+    room = room or recorded_room(log_file, log.metadata)
+    return log, room, load_board(board) if board else recorded_board(log_file, log.metadata)
 
 
 def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":

@@ -20,7 +20,7 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def write_csv(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
+def write_rows(out: TextIO, header: str, rows: Iterable[Iterable[float | int | str | None]]) -> None:
     """Write a header and rows as CSV with plain line ends."""
     out.write(header + "\n")
     csv.writer(out, lineterminator="\n").writerows(map(written, row) for row in rows)

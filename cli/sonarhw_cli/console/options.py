@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.choices import EdgeStrength, Receiver
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver
 
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
@@ -21,17 +21,22 @@ RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="R
 PlaceName = Annotated[
     str | None, typer.Option("--place", help="Place of the room file, or X,Y in metres.", metavar="NAME|X,Y")
 ]
+RoomOfLog = Annotated[
+    Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+]
 BoardName = Annotated[str, typer.Option("--board", help="Board profile: name or file.", metavar="NAME|FILE.toml")]
+BoardOfLog = Annotated[
+    str | None,
+    typer.Option("--board", help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml"),
+]
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this, degrees.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
-
 
 EdgeStrengthChoice = Annotated[
     EdgeStrength,
     typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
 ]
-
 
 ReceiverChoice = Annotated[
     Receiver | None,
@@ -41,6 +46,11 @@ ReceiverChoice = Annotated[
         show_default=False,
     ),
 ]
+ModelChoice = Annotated[Model, typer.Option("--model", help="Model that predicts.")]
+PtyLink = Annotated[
+    Path | None, typer.Option("--pty", help="Serve on a pseudo-terminal behind this link.", metavar="LINK")
+]
+TcpAddress = Annotated[str | None, typer.Option("--tcp", help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 DEFAULT_BOARD = "polaroid-6500"
 STDOUT = "-"
@@ -49,7 +59,7 @@ MOST_DEGREES = 2147.0  # what the angle of a frame can carry
 MOST_HEADINGS = 65535  # what the order of a scan can carry
 
 
-def scan_order(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
+def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
     """The scan from `start` to below `stop` (degrees). Raises InputError where there is no heading between them."""
     for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
         if not abs(degrees) <= MOST_DEGREES:
@@ -80,6 +90,12 @@ def chosen_receiver(name: Receiver | None, board: "Board") -> Receiver:
     """The receiver that --receiver names, else the board's own choice."""
 
     return board.receiver if name is None else name
+
+
+def check_one_line(pty: Path | None, tcp: str | None) -> None:
+    """Raise InputError if both --pty and --tcp are given."""
+    if pty is not None and tcp is not None:
+        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
 
 
 def check_temperature(temperature: float | None) -> None:

@@ -3,7 +3,6 @@
 The command is not in the list of --help: it needs a checkout and its compilers.
 """
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,11 +10,11 @@ import typer
 from sonarhw_cli.console.connect import read_pace
 from sonarhw_cli.console.demo_room import PLACE, demo_room
 from sonarhw_cli.console.interruption import sigterm_raises
-from sonarhw_cli.console.options import DEFAULT_BOARD
+from sonarhw_cli.console.options import DEFAULT_BOARD, PtyLink
 
 
 def board(
-    pty: Annotated[Path | None, typer.Option(help="Name of a link to its pseudo-terminal.", metavar="LINK")] = None,
+    pty: PtyLink = None,
     pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
     seed: Annotated[int, typer.Option(help="Seed of everything random in the room.", min=0)] = 0,
 ) -> None:

@@ -17,7 +17,7 @@ from sonarhw_cli.console.options import (
     Force,
     check_temperature,
     checked_out,
-    scan_order,
+    order_in_degrees,
 )
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 PROFILE = ".toml"
 
 
-def calibrate(
+def calibrate_scanner(
     url: ScannerUrl,
     distance: Annotated[float, typer.Option(help="From the transducer's face to the plate, metres.", metavar="M")],
     out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
@@ -54,13 +54,13 @@ def calibrate(
     nearest = profile.blanked_range(Air())
     if not nearest < distance < profile.max_range:
         raise InputError(f"--distance {distance:g}: this board hears from {nearest:.2g} to {profile.max_range:g} m")
-    order = scan_order(direction - width / 2, direction + width / 2, step, pings=pings)
+    order = order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
     _check_sector(order, width, step)
     with sigterm_raises(), connect(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
-    from sonarhw.calibration import calibrate as calibrated
+    from sonarhw.calibration import calibrate
 
-    found = calibrated(readings, distance, math.radians(direction))
+    found = calibrate(readings, distance, math.radians(direction))
     _write(out, _with_calibration(profile.text, out.stem, found))
     typer.echo(_told(found, distance))
 

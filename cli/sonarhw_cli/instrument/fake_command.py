@@ -3,25 +3,29 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import fake_device, read_pace
 from sonarhw_cli.console.interruption import sigterm_raises
-from sonarhw_cli.console.options import DEFAULT_BOARD, BoardName, PlaceName, RoomFile
+from sonarhw_cli.console.options import (
+    DEFAULT_BOARD,
+    BoardName,
+    PlaceName,
+    PtyLink,
+    RoomFile,
+    TcpAddress,
+    check_one_line,
+)
 
 
 def fake(
     room_file: RoomFile,
     place: PlaceName = None,
     board: BoardName = DEFAULT_BOARD,
-    pty: Annotated[Path | None, typer.Option(help="Serve on a pseudo-terminal behind this link.", metavar="LINK")] = (
-        None
-    ),
-    tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
+    pty: PtyLink = None,
+    tcp: TcpAddress = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
     pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
     faults: Annotated[
@@ -42,8 +46,7 @@ def fake(
     from sonarhw.device.endpoint import Endpoint, open_door
     from sonarhw.device.fault_schedule import read_faults
 
-    if pty is not None and tcp is not None:
-        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+    check_one_line(pty, tcp)
     if tcp is not None:
         host_and_port(tcp)
     load_board(board)

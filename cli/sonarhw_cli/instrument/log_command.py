@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Look into a log, export its readings, mend a torn one.", no_args_is_help=True)
 
 
-@app.command()
-def info(log: LogFile) -> None:
+@app.command("info")
+def log_info(log: LogFile) -> None:
     """Say what a log holds: where it comes from, which device spoke, and its scans."""
     for name, text in _described(open_log(log)):
         typer.echo(f"{name:<9} {text}")
@@ -29,8 +29,8 @@ def info(log: LogFile) -> None:
 _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
 
 
-@app.command(help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (The log anew).")
-def export(
+@app.command("export", help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (The log anew).")
+def log_export(
     log: LogFile,
     out: Annotated[str, typer.Option("--out", help=f"File to write; - is {FORMATS[0].suffix} on standard output.")],
     force: Force = False,
@@ -48,8 +48,8 @@ def export(
         chosen.write(recorded, file)
 
 
-@app.command()
-def recover(
+@app.command("recover")
+def log_recover(
     log: LogFile,
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     force: Force = False,

@@ -1,13 +1,13 @@
 """`sonarhw replay`: a log as a live scanner, on a pseudo-terminal or a TCP port."""
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.log_input import LogFile, open_log
+from sonarhw_cli.console.options import PtyLink, TcpAddress, check_one_line
 
 
 def replay(
@@ -16,18 +16,15 @@ def replay(
         float, typer.Option(help="Times faster than recorded; inf: as fast as the client reads.", metavar="F")
     ] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Start over until the scan ordered is full.")] = False,
-    pty: Annotated[Path | None, typer.Option(help="Serve on a pseudo-terminal behind this link.", metavar="LINK")] = (
-        None
-    ),
-    tcp: Annotated[str | None, typer.Option(help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")] = None,
+    pty: PtyLink = None,
+    tcp: TcpAddress = None,
 ) -> None:
     """Serve a log as a live scanner, which plays at each scan command; the first line of output is its URL."""
     from sonarhw.device.endpoint import Endpoint, open_door
     from sonarhw.replay.replayed_log import ReplayDevice
     from sonarhw_cli.console.interruption import sigterm_raises
 
-    if pty is not None and tcp is not None:
-        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+    check_one_line(pty, tcp)
     if not speed > 0:
         raise InputError(f"--speed {speed:g}: expected a factor above 0, such as 2, or inf")
     recorded = open_log(log)

@@ -28,7 +28,7 @@ from sonarhw_cli.console.options import (
     check_temperature,
     checked_out,
     chosen_place,
-    scan_order,
+    order_in_degrees,
 )
 from sonarhw_cli.console.output import standard_output
 from sonarhw_cli.console.progress import progress
@@ -83,7 +83,9 @@ def scan(
     force: Force = False,
 ) -> None:
     """Scan and record a log; with --print each reading is also written out as it arrives."""
-    wish = _Wish(scan_order(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show)
+    wish = _Wish(
+        order_in_degrees(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show
+    )
     checked_out(out, (LOG,), force, url, room, board)
     _check(wish)
     metadata, air = _room(room, place)

@@ -6,7 +6,7 @@ import typer
 from sonarhw_compare.headings import in_degrees
 from sonarhw_sim.choices import EdgeStrength
 
-from sonarhw_cli.console.number_format import write_csv
+from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.options import (
     DEFAULT_BOARD,
     STDOUT,
@@ -73,4 +73,4 @@ def paths(
             )
             for k in range(len(found))
         )
-        write_csv(file, HEADER, rows)
+        write_rows(file, HEADER, rows)

@@ -26,7 +26,7 @@ _PING_PERIOD = 0.1  # s; a simulated scan is logged as if taken at the usual pac
 _MOST_SAMPLES = 65535  # of a trace in a log
 
 
-class TraceKind(StrEnum):
+class TraceForm(StrEnum):
     """What of the receive signal is kept."""
 
     RF = "rf"
@@ -34,7 +34,7 @@ class TraceKind(StrEnum):
     ENVELOPE = "envelope"
 
 
-USUAL_RATES = {TraceKind.RF: 1e6, TraceKind.SAMPLED: 16e6 / 16 / 13, TraceKind.ENVELOPE: 50e3}  # Hz
+USUAL_RATES = {TraceForm.RF: 1e6, TraceForm.SAMPLED: 16e6 / 16 / 13, TraceForm.ENVELOPE: 50e3}  # Hz
 SLOWEST, FASTEST = 1e3, 1e6  # Hz
 
 
@@ -42,18 +42,18 @@ SLOWEST, FASTEST = 1e3, 1e6  # Hz
 class TraceWish:
     """Which traces are wanted."""
 
-    kind: TraceKind
+    kind: TraceForm
     rate: float  # Hz
 
 
-def trace_wish(kind: TraceKind | None, rate: float | None, ending: str) -> TraceWish | None:
+def trace_wish(kind: TraceForm | None, rate: float | None, ending: str) -> TraceWish | None:
     """The traces that --traces and --rate ask for. Raises InputError where they do not fit the format `ending`."""
     if kind is None:
         if rate is not None:
             raise InputError(f"--rate {rate:g}: is the rate of --traces; name what to keep of them")
         return None
-    if ending not in (".npz", LOG) or (ending == LOG and kind is not TraceKind.ENVELOPE):
-        fitting = ".npz or .mcap" if kind is TraceKind.ENVELOPE else ".npz"
+    if ending not in (".npz", LOG) or (ending == LOG and kind is not TraceForm.ENVELOPE):
+        fitting = ".npz or .mcap" if kind is TraceForm.ENVELOPE else ".npz"
         raise InputError(f"--traces {kind.value}: are kept in {fitting}; name such a file with --out")
     wanted = USUAL_RATES[kind] if rate is None else rate
     if not SLOWEST <= wanted <= FASTEST:
@@ -61,7 +61,7 @@ def trace_wish(kind: TraceKind | None, rate: float | None, ending: str) -> Trace
     return TraceWish(kind, wanted)
 
 
-def rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
+def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     """The columns of HEADER, one row a heading; None where there is no echo, or no path that made it."""
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
@@ -75,11 +75,11 @@ def rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
 
 
-def write_npz(scan: "PredictedScan", wish: TraceWish | None, out: Path) -> None:
+def write_predicted_npz(scan: "PredictedScan", wish: TraceWish | None, out: Path) -> None:
     """The columns as arrays; with traces `trace`, one row a heading, and `trace_rate_hz`."""
     import numpy as np
 
-    *numbers, via = zip(*rows(scan), strict=True)
+    *numbers, via = zip(*prediction_rows(scan), strict=True)
     columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
     named = dict(zip(HEADER.split(","), columns, strict=True))
     if wish is not None:
@@ -94,12 +94,12 @@ def _samples(scan: "PredictedScan", index: int, wish: TraceWish) -> "NDArray[np.
 
     signal = scan.signal_at(index, _listening(scan))
     match wish.kind:
-        case TraceKind.RF:
+        case TraceForm.RF:
             return signal.rf(wish.rate).astype(np.float32)
-        case TraceKind.SAMPLED:
+        case TraceForm.SAMPLED:
             # as the converter counts: 128 is full scale
             return (signal.sampled(wish.rate) * 128).astype(np.int8)
-        case TraceKind.ENVELOPE:
+        case TraceForm.ENVELOPE:
             return signal.envelope(wish.rate).samples.astype(np.float32)
 
 
@@ -108,7 +108,7 @@ def _listening(scan: "PredictedScan") -> float:
     return 2 * scan.board.max_range / scan.room.air.speed_of_sound
 
 
-def write_picture(scan: "PredictedScan", out: Path) -> None:
+def write_predicted_picture(scan: "PredictedScan", out: Path) -> None:
     """The plan with what is predicted, as PNG."""
     from sonarhw_compare.pictures.overlay_picture import draw_plan
 
@@ -117,7 +117,7 @@ def write_picture(scan: "PredictedScan", out: Path) -> None:
         figure.savefig(file, format="png")
 
 
-def write_log(scan: "PredictedScan", wish: TraceWish | None, room_file: str, out: Path, force: bool) -> None:
+def write_predicted_log(scan: "PredictedScan", wish: TraceWish | None, room_file: str, out: Path, force: bool) -> None:
     """A log as a scanner's that heard just this. Raises InputError where its traces are longer than a log carries."""
     import time
 

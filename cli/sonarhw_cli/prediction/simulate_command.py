@@ -8,7 +8,7 @@ import typer
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.number_format import counted, write_csv
+from sonarhw_cli.console.number_format import counted, write_rows
 from sonarhw_cli.console.options import (
     DEFAULT_BOARD,
     LOG,
@@ -17,6 +17,7 @@ from sonarhw_cli.console.options import (
     EdgeStrengthChoice,
     Force,
     FromDegrees,
+    ModelChoice,
     PlaceName,
     ReceiverChoice,
     RoomFile,
@@ -25,20 +26,20 @@ from sonarhw_cli.console.options import (
     checked_out,
     chosen_place,
     chosen_receiver,
-    scan_order,
+    order_in_degrees,
 )
 from sonarhw_cli.console.output import text_output
 from sonarhw_cli.console.room_input import open_room
 from sonarhw_cli.console.warning_line import warn
 from sonarhw_cli.prediction.predicted_files import (
     HEADER,
-    TraceKind,
+    TraceForm,
     TraceWish,
-    rows,
+    prediction_rows,
     trace_wish,
-    write_log,
-    write_npz,
-    write_picture,
+    write_predicted_log,
+    write_predicted_npz,
+    write_predicted_picture,
 )
 
 if TYPE_CHECKING:
@@ -67,9 +68,9 @@ def simulate(
         int,
         typer.Option(min=1, max=99, help="Horizontal sections across the face, where the place has a height."),
     ] = 1,
-    model: Annotated[Model, typer.Option(help="Model that predicts.")] = Model.RAY_FOLLOWING,
+    model: ModelChoice = Model.RAY_FOLLOWING,
     traces: Annotated[
-        TraceKind | None,
+        TraceForm | None,
         typer.Option(
             help="Keep what the receiver has: rf with its carrier (.npz); sampled, the same by an 8-bit converter at "
             "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
@@ -97,7 +98,7 @@ def simulate(
 
     kind = checked_out(out, _FORMATS, force, room_file, board)
     wish = trace_wish(traces, rate, kind)
-    order = scan_order(start, stop, step)
+    order = order_in_degrees(start, stop, step)
     room = open_room(room_file)
     here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
@@ -109,14 +110,14 @@ def simulate(
     _warn_of_face_outside(scan)
     match kind:
         case ".npz":
-            write_npz(scan, wish, Path(out))
+            write_predicted_npz(scan, wish, Path(out))
         case ".png":
-            write_picture(scan, Path(out))
+            write_predicted_picture(scan, Path(out))
         case ".mcap":
-            write_log(scan, wish, room_file.name, Path(out), force)
+            write_predicted_log(scan, wish, room_file.name, Path(out), force)
         case _:
             with text_output(out) as file:
-                write_csv(file, HEADER, rows(scan))
+                write_rows(file, HEADER, prediction_rows(scan))
 
 
 def _options(
@@ -185,7 +186,7 @@ def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray
     """The headings of an order, or those of a ring's sensors. Raises InputError where the order would turn a ring."""
     if board.ring is None:
         return order.angles()
-    if order != scan_order(*WHOLE_CIRCLE):
+    if order != order_in_degrees(*WHOLE_CIRCLE):
         raise InputError(
             f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which stands still: "
             "leave out --from, --to and --step"

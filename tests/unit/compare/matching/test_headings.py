@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_cli.comparison.compare_command import summary_lines
-from sonarhw_cli.comparison.fit_table import lines_of
+from sonarhw_cli.comparison.fit_table import fit_lines
 from sonarhw_compare.explain.sentences import explain_reading
 from sonarhw_compare.fit import Estimate, FitResult, Mode, free_parameters
 from sonarhw_compare.headings import heading_text, in_degrees
@@ -65,6 +65,6 @@ def test_a_fitted_heading_that_rounds_to_360_stands_in_the_table_as_0_with_its_r
         score=0.0,
         samples=np.empty((0, 1)),
     )
-    table = list(lines_of(result))
+    table = list(fit_lines(result))
     assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
     assert any("ranges +0.00% by" in line for line in table)
