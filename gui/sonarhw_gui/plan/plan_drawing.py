@@ -22,7 +22,7 @@ from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, Rule
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NOWHERE, Outline, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
-from sonarhw_gui.plots.plot_look import dress_plot, label_length
+from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.scene.plan_geometry import outline_points, seen_bounds
 from sonarhw_gui.scene.room_edit import Point
@@ -188,7 +188,6 @@ class PlanDrawing(Canvas):
 
     def _dress(self, look: Look) -> None:
         self.dress(look)
-        dress_plot(self.plot, look)
         for side, what in (("bottom", "x"), ("left", "y")):
             label_length(self.plot.getAxis(side), what, look)
         for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler):

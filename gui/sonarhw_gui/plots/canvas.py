@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QGraphicsView
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.pick import is_plain_click
+from sonarhw_gui.plots.plot_look import dress_plot
 
 
 def new_plot(
@@ -34,16 +35,20 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         super().__init__()
         # a scatter reports less than it leaves: partial updates would keep old points on the screen
         self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
-        for row, plot in enumerate(plots):
-            self.addItem(plot, row=row, col=0)
+        self._plots = plots
         if len(plots) == 1:
-            self.ci.layout.setContentsMargins(0, 0, 0, 0)
+            self.setCentralItem(plots[0])  # inside a layout it would get its size one paint too late
+        else:
+            for row, plot in enumerate(plots):
+                self.addItem(plot, row=row, col=0)
         self.scene().sigMouseClicked.connect(self._click)
         self.scene().sigMouseMoved.connect(self.hovered)
 
     def dress(self, look: Look) -> None:
-        """Use the colour of this look's paper."""
+        """Give paper, axes and grid the colours and text size of a look."""
         self.setBackground(look.palette.paper)
+        for plot in self._plots:
+            dress_plot(plot, look)
 
     def repaint_whole(self) -> None:
         """Ask for one repaint of everything, before items change: partial updates trigger an extra repaint."""

@@ -18,7 +18,7 @@ from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, Outline, Placed, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
-from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
+from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
 from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.scene.plan_geometry import outline_ranges
@@ -108,7 +108,6 @@ class RangeView(Canvas):
         self.dress(look)
         metrics = QFontMetrics(text_font(look, 0.9))
         for plot in (self.ranges, self.residuals):
-            dress_plot(plot, look)
             # the same for both, so that they begin at one line
             plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
         # high enough for the names of the axes, one beside each plot

@@ -9,7 +9,7 @@ from sonarhw_gui.bscan.bscan_view import BScanView
 from sonarhw_gui.plan.plan_view import PlanView
 from sonarhw_gui.plan.side_by_side import SideBySide
 from sonarhw_gui.readings.range_view import RangeView
-from sonarhw_gui.readings.reading_table import ReadingTable
+from sonarhw_gui.readings.table_view import TableView
 from sonarhw_gui.session.shown_model import ShownModel
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_view import TraceView
@@ -33,7 +33,7 @@ class ViewArea(QSplitter):
         self.bscan = self._large(BScanView())
         self.trace = self._beside(TraceView(), height=215)
         self.ranges = self._beside(RangeView(), height=265)
-        self.table = self._beside(ReadingTable(), height=165)
+        self.table = self._beside(TableView(), height=165)
         self._arrange()
 
     @property

@@ -17,7 +17,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.elided import ElidedLabel
 from sonarhw_gui.parts.steady import Steady
 from sonarhw_gui.plots.canvas import Canvas, new_plot
-from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis
+from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis
 from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.scene.scene import Scene
@@ -119,7 +119,6 @@ class TraceView(QWidget):
         colours = look.palette
         self.canvas.dress(look)
         self.canvas.setMinimumHeight(round(_LOWEST * look.scale))
-        dress_plot(self.plot, look)
         self._times.write_in("ms", 1e3)
         gain = self.plot.getAxis("right")
         label_axis(gain, "gain (dB)")

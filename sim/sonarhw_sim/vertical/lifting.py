@@ -12,7 +12,7 @@ import numpy as np
 from sonarhw.readings import FloatArray
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Room
-from sonarhw_sim.vertical.vertical_section import LEVEL, Mirror, Owner, Plane, Section, View, walls_at_edge
+from sonarhw_sim.vertical.vertical_section import LEVEL, Mirror, Owner, Plane, Section, SectionQuery, walls_at_edge
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _Lifted:
         return sum(len(event.surfaces) for event in self.events[:at])
 
 
-def lifted(view: View, plane: Plane, section: Section, found: Paths) -> Paths:
+def lifted(view: SectionQuery, plane: Plane, section: Section, found: Paths) -> Paths:
     """The paths `found` in the section of a plane, as the room's; none that the plan or another plane has."""
     paths = [_lift(view, section, found, row) for row in range(len(found))]
     paths = [path for path in paths if _belongs(view, plane, path)]
@@ -75,7 +75,7 @@ def lifted(view: View, plane: Plane, section: Section, found: Paths) -> Paths:
     )
 
 
-def _lift(view: View, section: Section, found: Paths, row: int) -> _Lifted:
+def _lift(view: SectionQuery, section: Section, found: Paths, row: int) -> _Lifted:
     owners = [section.owners[wall] for wall in found.surfaces[row] if wall >= 0]
     events = [_touched(owner, float(found.lengths[row])) for owner in owners]
     if found.edges[row] >= 0:
@@ -111,7 +111,7 @@ def _rim(room: Room, section: Section, edge: int) -> _Event:
     return _Event((), room.edge_between(surface, surface), mirror.curvature)
 
 
-def _belongs(view: View, plane: Plane, path: _Lifted) -> bool:
+def _belongs(view: SectionQuery, plane: Plane, path: _Lifted) -> bool:
     """Whether a path leaves the horizontal, is no other plane's, and touches no more than may be."""
     rises = np.abs(path.points[:, 1] - view.height).max() > LEVEL
     squarely = sum(event.squarely for event in path.events)

@@ -16,7 +16,16 @@ from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.room.room_file import MEETING
 from sonarhw_sim.vertical.lifting import lifted
-from sonarhw_sim.vertical.vertical_section import LEVEL, PARALLEL, Mirror, Plane, View, chord, draw_section, span_of
+from sonarhw_sim.vertical.vertical_section import (
+    LEVEL,
+    PARALLEL,
+    Mirror,
+    Plane,
+    SectionQuery,
+    chord,
+    draw_section,
+    span_of,
+)
 
 
 def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
@@ -25,12 +34,12 @@ def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, 
         return []
     if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
         return []
-    view = View(room, place.position, height, search)
+    view = SectionQuery(room, place.position, height, search)
     planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_answering_planes(view, flat)]
     return [_follow(view, plane) for plane in planes]
 
 
-def _wall_planes(view: View) -> Iterator[Plane]:
+def _wall_planes(view: SectionQuery) -> Iterator[Plane]:
     """Planes square to the walls on which the place has a foot of the perpendicular; parallel walls share one."""
     room = view.room
     starts, along = room.walls[:, :2] - view.position, room.walls[:, 2:] - room.walls[:, :2]
@@ -49,7 +58,7 @@ def _wall_planes(view: View) -> Iterator[Plane]:
         yield Plane(float(directions[group[0]]), tuple(mirrors), once=False)
 
 
-def _post_planes(view: View) -> Iterator[Plane]:
+def _post_planes(view: SectionQuery) -> Iterator[Plane]:
     room = view.room
     for post, (x, y, radius) in enumerate(room.posts.tolist()):
         direction = math.atan2(y - view.position[1], x - view.position[0])
@@ -63,7 +72,7 @@ def _post_planes(view: View) -> Iterator[Plane]:
         yield Plane(direction, (mirror,))
 
 
-def _answering_planes(view: View, flat: Paths) -> Iterator[Plane]:
+def _answering_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
     """Planes to the edges and inner corners that send sound straight back in the plan."""
     back = np.hypot(*(flat.leaving - flat.arriving).T) <= LEVEL
     for k in np.flatnonzero(back).tolist():
@@ -80,7 +89,7 @@ def _answering_planes(view: View, flat: Paths) -> Iterator[Plane]:
         yield Plane(float(flat.departures[k]), (mirror,))
 
 
-def _follow(view: View, plane: Plane) -> Paths:
+def _follow(view: SectionQuery, plane: Plane) -> Paths:
     """The paths of one plane that are no other plane's."""
     section = draw_section(view, plane)
     # one more, because a vertical edge is drawn as a wall that reflects, and is no reflection

@@ -22,8 +22,8 @@ LEVEL = 1e-9  # m: a path that stays so near to the transducer's height is the p
 
 
 @dataclass(frozen=True)
-class View:
-    """Who asks for what."""
+class SectionQuery:
+    """What sections are drawn for: a place in a room, the height of the transducer, and how far to search."""
 
     room: Room
     position: tuple[float, float]
@@ -75,7 +75,7 @@ class Section:
     owners: tuple[Owner, ...]  # of each of its walls
 
 
-def draw_section(view: View, plane: Plane) -> Section:
+def draw_section(view: SectionQuery, plane: Plane) -> Section:
     """What a plane meets, as a room."""
     levels, open_between = _levels(view)
     uprights: list[_Upright] = [(mirror.at, mirror.span, mirror) for mirror in plane.mirrors]
@@ -90,7 +90,7 @@ def draw_section(view: View, plane: Plane) -> Section:
     return Section(_as_room(view.room, np.array([segment for segment, _ in drawn]).reshape(-1, 4), owners), owners)
 
 
-def _levels(view: View) -> tuple[list[tuple[Segment, Owner]], Span]:
+def _levels(view: SectionQuery) -> tuple[list[tuple[Segment, Owner]], Span]:
     """Floor and ceiling, and between which heights (m) there is air."""
     lowest, highest = view.height - view.reach, view.height + view.reach
     drawn: list[tuple[Segment, Owner]] = []
@@ -101,7 +101,7 @@ def _levels(view: View) -> tuple[list[tuple[Segment, Owner]], Span]:
     return drawn, (lowest, highest)
 
 
-def _blocking(view: View, plane: Plane) -> Iterator[tuple[float, Span]]:
+def _blocking(view: SectionQuery, plane: Plane) -> Iterator[tuple[float, Span]]:
     """Where (m along the plane) and how high the walls and posts stand that cross a plane."""
     room = view.room
     dx, dy = math.cos(plane.direction), math.sin(plane.direction)
@@ -119,7 +119,7 @@ def _blocking(view: View, plane: Plane) -> Iterator[tuple[float, Span]]:
             yield end, span_of(room, len(room.walls) + post)
 
 
-def _lids(view: View, plane: Plane) -> list[Segment]:
+def _lids(view: SectionQuery, plane: Plane) -> list[Segment]:
     lids: list[Segment] = []
     for post in range(len(view.room.posts)):
         within = chord(view, plane.direction, post)
@@ -188,7 +188,7 @@ def span_of(room: Room, surface: int) -> Span:
     return float(room.heights[surface, 0]), float(room.heights[surface, 1])
 
 
-def chord(view: View, direction: float, post: int) -> Span | None:
+def chord(view: SectionQuery, direction: float, post: int) -> Span | None:
     """Where a plane enters and leaves a post, m along its direction from the place; None where it misses."""
     x, y, radius = view.room.posts[post].tolist()
     dx, dy = x - view.position[0], y - view.position[1]

@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from sonarhw_compare.matching.match import Kind, compare_readings
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import Unclassed
-from sonarhw_gui.readings.reading_table import ReadingTable
+from sonarhw_gui.readings.table_view import TableView
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
 from sonarhw_gui.shown.reading_order import Wanted, order_of
@@ -49,8 +49,8 @@ def shown(scene: Scene, readings: tuple[Reading, ...]) -> Shown:
 
 
 @pytest.fixture
-def table(qtbot: QtBot, shown: Shown) -> ReadingTable:
-    table = ReadingTable()
+def table(qtbot: QtBot, shown: Shown) -> TableView:
+    table = TableView()
     qtbot.addWidget(table)
     table.resize(900, 300)
     table.show_state(shown)
@@ -59,17 +59,17 @@ def table(qtbot: QtBot, shown: Shown) -> ReadingTable:
     return table
 
 
-def listed(table: ReadingTable, column: Column = Column.NUMBER) -> list[str]:
+def listed(table: TableView, column: Column = Column.NUMBER) -> list[str]:
     model = table.model
     return [model.data(model.index(row, column)) for row in range(model.rowCount())]
 
 
-def click_row(qtbot: QtBot, table: ReadingTable, row: int) -> None:
+def click_row(qtbot: QtBot, table: TableView, row: int) -> None:
     place = table.view.visualRect(table.model.index(row, Column.HEADING)).center()
     qtbot.mouseClick(table.view.viewport(), Qt.MouseButton.LeftButton, pos=place)
 
 
-def click_header(qtbot: QtBot, table: ReadingTable, column: Column) -> None:
+def click_header(qtbot: QtBot, table: TableView, column: Column) -> None:
     header = table.view.horizontalHeader()
     qtbot.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(header.sectionPosition(column) + 20, 5))
 
@@ -149,7 +149,7 @@ def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
     assert order_of(rows, Wanted(text="nothing like it")).tolist() == []
 
 
-def test_csv_is_in_metres_and_degrees_whatever_the_look(table: ReadingTable, shown: Shown) -> None:
+def test_csv_is_in_metres_and_degrees_whatever_the_look(table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
     table.copy_rows()
     text = QGuiApplication.clipboard().text()
@@ -165,14 +165,14 @@ def test_csv_is_in_metres_and_degrees_whatever_the_look(table: ReadingTable, sho
 # the table
 
 
-def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: ReadingTable) -> None:
+def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: TableView) -> None:
     click_header(qtbot, table, Column.HEADING)
     click_header(qtbot, table, Column.HEADING)
     headings = [float(text.rstrip("°")) for text in listed(table, Column.HEADING)]
     assert headings == sorted(headings, reverse=True)
 
 
-def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: ReadingTable) -> None:
+def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: TableView) -> None:
     button = table.classes[Kind.MATCH]
     matches = table.model.rows.counts()[Kind.MATCH]
     assert button.text() == str(matches)
@@ -183,14 +183,14 @@ def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: 
     assert len(listed(table)) == COUNT
 
 
-def test_words_filter_while_they_are_typed(qtbot: QtBot, table: ReadingTable) -> None:
+def test_words_filter_while_they_are_typed(qtbot: QtBot, table: TableView) -> None:
     qtbot.keyClicks(table.words, "270")
     assert listed(table) == ["27"]
     table.words.clear()
     assert len(listed(table)) == COUNT
 
 
-def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot, table: ReadingTable) -> None:
+def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot, table: TableView) -> None:
     click_header(qtbot, table, Column.HEADING)
     click_header(qtbot, table, Column.HEADING)
     table.view.scrollToTop()
@@ -199,14 +199,14 @@ def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot
     assert picked.args == [int(listed(table)[2])]
 
 
-def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: ReadingTable) -> None:
+def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: TableView) -> None:
     with qtbot.waitSignal(table.gestures.picked, timeout=PATIENCE) as picked:
         qtbot.keyClick(table.view, Qt.Key.Key_Up)
     assert picked.args == [COUNT - 2]
 
 
 def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
-    qtbot: QtBot, table: ReadingTable, shown: Shown
+    qtbot: QtBot, table: TableView, shown: Shown
 ) -> None:
     with qtbot.assertNotEmitted(table.gestures.picked):
         table.show_state(replace(shown, chosen=4))
@@ -215,7 +215,7 @@ def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
 
 
 def test_the_chosen_reading_stays_in_sight_when_the_table_is_made_smaller(
-    qtbot: QtBot, table: ReadingTable, shown: Shown
+    qtbot: QtBot, table: TableView, shown: Shown
 ) -> None:
     table.show_state(replace(shown, chosen=20))
     table.resize(900, 110)
@@ -225,7 +225,7 @@ def test_the_chosen_reading_stays_in_sight_when_the_table_is_made_smaller(
 
 
 def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) -> None:
-    table = ReadingTable()
+    table = TableView()
     qtbot.addWidget(table)
     table.resize(900, 200)
     with qtbot.assertNotEmitted(table.gestures.picked):
@@ -236,7 +236,7 @@ def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) 
     assert listed(table) == [str(k) for k in range(5)]
 
 
-def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, table: ReadingTable) -> None:
+def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, table: TableView) -> None:
     table.words.setText("match")
     qtbot.mouseClick(table.copy, Qt.MouseButton.LeftButton)
     copied = list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
@@ -251,7 +251,7 @@ def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, 
 
 
 def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_not(
-    table: ReadingTable, shown: Shown
+    table: TableView, shown: Shown
 ) -> None:
     def inks() -> list[str]:
         cells = [table.model.index(0, column) for column in Column]
@@ -277,7 +277,7 @@ def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_
     ],
 )
 def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_aside(
-    qtbot: QtBot, table: ReadingTable, shown: Shown, width: int, unit: LengthUnit, left_out: set[Column]
+    qtbot: QtBot, table: TableView, shown: Shown, width: int, unit: LengthUnit, left_out: set[Column]
 ) -> None:
     table.show_state(replace(shown, look=Look(unit=unit)))
     click_header(qtbot, table, Column.RESIDUAL)
@@ -297,13 +297,13 @@ def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_as
         assert max(map(view.fontMetrics().horizontalAdvance, listed(table, column))) + mark <= room
 
 
-def test_a_class_that_only_readings_without_a_room_have_is_read_whole(table: ReadingTable, shown: Shown) -> None:
+def test_a_class_that_only_readings_without_a_room_have_is_read_whole(table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, scene=replace(shown.scene, room=None), compared=None))
     word = table.view.fontMetrics().horizontalAdvance("measured")
     assert table.view.columnWidth(Column.CLASS) >= word + 20 + 8
 
 
-def test_units_follow_the_look(table: ReadingTable, shown: Shown) -> None:
+def test_units_follow_the_look(table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
     names = [table.model.headerData(column, Qt.Orientation.Horizontal) for column in Column]
     assert "measured (ft)" in names
@@ -313,7 +313,7 @@ def test_units_follow_the_look(table: ReadingTable, shown: Shown) -> None:
 
 
 def test_readings_that_are_not_compared_are_listed_as_measured(qtbot: QtBot, shown: Shown) -> None:
-    table = ReadingTable()
+    table = TableView()
     qtbot.addWidget(table)
     table.show_state(replace(shown, compared=None))
     assert set(listed(table, Column.CLASS)) == {"measured"}
@@ -326,7 +326,7 @@ def test_sentences_are_only_made_for_rows_that_are_seen(
     asked: set[int] = set()
     explain = Shown.sentence_of
     monkeypatch.setattr(Shown, "sentence_of", lambda shown, index: asked.add(index) or explain(shown, index))
-    table = ReadingTable()
+    table = TableView()
     qtbot.addWidget(table)
     table.resize(1400, 300)
     many = shown.readings * (LONG // len(shown.readings))

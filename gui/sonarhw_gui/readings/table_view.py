@@ -1,7 +1,4 @@
-"""The table of readings: sorts, filters by class and by words, copies as CSV, and follows what is chosen.
-
-Takes what is shown; hands on which reading was picked.
-"""
+"""The view "Readings": a table that sorts, filters by class and by words, copies as CSV, and follows the choice."""
 
 from dataclasses import replace
 
@@ -69,7 +66,7 @@ class _Rows(QTableView):
         self.scrollTo(self.currentIndex())
 
 
-class ReadingTable(QWidget):
+class TableView(QWidget):
     """One row a reading, and over them what is wanted of them."""
 
     entry = ViewEntry("Readings", is_text=True)
