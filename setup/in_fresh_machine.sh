@@ -35,7 +35,7 @@ if [ -e "$certificates" ]; then
     settings+=(PIP_CERT=/host-certificates.crt SSL_CERT_FILE=/host-certificates.crt)
 fi
 while read -r item; do
-    [ ! -d "$item" ] || show "$item"
+    [ ! -d "$item" ] || show "${item%/simple}" # a local index has its files beside simple/
 done < <({ python3 -m pip config list 2>/dev/null || true; } | sed 's/\\n/ /g; s|file://||g' | tr "'\" =," '\n' | grep '^/.' | sort -u)
 show "$checkout/../shared/real_scans" /src/shared/real_scans
 
