@@ -6,6 +6,7 @@ import subprocess
 import sys
 import venv
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -18,6 +19,8 @@ def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(CHECKOUT)]
     subprocess.run(build, check=True, capture_output=True)
     wheel = next(tmp_path.glob("*.whl"))
+    top_level = {name.split("/")[0] for name in ZipFile(wheel).namelist()}
+    assert top_level and all(name.startswith("sonarhw") for name in top_level), top_level
     venv.create(tmp_path / "clean", with_pip=True)
     python = tmp_path / "clean" / "bin" / "python"
     options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
