@@ -44,7 +44,7 @@ def long_ahead_and_behind(walk: tuple[PaperScene, ...] = WALK) -> Claim:
         "ahead and behind there are reflections and long readings",
         f"{long.sum()} of {np.isfinite(off).sum()} readings are over {_LONG:g} m long, the longest by "
         f"{np.nanmax(off):.1f} m; all within {widest:.0f}° of the corridor's direction",
-        long.sum() > len(walk) and 0 < widest <= 60,
+        bool(long.sum() > len(walk)) and 0 < widest <= 60,
     )
 
 

@@ -28,8 +28,8 @@ class FlowLayout(QLayout):
         """One of them; None where there is none."""
         return self._items[index] if 0 <= index < len(self._items) else None
 
-    def takeAt(self, index: int) -> QLayoutItem | None:  # type: ignore[override]  # Qt asks until it gets none
-        """Take one out; None where there is none."""
+    def takeAt(self, index: int) -> QLayoutItem | None:  # type: ignore[override, unused-ignore]
+        """Take one out; None when there are none left, which ends Qt's loop."""
         return self._items.pop(index) if 0 <= index < len(self._items) else None
 
     def expandingDirections(self) -> Qt.Orientation:

@@ -3,6 +3,8 @@
 Takes what is typed; hands on the value once it is entered or the field is left.
 """
 
+from typing import Any
+
 from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QDoubleSpinBox
 
@@ -20,6 +22,6 @@ class NumberField(QDoubleSpinBox):
         self.setKeyboardTracking(False)
         take_the_wheel_with_the_focus_only(self)
 
-    def validate(self, text: str, at: int) -> object:
+    def validate(self, text: str, at: int) -> Any:
         """Read a comma as a decimal point; the field then shows one."""
         return super().validate(text.replace(",", "."), at)

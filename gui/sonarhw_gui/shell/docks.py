@@ -28,11 +28,11 @@ class _Upright(QScrollArea):
         self.setFrameShape(QScrollArea.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setWidget(panel)
+        self._panel = panel
 
     def minimumSizeHint(self) -> QSize:
         """Room for the panel and the scroll bar beside it."""
-        panel = self.widget()
-        width = max(panel.minimumSizeHint().width(), panel.minimumWidth())
+        width = max(self._panel.minimumSizeHint().width(), self._panel.minimumWidth())
         return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
