@@ -19,8 +19,7 @@ def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--outdir", str(tmp_path), str(CHECKOUT)]
     subprocess.run(build, check=True, capture_output=True)
     wheel = next(tmp_path.glob("*.whl"))
-    top_level = {name.split("/")[0] for name in ZipFile(wheel).namelist()}
-    assert top_level and all(name.startswith("sonarhw") for name in top_level), top_level
+    assert {name[: len("sonarhw")] for name in ZipFile(wheel).namelist()} == {"sonarhw"}
     venv.create(tmp_path / "clean", with_pip=True)
     python = tmp_path / "clean" / "bin" / "python"
     options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
