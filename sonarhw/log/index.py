@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from sonarhw.log.contents import RecordedScan
 from sonarhw.log.reading_columns import Columns
 from sonarhw.log.recorded_scans import FollowedScan, Follower
 from sonarhw.wire.messages import Finished, Info, Message, MessageError, Settings
@@ -30,13 +31,9 @@ _M = TypeVar("_M", bound=Message)
 
 @dataclass(frozen=True)
 class IndexedScan:
-    """A scan as the index holds it."""
+    """A scan as the index holds it: its readings are in columns."""
 
-    began: float
-    expected: int | None
-    settings: Settings | None
-    finished: Finished | None
-    homed: tuple[float, ...]
+    scan: RecordedScan  # without readings
     columns: Columns
 
 
@@ -56,9 +53,8 @@ def index_of(follower: Follower) -> LogIndex:
 
 
 def _indexed(scan: FollowedScan) -> IndexedScan:
-    return IndexedScan(
-        scan.began, scan.expected, scan.settings, scan.finished, tuple(scan.homed), scan.readings.columns()
-    )
+    recorded = RecordedScan(scan.began, scan.expected, scan.settings, (), scan.finished, tuple(scan.homed))
+    return IndexedScan(recorded, scan.readings.columns())
 
 
 def pack_index(index: LogIndex, at: int) -> bytes:
@@ -71,13 +67,13 @@ def pack_index(index: LogIndex, at: int) -> bytes:
         "frames": index.frames,
         "scans": [
             {
-                "began": scan.began,
-                "expected": scan.expected,
-                "settings": _packed(scan.settings),
-                "finished": _packed(scan.finished),
-                "homed": scan.homed,
+                "began": indexed.scan.began,
+                "expected": indexed.scan.expected,
+                "settings": _packed(indexed.scan.settings),
+                "finished": _packed(indexed.scan.finished),
+                "homed": indexed.scan.homed,
             }
-            for scan in index.scans
+            for indexed in index.scans
         ],
     }
     arrays = {
@@ -112,7 +108,8 @@ def unpack_index(data: bytes, at: int) -> LogIndex | None:
 
 def _scan(scan: dict[str, Any], columns: Columns) -> IndexedScan:
     settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
-    return IndexedScan(scan["began"], scan["expected"], settings, finished, tuple(scan["homed"]), columns)
+    recorded = RecordedScan(scan["began"], scan["expected"], settings, (), finished, tuple(scan["homed"]))
+    return IndexedScan(recorded, columns)
 
 
 def _packed(message: Message | None) -> str | None:

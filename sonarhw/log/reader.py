@@ -68,10 +68,9 @@ def read_log(path: Path) -> Log:
     return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn, damaged)
 
 
-def _recorded(scan: IndexedScan, file: OpenFile) -> RecordedScan:
-    traces = StoredTraces(file, scan.settings)
-    readings = readings_of(scan.columns, traces.trace)
-    return RecordedScan(scan.began, scan.expected, scan.settings, readings, scan.finished, scan.homed)
+def _recorded(indexed: IndexedScan, file: OpenFile) -> RecordedScan:
+    traces = StoredTraces(file, indexed.scan.settings)
+    return replace(indexed.scan, readings=readings_of(indexed.columns, traces.trace))
 
 
 class _Head:
