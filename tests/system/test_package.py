@@ -23,10 +23,10 @@ def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     venv.create(tmp_path / "clean", with_pip=True)
     python = tmp_path / "clean" / "bin" / "python"
     options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
-    subprocess.run([python, "-m", "pip", "install", *options, str(wheel)], check=True)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    subprocess.run([python, "-m", "pip", "install", *options, str(wheel)], check=True, env=environment)
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     command = [python.with_name("sonarhw"), "demo", "--headless", "result"]
     subprocess.run(command, check=True, cwd=elsewhere, env=environment, capture_output=True)
     summary = json.loads((elsewhere / "result" / "summary.json").read_text())
