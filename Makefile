@@ -56,7 +56,7 @@ lint: tools
 test: lint firmware
 	setup/debian_packages.sh test
 	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
-	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3
+	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3 --cov
 
 # the long tests in full, and the figures that name seconds: some hours
 soak: tools firmware

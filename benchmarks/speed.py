@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from sonarhw_sim.board.profile import load_board
@@ -25,22 +24,13 @@ from benchmarks.cases.image_source_table import compare_with_image_sources
 from benchmarks.cases.numpy_fan import follow_with_numpy
 from benchmarks.cases.office import PLACE, office_floor
 from benchmarks.cases.office_scan import BOARD, BOUNCES, HEADINGS, LONGEST, scan
+from benchmarks.cases.table_rows import Row, at_least, at_most
 from benchmarks.traces import LISTEN, RATE, SPEED
 from benchmarks.traces import arrivals as hundred_echoes
 from tests.oracles.one_heading import range_at
 
 HALF_CIRCLE = 0.3 - math.pi / 2 + np.arange(721) * math.radians(0.25)
 VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table."""
-
-    work: str
-    wanted: str
-    measured: str
-    holds: bool
 
 
 def seconds(work: Callable[[], object], least: float = 0.5) -> float:
@@ -99,16 +89,6 @@ def memory_of_huge_scan() -> float:
     )
     answer = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     return float(answer.stdout) * 1024 / 1e6
-
-
-def at_least(work: str, wanted: float, measured: float) -> Row:
-    """A row of what should be large."""
-    return Row(work, f"≥ {wanted:g}", f"{measured:.1f}", measured >= wanted)
-
-
-def at_most(work: str, wanted: float, measured: float) -> Row:
-    """A row of what should be small."""
-    return Row(work, f"≤ {wanted:g}", f"{measured:.2f}", measured <= wanted)
 
 
 def versions() -> str:

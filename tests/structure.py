@@ -74,7 +74,7 @@ def folder_circles(graph: ImportGraph) -> list[Circle]:
         for imported in graph.find_modules_directly_imported_by(importer):
             here, there = importer.split("."), imported.split(".")
             shared = next((i for i, (a, b) in enumerate(zip(here, there, strict=False)) if a != b), None)
-            if shared is not None:  # otherwise one of the two is the package of the other
+            if shared:  # None: one is the package of the other; 0: import-linter holds the order of the packages
                 folder = ".".join(here[:shared])
                 neighbours[folder][".".join(here[: shared + 1])].add(".".join(there[: shared + 1]))
     return [circle for edges in neighbours.values() for circle in circles(edges)]

@@ -8,16 +8,13 @@ import importlib.util
 import math
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 from sonarhw_sim.room.model import Room, parse_room
 
+from benchmarks.cases.table_rows import Row, at_least, at_most
 from sonarhw.readings import FloatArray
-
-if TYPE_CHECKING:
-    from benchmarks.speed import Row
 
 WALLS = 20
 REFLECTIONS = 7
@@ -27,10 +24,8 @@ SOURCE, RECEIVER = (0.11, -0.07), (-0.23, 0.31)
 _SAME = 1e-4  # m; pyroomacoustics calculates in single precision
 
 
-def compare_with_image_sources() -> Iterator["Row"]:
+def compare_with_image_sources() -> Iterator[Row]:
     """The rows."""
-    from benchmarks.speed import at_least, at_most
-
     if importlib.util.find_spec("pyroomacoustics") is None:
         return
     theirs_time = ours_time = 0.0

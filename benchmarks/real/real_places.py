@@ -20,7 +20,7 @@ from sonarhw_compare.map import map_scans
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from benchmarks.real.real_scans import DEFAULT_FOLDER, RealScan, load_scans
+from benchmarks.real.judged_scans import DEFAULT_FOLDER, RealScan, load_scans
 from sonarhw.readings import FloatArray
 
 ON_WALL = 0.05  # m

@@ -28,7 +28,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, paths_for, weigh_p
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place
 
-from benchmarks.real.real_scans import (
+from benchmarks.real.judged_scans import (
     DEFAULT_FOLDER,
     NEARBY,
     ROOM,

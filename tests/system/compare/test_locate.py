@@ -13,8 +13,8 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 
+from benchmarks.real.judged_scans import DEFAULT_FOLDER, load_scans
 from benchmarks.real.real_places import locate_real, true_place
-from benchmarks.real.real_scans import DEFAULT_FOLDER, load_scans
 from sonarhw.readings import Reading
 from tests.conftest import Count
 from tests.fixtures.rooms_for_tests import polygon_room

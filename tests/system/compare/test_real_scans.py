@@ -9,7 +9,7 @@ import pytest
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Model
 
-from benchmarks.real.real_scans import (
+from benchmarks.real.judged_scans import (
     DEFAULT_FOLDER,
     NEARBY,
     ON_THE_SPOT,

@@ -1,11 +1,10 @@
-"""The fake's echo source compiles every kernel before it answers its first ping."""
+"""What is loaded and compiled before the first use, each in a process of its own."""
 
 import subprocess
 import sys
 
 
 def test_nothing_is_left_to_compile_when_ready() -> None:
-    # a process of its own: here other tests have compiled everything already
     program = """
 import math, sys
 from sonarhw_sim.board.profile import load_board
@@ -26,3 +25,9 @@ source.hear(Ping(1.0, 0, 0, 0.06, trace=True))
 assert before and compiled() == before, (before, compiled())
 """
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_choices_are_listed_before_any_array_or_kernel_is_loaded() -> None:
+    program = "import sys, sonarhw_sim.choices; print({'numpy', 'pydantic'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
