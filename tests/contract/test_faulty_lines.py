@@ -2,7 +2,6 @@
 
 import math
 import os
-import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from tests.contract.relay import Relay
 from tests.contract.scanners import emulated, ser2net
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time
+from tests.hang_guard import wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
 MICROSTEP = math.tau / 3200
@@ -75,8 +75,7 @@ def test_bytes_that_wait_behind_ser2net_are_read_together() -> None:
     tty.setraw(slave)
     with ser2net(os.ttyname(slave)) as url, Link(url) as link:
         os.write(master, said)
-        while link._port.in_waiting < len(said):
-            threading.Event().wait(0.01)
+        wait_until(lambda: link._port.in_waiting == len(said))
         assert link.read() == said
     os.close(master)
     os.close(slave)

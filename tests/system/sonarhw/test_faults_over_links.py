@@ -1,12 +1,13 @@
 """Faults of a fake scanner over real links: the example of the document, cables that come out, another protocol."""
 
 import re
-from contextlib import suppress
+import threading
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Endpoint, serve
+from sonarhw.device.endpoint import Endpoint, open_door, serve
 from sonarhw.errors import Incompatible, LinkError, LinkLost
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
@@ -28,17 +29,22 @@ def test_the_python_of_the_document_runs() -> None:
 @pytest.mark.parametrize("line", ["pty", "tcp"])
 @pytest.mark.parametrize("fault", ["unplug", "move"])
 def test_a_cable_that_was_out_comes_back_under_its_name_or_another(line: str, fault: str, tmp_path: Path) -> None:
-    where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
-    with serve(faulty(f"{fault}=5@20"), pace=20.0, **where) as endpoint:  # type: ignore[arg-type]
-        before = endpoint.url
-        with Link(before) as link, pytest.raises(LinkLost):
-            read_for_ever(link)
-        with opened_again(endpoint) as link:
-            assert (link.url == before) == (fault == "unplug")
-            link.write(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
-            assert link.read()
-        assert (tmp_path / "scanner").is_symlink() == (line == "pty" and fault == "unplug")
-        assert (tmp_path / "scanner-1").is_symlink() == (line == "pty" and fault == "move")
+    with open_door(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as door:  # type: ignore[arg-type]
+        endpoint = Endpoint(faulty(f"{fault}=5@20"), door, pace=20.0)
+        before, serving = endpoint.url, threading.Thread(target=endpoint.run, name="serve")
+        with ExitStack() as during:
+            with Link(before) as link:
+                serving.start()  # no sooner, or the cable may be out before the link is open
+                during.callback(serving.join)
+                during.callback(endpoint.stop)
+                with pytest.raises(LinkLost):
+                    read_for_ever(link)
+            with opened_again(endpoint) as link:
+                assert (link.url == before) == (fault == "unplug")
+                link.write(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
+                wait_until(link.read)
+            assert (tmp_path / "scanner").is_symlink() == (line == "pty" and fault == "unplug")
+            assert (tmp_path / "scanner-1").is_symlink() == (line == "pty" and fault == "move")
 
 
 def read_for_ever(link: Link) -> None:

@@ -104,7 +104,7 @@ def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
                 stopped.set()
 
             def begin_later(*order: object) -> object:
-                assert stopped.wait(30)
+                assert stopped.wait(HANG)
                 return begin(*order)
 
             scanner.stop = stop_and_say_so
