@@ -20,21 +20,12 @@ from sonarhw_compare.fit import FitOptions, FitResult, Parameter, PlacedScan, fi
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, X, Y
 from sonarhw_sim.board.profile import Board, load_board
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
-from sonarhw_sim.predict.room_echoes import Disturbance, RoomEchoes
+from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.enclosures import inside
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from sonarhw.echo_source import Ping
-from sonarhw.readings import FloatArray, Reading
+from benchmarks.cases.synthetic_scan import READINGS, THERMOMETER, synthetic_scan
 
-READINGS = 120
-TIMING = 6e-6  # s, 1 mm of range
-LEVEL = 0.5  # dB
-LOST = 0.02  # of pings
-ANYWHERE = 0.03  # of readings: the range is any
-THERMOMETER = 0.2  # K
-ERRORS = Disturbance(0.0, 0.0, 0.0, TIMING, LEVEL, 0.0, furniture=False)
 ROOMS = ("simple", "arena", "laboratory")
 DRAWS = 500
 NEAR = 0.1  # m: how far from the truth a drawn fit may look
@@ -45,49 +36,6 @@ def board_of(room: Room) -> Board:
     """The default board; in the simple room, where everything is within its blanking, one that hears from 0.15 m on."""
     board = load_board("polaroid-6500")
     return replace(board, blanking_inhibit=0.9e-3) if room.name == "Simple room" else board
-
-
-def synthetic_scan(
-    room: Room,
-    place: Place,
-    board: Board,
-    seed: int,
-    readings: int = READINGS,
-    echoes: int = 1,
-    warmer: float = 0.0,
-    receiver: Receiver = Receiver.FIRST_ECHO,
-) -> list[Reading]:
-    """A scan all round with the errors above; every reading has its first `echoes` echoes.
-
-    Ranges are told by a thermometer that shows `warmer` K too much. The board's own receiver tells one echo.
-    """
-    random = np.random.default_rng((seed, 5))
-    listen = 2 * board.max_range / room.air.speed_of_sound
-    speed = replace(room.air, temperature_c=room.air.temperature_c + warmer).speed_of_sound
-    angles = np.arange(readings) * math.tau / readings
-    if receiver is Receiver.BOARD:
-        heard = _heard_by_board(room, place, board, angles, random)
-    else:
-        source = RoomEchoes(room, place, board, seed, ERRORS)
-        heard = [source.hear(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
-    made = []
-    for number, (angle, times) in enumerate(zip(angles.tolist(), heard, strict=True)):
-        if random.random() < LOST:
-            times = ()
-        if random.random() < ANYWHERE:
-            times = (float(random.uniform(board.listens_from, listen)),)
-        made.append(Reading(number, 0, 0, angle, 0.1 * number, times, speed))
-    return made
-
-
-def _heard_by_board(
-    room: Room, place: Place, board: Board, angles: FloatArray, random: np.random.Generator
-) -> list[tuple[float, ...]]:
-    """First echo times by the board's own receiver, off as the others are; all that a ping hears is taken together."""
-    headings = np.array([board.heading_at(float(angle), place.heading) for angle in angles])
-    options = PredictionOptions(receiver=Receiver.BOARD)
-    told = 2 * predict_scan(room, place, board, headings, options).ranges / room.air.speed_of_sound
-    return [() if math.isnan(time) else (float(time + random.normal(0, TIMING)),) for time in told]
 
 
 def place_in(room: Room, random: np.random.Generator, apart: float = 0.12) -> Place:
@@ -108,7 +56,7 @@ def _clear(room: Room, point: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnFit:
     """A fit of a scan with known truth."""
 
     room: str
@@ -117,7 +65,7 @@ class Drawn:
     deviations: dict[str, float]
 
 
-def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO) -> Drawn:
+def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO) -> DrawnFit:
     """The fit of draw number `seed`: a room in turn, a place and everything free as they come."""
     random = np.random.default_rng((seed, 6))
     name = ROOMS[seed % len(ROOMS)]
@@ -136,7 +84,7 @@ def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRS
     near = [_near(parameter, truth, random) for parameter in free_parameters(FREE, ["drawn"], room, board)]
     options = FitOptions(PredictionOptions(receiver=receiver), seed, samples)
     result = fit_scans([PlacedScan(readings, place)], room, board, near, options=options)
-    return Drawn(
+    return DrawnFit(
         name,
         {key: _error(result, key, truth[key]) for key in truth},
         {key: _covers(result, key, truth[key]) for key in truth},
@@ -163,7 +111,7 @@ def _covers(result: FitResult, name: str, true: float) -> bool:
     return estimate.lower <= true + shift <= estimate.upper
 
 
-def coverage_table(drawn: Sequence[Drawn]) -> list[str]:
+def coverage_table(drawn: Sequence[DrawnFit]) -> list[str]:
     """For every parameter and room: median and worst error, and how often its region holds the truth."""
     lines = [f"{len(drawn)} draws, {READINGS} readings each, free: {', '.join(FREE)}"]
     for name in (*ROOMS, "all"):

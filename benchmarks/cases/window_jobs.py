@@ -28,7 +28,7 @@ from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.room.model import load_room
 
 from benchmarks.cases.office import PLACE, office_floor
-from benchmarks.fit import synthetic_scan
+from benchmarks.cases.synthetic_scan import synthetic_scan
 from sonarhw.host.driver import Driver
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import Log, LogMetadata, LogWriter, read_log

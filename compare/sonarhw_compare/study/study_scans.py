@@ -29,7 +29,7 @@ _PATHS_KEPT = 16  # sets of paths: points of the grid that come back to a place 
 
 
 @dataclass(frozen=True)
-class Columns:
+class ScanColumns:
     """What is kept of the readings of one scan, (n,) each; NaN where there is no echo."""
 
     heading_deg: FloatArray
@@ -75,7 +75,7 @@ def predict_case(case: Case, at_hand: PathsAtHand) -> PredictedScan:
     return predict_with(case.model, room, place, board, case.headings, options)
 
 
-def columns_of(scan: PredictedScan) -> Columns:
+def columns_of(scan: PredictedScan) -> ScanColumns:
     """What is kept of a scan's readings."""
     heard = scan.winners >= 0
     winners = scan.winners[heard]
@@ -85,7 +85,7 @@ def columns_of(scan: PredictedScan) -> Columns:
         filled[heard] = values
         return filled
 
-    return Columns(
+    return ScanColumns(
         # rounded as every command writes them
         np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
         scan.ranges,
@@ -118,7 +118,7 @@ def _axis_distances(scan: PredictedScan) -> FloatArray:
     return np.where(np.isfinite(ahead), ahead, np.nan)
 
 
-def figures_of(columns: Columns) -> dict[str, float]:
+def figures_of(columns: ScanColumns) -> dict[str, float]:
     """The figures of one scan; shares are of its echoes, NaN where it has none."""
     echo = ~np.isnan(columns.range_m)
     count = int(echo.sum())
@@ -163,7 +163,7 @@ def _scan_table(rows: list[dict[str, object]]) -> pa.Table:
     return pa.table({key: pa.array(np.array(values), from_pandas=True) for key, values in columns.items()})
 
 
-def _reading_table(numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[Columns]) -> pa.Table:
+def _reading_table(numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[ScanColumns]) -> pa.Table:
     if not readings:
         return pa.table({})
     several = {key: np.concatenate([getattr(one, key) for one in readings]) for key in vars(readings[0])}

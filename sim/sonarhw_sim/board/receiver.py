@@ -27,19 +27,19 @@ _SHARE = 0.1  # of what there is just before an echo is found, the least that an
 
 
 @dataclass(frozen=True)
-class Heard:
+class ReceivedEchoes:
     """What the board makes of one ping."""
 
     times: FloatArray  # (k,), s, true time, earliest first
     winner: int  # row of the arrival that was loudest just before the first; -1: no echo, or noise, or the own burst
 
 
-def hear(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
+def hear(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> ReceivedEchoes:
     """The echoes that the board's own receiver finds up to its maximum range."""
     return _hear_for(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
 
 
-def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> Heard:
+def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> ReceivedEchoes:
     """What `hear` finds, up to the first echo or some more: most pings need no more of the signal than that."""
     whole = 2 * board.max_range / speed_of_sound
     listen = min(_FIRST_LISTEN, whole)
@@ -50,11 +50,13 @@ def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: N
     return heard
 
 
-def _hear_for(duration: float, arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None) -> Heard:
+def _hear_for(
+    duration: float, arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None
+) -> ReceivedEchoes:
     samples = received(arrivals, board, speed_of_sound, duration, Receiver.BOARD, noise).samples
     times = echo_times(samples, board, speed_of_sound)
     winner = _loudest_before(float(times[0]), samples, arrivals, board, speed_of_sound) if len(times) else -1
-    return Heard(times, winner)
+    return ReceivedEchoes(times, winner)
 
 
 def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, board: Board, speed_of_sound: float) -> int:

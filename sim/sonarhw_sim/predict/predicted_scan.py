@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.receiver import Heard, counted_time, hear, hear_first
+from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, hear, hear_first
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face
 from sonarhw_sim.choices import Receiver, Unit
@@ -115,7 +115,7 @@ class PredictedScan:
         distance = self.distances[index : index + 1]
         return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
 
-    def first_heard_at(self, index: int) -> Heard:
+    def first_heard_at(self, index: int) -> ReceivedEchoes:
         """The first echo that the board's own receiver finds at heading `index`; the winner is a row of `paths`."""
         heard = hear_first(self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index))
         # row -1, "no path", picks what is appended

@@ -13,7 +13,8 @@ from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 
-from benchmarks.fit import ERRORS, board_of, synthetic_scan
+from benchmarks.cases.synthetic_scan import ERRORS, synthetic_scan
+from benchmarks.fit import board_of
 from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import Reading, Trace
 from tests.fixtures.rooms_for_tests import polygon_room
