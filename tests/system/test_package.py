@@ -22,8 +22,8 @@ def test_wheel_runs_the_demo_from_another_folder(tmp_path: Path) -> None:
     assert {name[: len("sonarhw")] for name in ZipFile(wheel).namelist()} == {"sonarhw"}
     venv.create(tmp_path / "clean", with_pip=True)
     python = tmp_path / "clean" / "bin" / "python"
-    options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    options = ["--quiet", "--no-compile", "--constraint", str(CHECKOUT / "constraints.txt")]
     subprocess.run([python, "-m", "pip", "install", *options, str(wheel)], check=True, env=environment)
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
