@@ -7,8 +7,9 @@ targets=("$@")
 [ $# -gt 0 ] || targets=(demo test)
 checkout=$(cd "$(dirname "$0")/.." && pwd)
 
+exec 3>&2
 fail() {
-    echo "make fresh: $*" >&2
+    echo "make fresh: $*" >&3
     exit 1
 }
 [ "$(id -u)" = 0 ] || fail "needs root (for debootstrap, mount and chroot); try: sudo make fresh"
