@@ -12,7 +12,7 @@ Public names; everything else in this package may change between versions:
 - `Reading`, `Trace`: what one ping gave. `ScanOrder`, `sector`: which pings a scan makes.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
 - `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port to reach it at.
-- `EchoSource`, `Ping`, `Heard`: what a fake scanner hears, to be written for tests and simulations.
+- `EchoSource`, `Ping`, `PingResult`: what a fake scanner hears, to be written for tests and simulations.
 - `SonarError`: the base of all errors, which are in `sonarhw.errors`.
 """
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sonarhw.device.fake_board import FakeBoard
     from sonarhw.device.fault_schedule import read_faults
     from sonarhw.device.faulty_board import FaultyDevice
-    from sonarhw.echo_source import EchoSource, Heard, Ping
+    from sonarhw.echo_source import EchoSource, Ping, PingResult
     from sonarhw.errors import SonarError
     from sonarhw.host.recorder import Recorder
     from sonarhw.host.scanner import Scanner
@@ -35,11 +35,11 @@ __all__ = [
     "EchoSource",
     "FakeBoard",
     "FaultyDevice",
-    "Heard",
     "Log",
     "LogMetadata",
     "LogWriter",
     "Ping",
+    "PingResult",
     "Reading",
     "Recorder",
     "ScanOrder",
@@ -57,7 +57,7 @@ _MODULES = {
     "sonarhw.device.fake_board": ("FakeBoard",),
     "sonarhw.device.fault_schedule": ("read_faults",),
     "sonarhw.device.faulty_board": ("FaultyDevice",),
-    "sonarhw.echo_source": ("EchoSource", "Heard", "Ping"),
+    "sonarhw.echo_source": ("EchoSource", "PingResult", "Ping"),
     "sonarhw.errors": ("SonarError",),
     "sonarhw.host.recorder": ("Recorder",),
     "sonarhw.host.scanner": ("Scanner",),

@@ -21,7 +21,7 @@ class Ping:
 
 
 @dataclass(frozen=True)
-class Heard:
+class PingResult:
     """What one ping brought back."""
 
     echo_times: tuple[float, ...]  # s, earliest first
@@ -35,5 +35,5 @@ class EchoSource(Protocol):
     def temperature_c(self) -> float | None:
         """What the board's thermometer says; None where it has none."""
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """Answer one ping; depends on nothing but the ping (and a seed), not on the order of calls."""

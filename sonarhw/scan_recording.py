@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from sonarhw import disk_room
+from sonarhw import disk_space
 from sonarhw.errors import Incompatible, LinkError, NoAnswer, WrongDevice
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import LogWriter
@@ -108,15 +108,15 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
         watcher.homed()
         for reading in scanner.scan(plan.order):
             progress.reading(reading)
-    if scanner.unchecked:
-        watcher.warn(scanner.unchecked)
+    if scanner.unverified_angles:
+        watcher.warn(scanner.unverified_angles)
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
 
 
 def _warn_if_disk_is_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
     settings = scanner.settings
     samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
-    need, free = disk_room.log_size(plan.order.readings, samples), disk_room.free_bytes(path)
+    need, free = disk_space.log_size(plan.order.readings, samples), disk_space.free_bytes(path)
     if free is not None and free < need:
         watcher.warn(
             f"{path}: the scan takes some {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "

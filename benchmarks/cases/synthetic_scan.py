@@ -44,7 +44,7 @@ def synthetic_scan(
         heard = _heard_by_board(room, place, board, angles, random)
     else:
         source = RoomEchoes(room, place, board, seed, ERRORS)
-        heard = [source.hear(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
+        heard = [source.receive(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
     made = []
     for number, (angle, times) in enumerate(zip(angles.tolist(), heard, strict=True)):
         if random.random() < LOST:

@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from sonarhw.echo_source import EchoSource, Heard, Ping
+from sonarhw.echo_source import EchoSource, Ping, PingResult
 from sonarhw.errors import InputError, LinkError
 
 BUILT = Path(__file__).parents[2] / "firmware" / "build"
@@ -81,7 +81,7 @@ class EmulatedBoard:
             kind, payload = message
             if kind == b"P":
                 degrees, self.fired, sweep, index = _PING.unpack(payload)
-                heard = self._echoes.hear(Ping(np.radians(degrees), sweep, index, LISTEN, True))
+                heard = self._echoes.receive(Ping(np.radians(degrees), sweep, index, LISTEN, True))
                 with suppress(BrokenPipeError):  # it may have been switched off meanwhile
                     self._tell(b"E", packed(heard))
             elif kind == b"C":
@@ -111,7 +111,7 @@ class EmulatedBoard:
         return taken
 
 
-def packed(heard: Heard) -> bytes:
+def packed(heard: PingResult) -> bytes:
     """What one ping brought back, as the emulator reads it."""
     times = struct.pack(f"<I{len(heard.echo_times)}d", len(heard.echo_times), *heard.echo_times)
     if heard.trace is None:

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Literal
 
 from sonarhw.device.device import Device
-from sonarhw.device.doors import Door, open_door
+from sonarhw.device.server_ports import ServerPort, open_server_port
 from sonarhw.errors import InputError
 
-__all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_door", "serve"]
+__all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_server_port", "serve"]
 
 Pace = float | Literal["real", "max"]
 _LONGEST_WAIT = 0.1  # s
@@ -63,14 +63,14 @@ def check_pace(pace: Pace) -> Pace:
 
 
 class Endpoint:
-    """A device behind a door: `run` serves it in the caller's thread until `stop`."""
+    """A device behind a port: `run` serves it in the caller's thread until `stop`."""
 
     def __init__(
-        self, device: Device, door: Door, pace: Pace = "real", moved: Callable[[str], None] = lambda url: None
+        self, device: Device, port: ServerPort, pace: Pace = "real", moved: Callable[[str], None] = lambda url: None
     ) -> None:
         """`moved` is told the new URL where the device's cable comes back under another name."""
         self._device = device
-        self._door = door
+        self._port = port
         self._moved = moved
         self._plug = device.plug
         self._clock = Clock(check_pace(pace))
@@ -83,7 +83,7 @@ class Endpoint:
     @property
     def url(self) -> str:
         """Where clients find the device, or found it last."""
-        return self._door.url
+        return self._port.url
 
     def stop(self) -> None:
         """End serving; callable from any thread and from a signal handler."""
@@ -109,13 +109,13 @@ class Endpoint:
         if self._plug == before:
             return
         if before is not None:
-            self._door.pull()
+            self._port.pull()
             self._pending = b""
         if self._plug is not None:
-            url = self._door.url
-            self._door.plug_in(self._plug)
-            if self._door.url != url:
-                self._moved(self._door.url)
+            url = self._port.url
+            self._port.plug_in(self._plug)
+            if self._port.url != url:
+                self._moved(self._port.url)
 
     def _wait_for(self) -> float:
         """How long nothing needs to be done, s of real time."""
@@ -137,15 +137,15 @@ class Endpoint:
             self._listen(wait)
 
     def _speak(self, wait: float) -> None:
-        writer = self._door.writer()
+        writer = self._port.writer()
         if writer is not None and writer not in select.select([self._waker.fileno()], [writer], [], wait)[1]:
             return
-        self._sent(self._door.write(self._pending))
+        self._sent(self._port.write(self._pending))
 
     def _listen(self, wait: float) -> None:
-        readers = self._door.readers()
+        readers = self._port.readers()
         if set(select.select([self._waker.fileno(), *readers], [], [], wait)[0]) & set(readers):
-            self._received(self._door.read())
+            self._received(self._port.read())
 
     def _sent(self, count: int | None) -> None:
         if count is None:
@@ -166,7 +166,7 @@ class Endpoint:
 
 @contextmanager
 def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace: Pace = "real") -> Iterator[Endpoint]:
-    """Serve `device` in a thread of its own, which has ended when the block has. Raises what `open_door` does.
+    """Serve `device` in a thread of its own, which has ended when the block has. Raises what `open_server_port` does.
 
     What went wrong in the device is raised at the end of the block.
     """
@@ -177,11 +177,11 @@ def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace:
             endpoint.run()
         except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the endpoint
             failures.append(failure)
-            door.close()  # clients see it go
+            port.close()  # clients see it go
 
-    with open_door(pty, tcp) as door:
-        endpoint = Endpoint(device, door, pace)
-        thread = threading.Thread(target=run, name=f"serve {door.url}", daemon=True)
+    with open_server_port(pty, tcp) as port:
+        endpoint = Endpoint(device, port, pace)
+        thread = threading.Thread(target=run, name=f"serve {port.url}", daemon=True)
         thread.start()
         try:
             yield endpoint

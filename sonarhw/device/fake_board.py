@@ -261,7 +261,7 @@ class FakeBoard(ProtocolDevice):
             self._hear(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
     def _hear(self, number: int, ping: Ping, fired: float, now: float) -> None:
-        heard = self._echoes.hear(replace(ping, angle=ping.angle + self._turntable.error(fired)))
+        heard = self._echoes.receive(replace(ping, angle=ping.angle + self._turntable.error(fired)))
         blanking = seconds_of(self._settings.blanking_us)
         times = [time for time in heard.echo_times if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]

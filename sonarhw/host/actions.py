@@ -5,6 +5,7 @@ from dataclasses import replace
 from sonarhw.errors import LostSteps, NoAnswer
 from sonarhw.host.conversation import Conversation
 from sonarhw.host.job import Job, Script
+from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
 from sonarhw.readings import FloatArray
 from sonarhw.wire.messages import (
     AnswerMessage,
@@ -20,7 +21,6 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.reading_messages import scan_order
 from sonarhw.wire.units import microdegrees_of, radians_of
-from sonarhw.zero_mark import BEFORE, BEHIND, lost, nearest_mark, unchecked
 
 _FRUITLESS = 3  # orders for readings of which none brought any
 _DEFAULTS = Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=343_200)
@@ -101,8 +101,8 @@ def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
         if outcome is Outcome.DONE and not job.stop_wanted:
             yield from _see_mark(talk, order, job)
     except LostSteps as error:
-        raise _with_doubt(error, job.legs()) from error
-    job.unchecked = unchecked(job.legs())
+        raise _with_wrong_angles(error, job.angles_between_homings()) from error
+    job.unverified_angles = unverified_clause(job.angles_between_homings())
     return outcome
 
 
@@ -135,19 +135,19 @@ def _see_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
     able = talk.device.capabilities
     if able is None or not able.features & Feature.LOST_STEPS:
         return
-    before = BEFORE + radians_of(able.backlash)
-    lowest, highest = radians_of(able.lowest_angle) + before, radians_of(able.highest_angle) - BEHIND
+    before = MARK_APPROACH + radians_of(able.backlash)
+    lowest, highest = radians_of(able.lowest_angle) + before, radians_of(able.highest_angle) - MARK_OVERRUN
     stands = scan_order(order).ping_at(job.progress.total - 1)[1]
     mark = nearest_mark(stands, lowest, highest)
-    for angle in () if mark is None else (mark - before, mark + BEHIND):
+    for angle in () if mark is None else (mark - before, mark + MARK_OVERRUN):
         if (yield from talk.act(Turn(microdegrees_of(angle)), job)) is not Outcome.DONE:
             return
 
 
-def _with_doubt(error: LostSteps, legs: list[FloatArray]) -> LostSteps:
+def _with_wrong_angles(error: LostSteps, runs: list[FloatArray]) -> LostSteps:
     """The error with what it means for the readings of a scan that have come."""
-    total = sum(map(len, legs))
+    total = sum(map(len, runs))
     if not total:
         return error
     kept = f"{total} reading{' is' if total == 1 else 's are'} kept"
-    return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost(legs), unchecked(legs))))}")
+    return LostSteps(f"{error} {'; '.join(filter(None, (kept, lost_steps_clause(runs), unverified_clause(runs))))}")

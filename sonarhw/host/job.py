@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from sonarhw.host.driver import Command
+from sonarhw.lost_steps import split_at_homings
 from sonarhw.readings import FloatArray, Reading
 from sonarhw.wire.arrivals import Progress
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import Started
-from sonarhw.zero_mark import legs
 
 if TYPE_CHECKING:
     from sonarhw.host.conversation import Conversation
@@ -54,7 +54,7 @@ class Job:
         self.readings: deque[Reading] = deque()
         self.progress = Progress(readings)
         self.began: float | None = None  # on the clock of `Reading.time`, s
-        self.unchecked: str | None = None  # a clause: which angles could not be checked for lost steps
+        self.unverified_angles: str | None = None  # a clause: which angles could not be checked for lost steps
         self._times, self._angles = array("d"), array("d")  # of all its readings
         self._homed: list[float] = []  # time of the newest reading when the zero was sought anew
 
@@ -84,9 +84,9 @@ class Job:
         if self._times:
             self._homed.append(max(self._times))
 
-    def legs(self) -> list[FloatArray]:
+    def angles_between_homings(self) -> list[FloatArray]:
         """The angles of its readings, rad, apart where the zero was sought anew."""
-        return legs(self._times, self._angles, self._homed)
+        return split_at_homings(self._times, self._angles, self._homed)
 
     def end(self, result: Any = None, error: BaseException | None = None) -> None:
         """It is over, where it was not before."""

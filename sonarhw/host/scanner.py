@@ -160,12 +160,12 @@ class Scanner:
         return self._scan.began or 0.0 if self._scan else 0.0
 
     @property
-    def unchecked(self) -> str | None:
+    def unverified_angles(self) -> str | None:
         """Which angles of the last scan could not be checked for lost steps, as a clause; None: all were, or none can.
 
         A device that was reset or left alone in mid-scan finds its zero anew, and where it stood before is not known.
         """
-        return self._scan.unchecked if self._scan else None
+        return self._scan.unverified_angles if self._scan else None
 
     def record(self, recorder: Recorder | None) -> None:
         """Hand every frame and reading of what is done from now on to `recorder`, and first the greeting.

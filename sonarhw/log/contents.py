@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Protocol
 
+from sonarhw.lost_steps import lost_steps_clause, split_at_homings, unverified_clause
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Finished, Info, Outcome, Settings
-from sonarhw.zero_mark import legs, lost, unchecked
 
 FORMAT_VERSION = 1
 PROFILE = "sonarhw"  # of the MCAP header
@@ -73,17 +73,17 @@ class RecordedScan:
     homed: tuple[float, ...] = ()  # when the zero was sought anew in mid-scan, s on the clock of the readings
 
     @property
-    def doubt(self) -> str | None:
+    def angle_warning(self) -> str | None:
         """Which readings may stand at wrong angles, and why; None where that is not known of any."""
         slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
         if not slipped and not self.homed:
             return None
-        apart = legs(
+        apart = split_at_homings(
             [reading.time for reading in self.readings], [reading.angle for reading in self.readings], self.homed
         )
-        of_last = lost(apart) if slipped else None
+        of_last = lost_steps_clause(apart) if slipped else None
         told = of_last and f"the turntable lost steps; {of_last}"
-        return "; ".join(filter(None, (told, unchecked(apart)))) or None
+        return "; ".join(filter(None, (told, unverified_clause(apart)))) or None
 
 
 @dataclass(frozen=True)

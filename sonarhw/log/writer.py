@@ -20,7 +20,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
-from sonarhw.disk_room import DiskRoom
+from sonarhw.disk_space import DiskSpaceMonitor
 from sonarhw.errors import LogError
 from sonarhw.log.appended_file import LogFile
 from sonarhw.log.contents import (
@@ -79,7 +79,7 @@ class LogWriter:
     ) -> None:
         self._lock = threading.RLock()  # one thread records what another may close
         self._file = LogFile(path, overwrite, live)
-        self._room = DiskRoom(path, warn) if warn else None
+        self._room = DiskSpaceMonitor(path, warn) if warn else None
         self._scanning = False
         self._scans = 0  # whose sweeps are written
         self._follower = Follower()

@@ -24,7 +24,7 @@ from sonarhw_cli.console.options import (
     chosen_place,
     chosen_receiver,
 )
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def compare(
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
     if plot is not None:
-        with whole_file(plot, "--plot") as file:
+        with atomic_file(plot, "--plot") as file:
             draw_comparison(comparison, file)
     if as_json:
         typer.echo(json.dumps(_figures(comparison, explained), indent=2))

@@ -17,7 +17,7 @@ from sonarhw_cli.comparison.fit_table import fit_figures, fit_lines
 from sonarhw_cli.console.log_input import LogFiles, open_log, recorded_board, recorded_place, recorded_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import BoardOfLog, Force, ReceiverChoice, checked_out, chosen_place, chosen_receiver
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
 
@@ -183,7 +183,7 @@ def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) ->
         profile = found_board(fitted.board, values, board_out.stem, deviations, logs)
         texts.append((board_out, "--board-out", profile.text))
     for file, option, text in texts:
-        with whole_file(file, option) as written:
+        with atomic_file(file, option) as written:
             written.write(text.encode())
 
 

@@ -12,7 +12,7 @@ from sonarhw_sim.choices import Receiver
 from sonarhw.errors import InputError
 from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.options import BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out, chosen_receiver
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def locate(
     if out is not None:
         from sonarhw_compare.locate.locate_picture import draw_located
 
-        with whole_file(out) as file:
+        with atomic_file(out) as file:
             draw_located(located).savefig(file, format="png")
     figures = _figures(located, near)
     if as_json:

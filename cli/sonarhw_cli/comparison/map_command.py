@@ -14,7 +14,7 @@ from sonarhw.errors import InputError
 from sonarhw_cli.console.log_input import LogFiles, open_log, recorded_board, recorded_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import BoardOfLog, Force, checked_out
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
 
@@ -65,7 +65,7 @@ def map_logs(
     if out is not None:
         from sonarhw_compare.map.map_picture import draw_map
 
-        with whole_file(out) as file:
+        with atomic_file(out) as file:
             draw_map(found, room).savefig(file, format="png")
     if as_json:
         typer.echo(json.dumps(_figures(found), indent=2))

@@ -17,7 +17,7 @@ from sonarhw_cli.console.options import (
     chosen_place,
     chosen_receiver,
 )
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 
 if TYPE_CHECKING:
     from sonarhw_compare.report.html_report import Report
@@ -37,7 +37,7 @@ def report(
 
     checked_out(out, (".html",), force, log_file, room_file, board)
     page = report_html(report_on(log_file, room_file, place, board, receiver))
-    with whole_file(out) as file:
+    with atomic_file(out) as file:
         file.write(page.encode())
 
 

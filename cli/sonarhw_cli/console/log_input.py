@@ -27,9 +27,9 @@ def open_log(path: Path) -> "Log":
         read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
         warn(f"{path}: {log.condition}; {read}; {log.torn}")
     for number, scan in enumerate(log.scans, 1):
-        if scan.doubt:
+        if scan.angle_warning:
             which = f"scan {number}: " if len(log.scans) > 1 else ""
-            warn(f"{path}: {which}{scan.doubt}")
+            warn(f"{path}: {which}{scan.angle_warning}")
     return log
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver
 
+from sonarhw.atomic_file import is_special
 from sonarhw.errors import InputError
 from sonarhw.readings import ScanOrder, headings_between
-from sonarhw.whole_file import is_special
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:

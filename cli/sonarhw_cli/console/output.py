@@ -11,8 +11,8 @@ from io import StringIO
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
+from sonarhw.atomic_file import atomic_file as atomic_file
 from sonarhw.errors import InputError, OutputError
-from sonarhw.whole_file import whole_file as whole_file
 from sonarhw_cli.console.options import STDOUT
 
 
@@ -28,7 +28,7 @@ def text_output(out: str) -> Iterator[TextIO]:
         return
     text = StringIO(newline="")
     yield text
-    with whole_file(Path(out)) as file:
+    with atomic_file(Path(out)) as file:
         file.write(text.getvalue().encode())
 
 
@@ -36,7 +36,7 @@ def text_output(out: str) -> Iterator[TextIO]:
 def binary_output(out: str) -> Iterator[BinaryIO]:
     """Standard output for `-`, else the file `out`, written when the block has ended well. Raises OutputError."""
     if out != STDOUT:
-        with whole_file(Path(out)) as file:
+        with atomic_file(Path(out)) as file:
             yield file
         return
     with _flushed(standard_output()) as text:

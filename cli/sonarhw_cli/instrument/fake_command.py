@@ -42,9 +42,9 @@ def fake(
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.room.model import load_room
 
-    from sonarhw.device.doors import host_and_port
-    from sonarhw.device.endpoint import Endpoint, open_door
+    from sonarhw.device.endpoint import Endpoint, open_server_port
     from sonarhw.device.fault_schedule import read_faults
+    from sonarhw.device.server_ports import host_and_port
 
     check_one_line(pty, tcp)
     if tcp is not None:
@@ -52,11 +52,11 @@ def fake(
     load_board(board)
     load_room(room_file).place(place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
-    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
-        typer.echo(door.url)
+    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
+        typer.echo(port.url)
         # clients may connect from here on; the slow part comes behind the URL
         device, echoes = fake_device(room_file, place, board, seed, schedule)
-        endpoint = Endpoint(device, door, chosen_pace, moved=typer.echo)
+        endpoint = Endpoint(device, port, chosen_pace, moved=typer.echo)
         with _prepared_behind(echoes.prepare, endpoint.stop):
             endpoint.run()
 

@@ -101,7 +101,7 @@ def _scan_line(scan: "RecordedScan") -> str:
     readings = scan.readings
     ordered = "" if scan.expected is None else f"{len(readings)} of "
     took = f"{ordered}{counted(len(readings) if scan.expected is None else scan.expected, 'reading')}"
-    lost = f"; {scan.doubt}" if scan.doubt else ""
+    lost = f"; {scan.angle_warning}" if scan.angle_warning else ""
     end = lost if scan.finished else "; the scan was not finished"
     if not readings:
         return f"{took}{end}"

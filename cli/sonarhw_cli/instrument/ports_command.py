@@ -11,7 +11,7 @@ def ports(
     ask: Annotated[bool, typer.Option("--ask", help="Ask every port, not only those with known USB ids.")] = False,
 ) -> None:
     """List serial ports and whether a scanner answers there; asking may reset whatever hangs on a port."""
-    from sonarhw.host.who_answers import who_answers
+    from sonarhw.host.port_probe import probe_port
     from sonarhw.link.ports import serial_ports
 
     found = serial_ports()
@@ -19,5 +19,5 @@ def ports(
         typer.echo("no serial ports", err=True)
     with sigterm_raises():
         for port in found:
-            answer = who_answers(port.device)[1] if ask or port.known else "not asked; --ask asks all"
+            answer = probe_port(port.device)[1] if ask or port.known else "not asked; --ask asks all"
             typer.echo(f"{port.device}  {port.known or port.description}  {answer}")

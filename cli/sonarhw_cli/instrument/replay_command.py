@@ -20,7 +20,7 @@ def replay(
     tcp: TcpAddress = None,
 ) -> None:
     """Serve a log as a live scanner, which plays at each scan command; the first line of output is its URL."""
-    from sonarhw.device.endpoint import Endpoint, open_door
+    from sonarhw.device.endpoint import Endpoint, open_server_port
     from sonarhw.replay.replayed_log import ReplayDevice
     from sonarhw_cli.console.interruption import sigterm_raises
 
@@ -33,7 +33,7 @@ def replay(
     # without a limit the device's own time is skipped, so that the recorded spacing stays in the readings
     at_once = math.isinf(speed)
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
-    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
-        endpoint = Endpoint(device, door, "max" if at_once else "real")
-        typer.echo(door.url)
+    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
+        endpoint = Endpoint(device, port, "max" if at_once else "real")
+        typer.echo(port.url)
         endpoint.run()

@@ -8,7 +8,7 @@ import typer
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import refuse_existing
-from sonarhw_cli.console.output import made_folder, whole_file
+from sonarhw_cli.console.output import atomic_file, made_folder
 from sonarhw_cli.console.progress import progress
 
 
@@ -40,5 +40,5 @@ def _check(folder: Path, files: list[Path], force: bool) -> None:
 
 
 def _write(out: Path, content: bytes) -> None:
-    with whole_file(out, "DIR") as file:
+    with atomic_file(out, "DIR") as file:
         file.write(content)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.options import LOG
-from sonarhw_cli.console.output import whole_file
+from sonarhw_cli.console.output import atomic_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,7 +85,7 @@ def write_predicted_npz(scan: "PredictedScan", wish: TraceWish | None, out: Path
     if wish is not None:
         named |= {"trace": np.stack([_samples(scan, k, wish) for k in range(len(scan.headings))])}
         named |= {"trace_rate_hz": np.array(wish.rate)}
-    with whole_file(out) as file:
+    with atomic_file(out) as file:
         np.savez(file, allow_pickle=False, **named)
 
 
@@ -113,7 +113,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path) -> None:
     from sonarhw_compare.pictures.overlay_picture import draw_plan
 
     figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
-    with whole_file(out) as file:
+    with atomic_file(out) as file:
         figure.savefig(file, format="png")
 
 

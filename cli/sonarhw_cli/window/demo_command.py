@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sonarhw_cli.console.demo_room import PLACE, demo_room, demo_url
-from sonarhw_cli.console.output import made_folder, whole_file
+from sonarhw_cli.console.output import atomic_file, made_folder
 from sonarhw_cli.window.gui_command import show_demo
 
 RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
@@ -50,9 +50,9 @@ def _without_a_window(room_file: Path, folder: Path) -> None:
     log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
     scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
     comparison = compare_log(log, room_file, PLACE)
-    with whole_file(picture, "--headless") as file:
+    with atomic_file(picture, "--headless") as file:
         draw_comparison(comparison, file)
-    with whole_file(figures, "--headless") as file:
+    with atomic_file(figures, "--headless") as file:
         file.write((json.dumps(asdict(comparison.summary()), indent=2) + "\n").encode())
     for line in summary_lines(comparison.summary()):
         typer.echo(line)

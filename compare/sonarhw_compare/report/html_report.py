@@ -201,7 +201,7 @@ def _log(report: Report) -> Facts:
     facts.append(("readings", f"{kept} in {scans}, {max(0, made - kept)} lost"))
     facts.append(("frames", str(len(log.frames))))
     facts.append(("file", f"{log.condition}: {log.torn}" if log.torn else log.condition))
-    facts += [("angles in doubt", scan.doubt) for scan in log.scans if scan.doubt]
+    facts += [("angles in doubt", scan.angle_warning) for scan in log.scans if scan.angle_warning]
     return facts
 
 

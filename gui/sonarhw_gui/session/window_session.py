@@ -106,7 +106,7 @@ class WindowSession(QObject):
         self._intake.load(log, name, path)
         if log.torn:
             self.warned.emit(f"{name}: {log.torn}; {len(log.readings)} whole readings are shown")
-        for doubt in filter(None, (scan.doubt for scan in log.scans)):
+        for doubt in filter(None, (scan.angle_warning for scan in log.scans)):
             self.warned.emit(f"{name}: {doubt}")
 
     @Slot()

@@ -99,14 +99,14 @@ class KeepRequest:
 
     def answer(self) -> Path:
         """Write it. Raises InputError, OutputError; then nothing has been written."""
-        from sonarhw.whole_file import whole_file
+        from sonarhw.atomic_file import atomic_file
 
         endings, path = self.content.endings, self.path
         if path.suffix.lower() not in endings:
             raise InputError(f"{path.name}: expected a name that ends in {' or '.join(endings)}")
         if path.exists() and not self.overwrite:
             raise InputError(f"{path}: exists already; choose another name")
-        with whole_file(path, "name") as file:
+        with atomic_file(path, "name") as file:
             self.content.write(file, path.suffix.lower())
         return path
 

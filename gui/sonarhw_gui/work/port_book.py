@@ -7,7 +7,7 @@ device.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from sonarhw.host.who_answers import who_answers
+from sonarhw.host.port_probe import probe_port
 from sonarhw.link.ports import Port, serial_ports
 from sonarhw_gui.work.worker import Failure, Worker
 
@@ -49,7 +49,7 @@ class PortBook:
     def __init__(
         self,
         find: Callable[[], list[Port]] = serial_ports,
-        ask: Callable[[str], tuple[bool, str]] = who_answers,
+        ask: Callable[[str], tuple[bool, str]] = probe_port,
     ) -> None:
         self.rows: tuple[PortRow, ...] = ()
         self.failures: list[str] = []

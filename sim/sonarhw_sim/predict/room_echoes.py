@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.choices import Unit
@@ -81,17 +81,17 @@ class RoomEchoes:
         self._trace(scan, ping, random)
         self._ready.set()
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """What the board hears of one ping; the same for the same ping, whatever was asked before."""
         _, place, _ = self._truth()
         heading = self._board.heading_at(ping.angle, place.heading)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
-            return Heard(())
+            return PingResult(())
         microdegrees = round(math.degrees(ping.angle) * 1e6) % 360_000_000
         random = np.random.default_rng((self._seed, 2, microdegrees, ping.sweep, ping.index))
         scan = self._scan(heading)
         times = self._echo_times(scan, ping, random)
-        return Heard(times, self._trace(scan, ping, random) if ping.trace else None)
+        return PingResult(times, self._trace(scan, ping, random) if ping.trace else None)
 
     def _truth(self) -> tuple[Room, Place, Paths | None]:
         """Room and place as they are, and the paths, where they are those of every heading."""

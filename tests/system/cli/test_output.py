@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from sonarhw_cli.app import run
 from sonarhw_cli.console.options import LOG, checked_out
-from sonarhw_cli.console.output import text_output, whole_file
+from sonarhw_cli.console.output import atomic_file, text_output
 
 from sonarhw.errors import InputError
 from tests.checkout import CHECKOUT
@@ -165,7 +165,7 @@ def test_a_full_disk_leaves_no_half_file(
 def test_a_file_that_fails_half_way_leaves_the_older_one(tmp_path: Path) -> None:
     out = tmp_path / "scan.csv"
     out.write_text("older")
-    with suppress(KeyboardInterrupt), whole_file(out) as file:
+    with suppress(KeyboardInterrupt), atomic_file(out) as file:
         file.write(b"newer")
         file.flush()
         raise KeyboardInterrupt

@@ -23,7 +23,7 @@ from sonarhw import Scanner, sector
 from sonarhw.device.emulated_board import EmulatedBoard, emulated_board
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.errors import DeviceError, LostSteps
 from sonarhw.link.serial_link import Link
 from sonarhw.readings import Reading, Trace
@@ -61,11 +61,11 @@ class Echoes:
         self._times = times
         self.pings: list[Ping] = []
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """What was laid down."""
         self.pings.append(ping)
         time = np.arange(0, 0.0655, 2e-6)
-        return Heard(self._times, Trace(envelope(time), 500_000.0, 0.0))
+        return PingResult(self._times, Trace(envelope(time), 500_000.0, 0.0))
 
 
 def envelope(time: np.ndarray) -> np.ndarray:
@@ -218,12 +218,12 @@ class AtTheWrap(Echoes):
     born = 0.0  # when the firmware's clock began, s of the board's time
     step = 0.25e-6  # s
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """A trace, for its interrupts, and the echo."""
         since = self.board.fired - self.born
         wrap = (since // TIMER_WRAP + 1) * TIMER_WRAP - since
         self._times = (wrap + (len(self.pings) - 8) * self.step,)
-        return super().hear(ping)
+        return super().receive(ping)
 
 
 def test_an_echo_at_the_very_moment_the_timer_begins_anew_is_timed_all_the_same() -> None:
@@ -271,10 +271,10 @@ class Interrupted(Echoes):
 
     line: Link
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """What was laid down, and noise."""
         self.line.write(b"\x55" * 400 + b"\0")
-        return super().hear(ping)
+        return super().receive(ping)
 
 
 def test_bytes_that_come_faster_than_they_are_taken_are_counted_and_do_no_harm() -> None:
@@ -330,7 +330,7 @@ def test_the_table_points_where_it_says_and_stands_still_when_it_pings() -> None
 class Broken(Echoes):
     """Fails at the first ping."""
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """Nothing."""
         raise ZeroDivisionError
 

@@ -21,7 +21,7 @@ room = load_room("rooms/simple.toml")
 source = RoomEchoes(room, room.places["figure9"], load_board("paper"))
 source.prepare()
 before = compiled()
-source.hear(Ping(1.0, 0, 0, 0.06, trace=True))
+source.receive(Ping(1.0, 0, 0, 0.06, trace=True))
 assert before and compiled() == before, (before, compiled())
 """
     subprocess.run([sys.executable, "-c", program], check=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Clock, Endpoint, open_door, serve
+from sonarhw.device.endpoint import Clock, Endpoint, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import InputError, LinkError
 from sonarhw.host.scanner import Scanner
@@ -194,8 +194,8 @@ def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(time, "monotonic", lambda: real)
     monkeypatch.setattr("sonarhw.device.endpoint.select.select", waits)
-    with open_door(tcp="127.0.0.1:0") as door:
-        endpoint = Endpoint(FakeBoard(PlainEchoes()), door)
+    with open_server_port(tcp="127.0.0.1:0") as port:
+        endpoint = Endpoint(FakeBoard(PlainEchoes()), port)
         endpoint.run()
     assert endpoint._clock.now == pytest.approx(10, abs=0.5)
 

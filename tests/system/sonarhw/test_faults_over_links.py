@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sonarhw.device.endpoint import Endpoint, open_door, serve
+from sonarhw.device.endpoint import Endpoint, open_server_port, serve
 from sonarhw.errors import Incompatible, LinkError, LinkLost
 from sonarhw.host.scanner import Scanner
 from sonarhw.link.serial_link import Link
@@ -29,7 +29,7 @@ def test_the_python_of_the_document_runs() -> None:
 @pytest.mark.parametrize("line", ["pty", "tcp"])
 @pytest.mark.parametrize("fault", ["unplug", "move"])
 def test_a_cable_that_was_out_comes_back_under_its_name_or_another(line: str, fault: str, tmp_path: Path) -> None:
-    with open_door(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as door:  # type: ignore[arg-type]
+    with open_server_port(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as door:  # type: ignore[arg-type]
         endpoint = Endpoint(faulty(f"{fault}=5@20"), door, pace=20.0)
         before, serving = endpoint.url, threading.Thread(target=endpoint.run, name="serve")
         with ExitStack() as during:

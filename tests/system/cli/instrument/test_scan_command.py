@@ -16,7 +16,7 @@ from sonarhw_cli.console.interruption import sigterm_raises
 
 from sonarhw.device.endpoint import serve
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.export.csv_rows import HEADER
 from sonarhw.log import read_log
 from tests.checkout import CHECKOUT
@@ -270,17 +270,17 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
 class Interrupting(PlainEchoes):
     """Sends the main thread Ctrl-C at the third ping."""
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """What was laid down."""
         if len(self.pings) == 2:
             signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
-        return super().hear(ping)
+        return super().receive(ping)
 
 
 def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
     log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 40_000_000)
+    monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 40_000_000)
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()

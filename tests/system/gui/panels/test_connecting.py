@@ -15,7 +15,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.work.port_book import PortBook
 
 from sonarhw.errors import InputError
-from sonarhw.host.who_answers import who_answers
+from sonarhw.host.port_probe import probe_port
 from sonarhw.link.ports import Port, Usb
 from tests.hang_guard import HANG
 from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
@@ -124,7 +124,7 @@ def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenW
 
 @pytest.mark.parametrize(("url", "said"), [("socket://127.0.0.1:9", "no scanner: "), ("nonsense://x", "no scanner: ")])
 def test_a_port_where_nobody_is_says_why(url: str, said: str) -> None:
-    answers, why = who_answers(url, patience=0.3)
+    answers, why = probe_port(url, patience=0.3)
     assert not answers
     assert why.startswith(said)
     assert not why.startswith(f"{said}{url}")

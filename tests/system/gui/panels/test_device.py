@@ -21,7 +21,7 @@ from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve
 from sonarhw.device.fake_board import FakeBoard
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder, sector
@@ -246,12 +246,12 @@ class PulledOnce(RoomEchoes):
     board: FakeBoard
     pings = 0
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """What the room gives back."""
         self.pings += 1
         if self.pings == 10:
             self.board.plug = None
-        return super().hear(ping)
+        return super().receive(ping)
 
 
 def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_the_scan_is_whole(

@@ -14,7 +14,7 @@ from sonarhw_gui.scene.scene import Scene, scene_of_log
 from sonarhw_gui.scene.scene_edit import standing_at
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
-from sonarhw.device.endpoint import Endpoint, open_door, serve
+from sonarhw.device.endpoint import Endpoint, open_server_port, serve
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import read_log
@@ -59,7 +59,7 @@ def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
 def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sonarhw.disk_room.free_bytes", lambda _: 20_000_000)
+    monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 20_000_000)
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert "its disk is nearly full: 20.0 MB are free" in window.banner.message
@@ -228,17 +228,17 @@ def test_without_a_room_the_measured_points_are_shown(
 @contextmanager
 def vanishing(board: FakeBoard) -> Iterator[tuple[str, Callable[[], None]]]:
     """A served board, its URL, and what makes it vanish."""
-    with open_door(tcp="127.0.0.1:0") as door:
-        endpoint = Endpoint(board, door, 4.0)
+    with open_server_port(tcp="127.0.0.1:0") as port:
+        endpoint = Endpoint(board, port, 4.0)
         thread = threading.Thread(target=endpoint.run)
         thread.start()
 
         def vanish() -> None:
             endpoint.stop()
             thread.join()
-            door.close()
+            port.close()
 
-        yield door.url, vanish
+        yield port.url, vanish
 
 
 def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(

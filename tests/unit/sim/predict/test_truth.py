@@ -10,7 +10,7 @@ from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, MAX_ECHOES, RoomEchoes
 from sonarhw_sim.room.model import load_room
 
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 
 ROOM = load_room("rooms/simple.toml")
 PLACE = ROOM.places["figure9"]
@@ -18,8 +18,8 @@ BOARD = load_board("paper")
 LISTEN = 0.06
 
 
-def hear(source: RoomEchoes, degrees: float, sweep: int = 0) -> Heard:
-    return source.hear(Ping(math.radians(degrees), sweep, 0, LISTEN, trace=False))
+def hear(source: RoomEchoes, degrees: float, sweep: int = 0) -> PingResult:
+    return source.receive(Ping(math.radians(degrees), sweep, 0, LISTEN, trace=False))
 
 
 def test_undisturbed_truth_is_the_prediction() -> None:

@@ -362,7 +362,9 @@ def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray
 
 def test_fake_scanner_hears_what_sections_hear() -> None:
     room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
-    heard = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).hear(Ping(math.pi / 2, 0, 0, 0.06, False))
+    heard = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
+        Ping(math.pi / 2, 0, 0, 0.06, False)
+    )
     assert heard.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import sonarhw.disk_room
+import sonarhw.disk_space
 import sonarhw.log.appended_file
-from sonarhw.disk_room import DiskRoom, log_size
+from sonarhw.disk_space import DiskSpaceMonitor, log_size
 from sonarhw.errors import LogError
 from sonarhw.log import LogWriter, read_log
 from tests.fixtures.example_logs import METADATA, STARTED, example_reading, write_example
@@ -24,7 +24,7 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, free: float) -> None:
         self.free = free
         self.looks = 0
-        monkeypatch.setattr(sonarhw.disk_room, "free_bytes", self._look)
+        monkeypatch.setattr(sonarhw.disk_space, "free_bytes", self._look)
 
     def _look(self, _: Path) -> int:
         self.looks += 1
@@ -34,7 +34,7 @@ class Disk:
 def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
     pace, lines = 1e6, []  # bytes a second
     disk = Disk(monkeypatch, 3600 * pace)
-    room = DiskRoom(Path("scan.mcap"), lines.append)
+    room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
     told = []
     for second in range(3600):
         room.written(round(second * pace), STARTED + second)
@@ -49,7 +49,7 @@ def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypa
 def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[str] = []
     Disk(monkeypatch, 20e6)
-    room = DiskRoom(Path("scan.mcap"), lines.append)
+    room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
     room.written(1000, STARTED)
     room.written(2000, STARTED + 2)
     assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; make room"]
@@ -57,7 +57,7 @@ def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.Monk
 
 def test_the_disk_is_looked_at_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch, 1e12)
-    room = DiskRoom(Path("scan.mcap"), pytest.fail)
+    room = DiskSpaceMonitor(Path("scan.mcap"), pytest.fail)
     for tick in range(1000):
         room.written(tick * 100, STARTED + tick * 0.01)
     assert disk.looks == 10

@@ -12,7 +12,7 @@ import pytest
 from cobs import cobs
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard
-from sonarhw.echo_source import Heard, Ping
+from sonarhw.echo_source import Ping, PingResult
 from sonarhw.readings import Trace
 from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
 from sonarhw.wire.limits import MAX_TEST
@@ -56,10 +56,10 @@ class DocumentedRoom:
 
     temperature_c = 21.5
 
-    def hear(self, ping: Ping) -> Heard:
+    def receive(self, ping: Ping) -> PingResult:
         """A wall at 1.2 m."""
         samples = np.array([0.0, 0.0, 1.0, 0.5, 0.2, 0.1, 0.0, 0.0])
-        return Heard((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
+        return PingResult((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
 
 
 def rows(title: str) -> list[list[str]]:

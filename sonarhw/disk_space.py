@@ -18,7 +18,7 @@ _READING = 800.0
 _SAMPLE = 1.3
 
 
-class DiskRoom:
+class DiskSpaceMonitor:
     """Watches the disk under `path` while that grows, and tells `warn`."""
 
     def __init__(self, path: Path, warn: Callable[[str], None]) -> None:

@@ -17,7 +17,7 @@ _CLIENTS_WAITING = 4
 _SEND_BUFFER = 16_384  # bytes; a small one lets a slow client hold the device back early
 
 
-class Door(Protocol):
+class ServerPort(Protocol):
     """Where clients come in: one at a time."""
 
     url: str
@@ -41,10 +41,10 @@ class Door(Protocol):
         """The cable is in again: at the first URL for socket 0, at another one for each other. Raises LinkError."""
 
     def close(self) -> None:
-        """Shut the door."""
+        """Shut the port."""
 
 
-class TcpDoor:
+class TcpServerPort:
     """A listening socket; the next client is let in when the one before has gone."""
 
     def __init__(self, address: str) -> None:
@@ -128,11 +128,11 @@ class TcpDoor:
             self._client = None
 
 
-class PtyDoor:
+class PtyServerPort:
     """A pseudo-terminal behind a symbolic link. The slave stays open, so that clients may come and go."""
 
     def __init__(self, link: Path | None) -> None:
-        """Open one; `link` leads to it until the door is shut. Raises InputError where `link` cannot be made."""
+        """Open one; `link` leads to it until the port is shut. Raises InputError where `link` cannot be made."""
         if os.name != "posix":
             raise InputError("this system has no pseudo-terminals; use --tcp 127.0.0.1:0")
         self._first_link = link
@@ -201,17 +201,17 @@ class PtyDoor:
 
 
 @contextmanager
-def open_door(pty: Path | None = None, tcp: str | None = None) -> Iterator[Door]:
-    """A door on TCP (`tcp` is HOST:PORT) or, without it, on a pseudo-terminal (behind the link `pty`), then shut.
+def open_server_port(pty: Path | None = None, tcp: str | None = None) -> Iterator[ServerPort]:
+    """A port on TCP (`tcp` is HOST:PORT) or, without it, on a pseudo-terminal (behind the link `pty`), then shut.
 
     Clients may knock from now on. Raises InputError for an address or link that cannot be, LinkError where the port
     is taken.
     """
-    door: Door = TcpDoor(tcp) if tcp is not None else PtyDoor(pty)
+    port: ServerPort = TcpServerPort(tcp) if tcp is not None else PtyServerPort(pty)
     try:
-        yield door
+        yield port
     finally:
-        door.close()
+        port.close()
 
 
 def host_and_port(address: str) -> tuple[str, int]:

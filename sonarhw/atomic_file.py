@@ -19,7 +19,7 @@ _OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 
 
 @contextmanager
-def whole_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
+def atomic_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
     """The file `path`, which is there, or written anew, only when the block has ended well. Raises OutputError.
 
     Nothing but writing belongs into the block: any OSError in it is told as one of this file.

@@ -9,7 +9,7 @@ from sonarhw.host.scanner import Scanner
 PATIENCE = 2.5  # s; a board that its opened port has reset needs some
 
 
-def who_answers(url: str, patience: float = PATIENCE) -> tuple[bool, str]:
+def probe_port(url: str, patience: float = PATIENCE) -> tuple[bool, str]:
     """Whether a scanner answers at `url` within `patience` s, and who it is or why not."""
     try:
         with Scanner.open(url, patience=patience) as scanner:

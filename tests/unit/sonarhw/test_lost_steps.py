@@ -11,9 +11,9 @@ import pytest
 from sonarhw.errors import LostSteps
 from sonarhw.host.actions import homing, scanning, turning
 from sonarhw.log import LogWriter, copy_log, read_log
+from sonarhw.lost_steps import first_unverified, lost_steps_clause, nearest_mark, split_at_homings, unverified_clause
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome, StartScan, Turn
-from sonarhw.zero_mark import first_in_doubt, legs, lost, nearest_mark, unchecked
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plain_echoes import echo_time
@@ -57,7 +57,7 @@ def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(fau
     for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
-        assert scan.doubt == "the turntable lost steps; all 72 angles may be off, from 0° on"
+        assert scan.angle_warning == "the turntable lost steps; all 72 angles may be off, from 0° on"
 
 
 def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: Path) -> None:
@@ -68,8 +68,8 @@ def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: 
         plugged.do(homing())
         scan_that_loses_steps(plugged, StartScan(0, 5_000_000, 2, 1, 1))
     first, second = read_log(path).scans
-    assert first.doubt is None
-    assert second.doubt is not None
+    assert first.angle_warning is None
+    assert second.angle_warning is not None
 
 
 def test_a_scan_that_lost_no_steps_ends_done_near_the_mark_and_hardly_later() -> None:
@@ -104,12 +104,12 @@ def test_no_reading_that_is_said_to_be_right_stands_wrong(seed: int) -> None:
     fault = choice.choice(["wedge=0.4", "wedge", "slip=3", "slip=-200"])
     readings, told = scan_that_loses_steps(Plugged(faulty(f"{fault}@r{choice.randrange(1, total + 1)}")), order)
     angles = np.array([reading.angle for reading in readings])
-    assert str(lost([angles])) in told
-    for reading in readings[: first_in_doubt(angles)]:
+    assert str(lost_steps_clause([angles])) in told
+    for reading in readings[: first_unverified(angles)]:
         assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9)
 
 
-UNCHECKED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to find its zero anew"
+UNCHECKED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to home again"
 
 
 # a board that does not hear its host goes on for two seconds, then lets go of the motor
@@ -122,11 +122,11 @@ def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_i
         plugged.session.recording.use(log)
         job = plugged.do(scanning(WHOLE_TURN), within=600)
     assert len(job.readings) == 72
-    assert job.unchecked == f"{count} {UNCHECKED}"
+    assert job.unverified_angles == f"{count} {UNCHECKED}"
     for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
-        assert scan.doubt == f"{count} {UNCHECKED}"
+        assert scan.angle_warning == f"{count} {UNCHECKED}"
 
 
 def test_steps_lost_behind_a_zero_found_anew_cast_no_doubt_on_what_was_before_it_but_it_is_told_of() -> None:
@@ -147,37 +147,39 @@ def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_tol
     times, angles = zip(*((reading.time, reading.angle) for reading in job.readings), strict=True)
     right = [reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9) for reading in job.readings]
     if job.error:
-        assert all(right[: first_in_doubt(np.array(angles))])
+        assert all(right[: first_unverified(np.array(angles))])
         return
-    before, behind = legs(times, angles, [times[reset - 1]])
-    first = first_in_doubt(before)
+    before, behind = split_at_homings(times, angles, [times[reset - 1]])
+    first = first_unverified(before)
     assert (len(before), len(behind)) == (reset, 80 - reset)
-    assert str(job.unchecked).startswith(f"{reset - first} of 80 angles, from {math.degrees(before[first]):.6g}° on")
+    assert str(job.unverified_angles).startswith(
+        f"{reset - first} of 80 angles, from {math.degrees(before[first]):.6g}° on"
+    )
     assert all(right[:first] + right[reset:])
     assert not all(right)
 
 
 def test_what_was_made_before_a_zero_found_anew_is_no_part_of_what_was_made_behind_it() -> None:
     times, angles = [0.0, 1.0, 2.0, 5.0, 3.0], np.radians([-20.0, -10.0, 0.0, 30.0, 20.0])
-    apart = legs(times, [*angles], [1.0])
-    assert [leg.tolist() for leg in apart] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
-    assert unchecked(apart[:1]) is None
-    assert "2 of 5 angles, from -20° on" in str(unchecked(apart))
-    assert lost(apart) == "the last 3 of 5 angles may be off, from 0° on"
-    assert lost([angles, angles[:0]]) is None
+    apart = split_at_homings(times, [*angles], [1.0])
+    assert [run.tolist() for run in apart] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
+    assert unverified_clause(apart[:1]) is None
+    assert "2 of 5 angles, from -20° on" in str(unverified_clause(apart))
+    assert lost_steps_clause(apart) == "the last 3 of 5 angles may be off, from 0° on"
+    assert lost_steps_clause([angles, angles[:0]]) is None
 
 
 def test_a_mark_turned_over_counter_clockwise_clears_what_was_before_it() -> None:
     to_and_fro = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
-    assert first_in_doubt(to_and_fro) == 22
-    assert lost([to_and_fro]) == "the last 5 of 27 angles may be off, from 0° on"
-    assert first_in_doubt(to_and_fro[:9]) == 4
+    assert first_unverified(to_and_fro) == 22
+    assert lost_steps_clause([to_and_fro]) == "the last 5 of 27 angles may be off, from 0° on"
+    assert first_unverified(to_and_fro[:9]) == 4
     # of marks passed clockwise, or stood on, nothing is known
-    assert first_in_doubt(to_and_fro[:18]) == 4
-    assert first_in_doubt(np.radians([*range(0, 360, 10)])) == 0
-    assert first_in_doubt(np.radians([*range(0, 365, 10)])) == 0
-    assert first_in_doubt(np.radians([-5, 0, 5])) == 0
-    assert first_in_doubt(np.radians([*range(300, 800, 10)])) == 42
+    assert first_unverified(to_and_fro[:18]) == 4
+    assert first_unverified(np.radians([*range(0, 360, 10)])) == 0
+    assert first_unverified(np.radians([*range(0, 365, 10)])) == 0
+    assert first_unverified(np.radians([-5, 0, 5])) == 0
+    assert first_unverified(np.radians([*range(300, 800, 10)])) == 42
 
 
 @pytest.mark.parametrize(
