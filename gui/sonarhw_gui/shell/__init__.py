@@ -1,1 +1,1 @@
-"""The application, its main window and the bars around the views."""
+"""The application, its main window, the views and docks in it, and their connections to the session."""

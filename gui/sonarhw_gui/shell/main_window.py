@@ -6,6 +6,10 @@ from PySide6.QtCore import QEvent, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QMainWindow, QVBoxLayout, QWidget
 
+from sonarhw_gui.bars.banner import Banner
+from sonarhw_gui.bars.menus import fill_menus
+from sonarhw_gui.bars.status_bar import StatusBar
+from sonarhw_gui.bars.toolbar import ToolBar
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_commands import ConnectCommands
 from sonarhw_gui.commands.file_commands import FileCommands
@@ -23,12 +27,8 @@ from sonarhw_gui.panels.room_panel import RoomPanel
 from sonarhw_gui.parts.steady import Steady
 from sonarhw_gui.readings.sentence import Sentence
 from sonarhw_gui.session.window_session import WindowSession
-from sonarhw_gui.shell.banner import Banner
 from sonarhw_gui.shell.command_states import show_history, show_scanner
 from sonarhw_gui.shell.docks import Docks
-from sonarhw_gui.shell.menus import fill_menus
-from sonarhw_gui.shell.status_bar import StatusBar
-from sonarhw_gui.shell.toolbar import ToolBar
 from sonarhw_gui.shell.view_area import ViewArea
 from sonarhw_gui.shell.wiring import connect_banner, connect_commands, connect_device, connect_fit, connect_replay
 from sonarhw_gui.shown.shown import Shown

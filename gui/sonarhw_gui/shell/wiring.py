@@ -1,11 +1,11 @@
 """The connections between the session and the commands, panels and bars of the window."""
 
+from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.session.window_session import WindowSession
-from sonarhw_gui.shell.banner import Banner
 
 
 def connect_commands(commands: Commands, session: WindowSession) -> None:

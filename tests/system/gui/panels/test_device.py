@@ -9,6 +9,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.bars.status_bar import badge
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_words import line_figures, order_of_sector, scan_summary
 from sonarhw_gui.live.scanner_state import Phase
@@ -16,7 +17,6 @@ from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shell.status_bar import badge
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes
 
 from sonarhw.device.endpoint import Pace, serve

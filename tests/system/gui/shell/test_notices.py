@@ -2,8 +2,8 @@
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.bars.banner import Banner
 from sonarhw_gui.live.window_status import Status
-from sonarhw_gui.shell.banner import Banner
 from sonarhw_gui.shown.notices import Notices
 
 

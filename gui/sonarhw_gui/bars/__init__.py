@@ -1,0 +1,1 @@
+"""The menus and bars around the views: toolbar, banner and status bar."""
