@@ -16,6 +16,7 @@ USE_THE_API = """
 import importlib, pkgutil, sys
 import numpy as np
 from sonarhw import Reading, Scanner, ScanOrder, sector
+from sonarhw.errors import InputError
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import load_room
@@ -25,8 +26,12 @@ room = load_room("room.toml")
 assert len(predict_scan(room, room.place("figure9"), load_board("paper"), np.array([0.0, 1.0])).ranges) == 2
 for package in (sys.modules[name] for name in [*sys.modules] if name.startswith("sonarhw") and "." not in name):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-        if not module.name.endswith("__main__"):
+        if module.name.endswith("__main__"):
+            continue
+        try:
             importlib.import_module(module.name)
+        except InputError as missing_extra:
+            assert "pip install 'sonarhw[study]'" in str(missing_extra), missing_extra
 """
 SHOW_ALL_HELP = """
 import sys
