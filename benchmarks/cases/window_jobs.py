@@ -195,7 +195,7 @@ class _Drag:
         self._window, self._plan = window, window.views.plan.drawing
         self._moved: dict[tuple[float, float], float] = {}
         self._painted: object = None
-        self._middle = window.session.shown.scene.standing.position
+        self._middle = window.session.shown.scene.pose.position
         QTest.mousePress(self._plan.viewport(), Qt.MouseButton.LeftButton, pos=self._pixel(*self._middle))
         self._timer = QTimer(window, interval=10)
         self._timer.timeout.connect(self._move)
@@ -223,7 +223,7 @@ class _Drag:
         QTest.mouseMove(self._plan.viewport(), self._pixel(x + radius * math.sin(turn), y + radius * math.cos(turn)))
 
     def _asked(self, scene: Scene) -> None:
-        self._moved[scene.standing.position] = time.perf_counter()
+        self._moved[scene.pose.position] = time.perf_counter()
 
     def _note(self) -> None:
         outline = self._window.session.shown.outline

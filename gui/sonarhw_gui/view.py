@@ -34,7 +34,7 @@ class Gestures(QObject):
     edited = Signal(object, str, object)  # Scene, what was done, the gesture that it belongs to or None
     cancelled = Signal(object)  # the gesture whose edits are taken back
     surface_chosen = Signal(object)  # name of a wall or post, or None
-    bscan_wished = Signal(object)  # BScanWish, or None while no B-scan is visible
+    bscan_requested = Signal(object)  # BScanSettings, or None while no B-scan is visible
 
 
 @runtime_checkable

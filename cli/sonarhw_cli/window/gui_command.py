@@ -13,9 +13,9 @@ from sonarhw_cli.console.demo_room import demo_room, demo_url
 from sonarhw_cli.console.options import DEFAULT_BOARD, LOG, PlaceName
 
 if TYPE_CHECKING:
-    from sonarhw_gui.live.errands import ScannerOpener
+    from sonarhw_gui.live.scanner_jobs import ScannerOpener
     from sonarhw_gui.scene.scene import Scene
-    from sonarhw_gui.session.scanner_choice import ScannerWay
+    from sonarhw_gui.session.scanner_choice import ScannerTarget
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import Log
@@ -110,7 +110,7 @@ def _replay(path: Path, wish: _Wish) -> int:
     with ExitStack() as during:
         ways = _Ways(during)
         start = WindowStart(scene, log, source_name=path.name, source_file=path, used=_used(wish.room, path))
-        return run_window(replace(start, find_way=ways.find, memory=memory_file()))
+        return run_window(replace(start, find_scanner=ways.find, memory=memory_file()))
 
 
 def _show_foreign(path: Path, wish: _Wish) -> int:
@@ -134,8 +134,8 @@ def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
     from sonarhw_gui.shell.application import WindowStart, run_window
 
     with ExitStack() as during:
-        find_way = _Ways(during).find
-        start = WindowStart(scene, source_file=file, used=_used(room), find_way=find_way, memory=memory_file())
+        find_scanner = _Ways(during).find
+        start = WindowStart(scene, source_file=file, used=_used(room), find_scanner=find_scanner, memory=memory_file())
         return run_window(start)
 
 
@@ -155,7 +155,9 @@ def _scan(url: str, wish: _Wish, resume: bool = False) -> int:
     with ExitStack() as during:
         ways = _Ways(during)
         # a fake may begin at once; a turntable that is there moves only when somebody says so
-        start = WindowStart(scene, ways.opener(url), autostart=fake, url=url, find_way=ways.find, memory=memory_file())
+        start = WindowStart(
+            scene, ways.opener(url), autostart=fake, url=url, find_scanner=ways.find, memory=memory_file()
+        )
         return run_window(replace(start, resume=resume, used=_used(wish.room)))
 
 
@@ -165,12 +167,12 @@ class _Ways:
     def __init__(self, during: ExitStack) -> None:
         self._during = during
 
-    def find(self, url: str) -> "ScannerWay":
+    def find(self, url: str) -> "ScannerTarget":
         """The way to the scanner at `url`; nothing is opened yet. Raises InputError where it says nothing."""
-        from sonarhw_gui.session.scanner_choice import ScannerWay
+        from sonarhw_gui.session.scanner_choice import ScannerTarget
 
         scene = _fake_scene(url, _NOTHING) if url.startswith(FAKE) else None
-        return ScannerWay(url, self.opener(url), scene)
+        return ScannerTarget(url, self.opener(url), scene)
 
     def opener(self, url: str) -> "ScannerOpener":
         """What opens the scanner at `url` and greets it. It raises LinkError, DeviceError."""

@@ -15,7 +15,7 @@ from sonarhw_gui.shown.notices import Notice, Notices
 class Banner(QFrame):
     """Hidden where there is nothing to say."""
 
-    taken = Signal(object)  # the answer of an offer, or of its refusal
+    answered = Signal(object)  # the answer of an offer, or of its refusal
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,21 +24,21 @@ class Banner(QFrame):
         self._label = QLabel()
         self._label.setWordWrap(True)
         self._label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        self._behind = QLabel()
-        self.offer_button = QPushButton()
-        self.offer_button.clicked.connect(self._take)
-        self.refusal_button = QPushButton()
-        self.refusal_button.clicked.connect(self._refuse)
+        self._more = QLabel()
+        self.accept_button = QPushButton()
+        self.accept_button.clicked.connect(self._accept)
+        self.decline_button = QPushButton()
+        self.decline_button.clicked.connect(self._decline)
         self.close_button = QToolButton(autoRaise=True)
         self.close_button.setText("×")
         self.close_button.setToolTip("Put this message away")
-        self.close_button.clicked.connect(self._put_away)
+        self.close_button.clicked.connect(self._dismiss)
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
         row.addWidget(self._label)
-        row.addWidget(self.offer_button)
-        row.addWidget(self.refusal_button)
-        row.addWidget(self._behind)
+        row.addWidget(self.accept_button)
+        row.addWidget(self.decline_button)
+        row.addWidget(self._more)
         row.addWidget(self.close_button)
         self.hide()
 
@@ -56,46 +56,46 @@ class Banner(QFrame):
 
     def show_state(self, status: Status) -> None:
         """Say what stands in the way now, for as long as it does."""
-        self._notices.stand(status.trouble)
+        self._notices.set_state(status.trouble)
         self._show()
 
     @Slot(str)
-    def tell(self, message: str) -> None:
-        """Say it, behind what has not been put away yet; nothing to say puts all away."""
+    def show_message(self, message: str) -> None:
+        """Say it, more what has not been put away yet; nothing to say puts all away."""
         if message:
-            self._notices.tell(message)
+            self._notices.add(message)
         else:
-            self._notices.forget()
+            self._notices.clear()
         self._show()
 
     @Slot(object)
-    def offer(self, notice: Notice) -> None:
+    def show_notice(self, notice: Notice) -> None:
         """Say it, with a button for what can be done about it."""
-        self._notices.tell(notice)
+        self._notices.add(notice)
         self._show()
 
     @Slot()
-    def _take(self) -> None:
-        answer = self._notices.first.answer
-        self._put_away()
-        self.taken.emit(answer)
+    def _accept(self) -> None:
+        answer = self._notices.first.accept_value
+        self._dismiss()
+        self.answered.emit(answer)
 
     @Slot()
-    def _refuse(self) -> None:
-        refused = self._notices.first.refused
-        self._put_away()
-        self.taken.emit(refused)
+    def _decline(self) -> None:
+        refused = self._notices.first.decline_value
+        self._dismiss()
+        self.answered.emit(refused)
 
     @Slot()
-    def _put_away(self) -> None:
-        self._notices.put_away()
+    def _dismiss(self) -> None:
+        self._notices.dismiss()
         self._show()
 
     def _show(self) -> None:
-        notice, behind = self._notices.first, self._notices.behind
+        notice, more = self._notices.first, self._notices.more
         self._label.setText(f"⚠ {notice.text}" if notice.text else "")
-        for button, says in ((self.offer_button, notice.offer), (self.refusal_button, notice.refusal)):
+        for button, says in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
             button.setText(says)
             button.setVisible(bool(says))
-        self._behind.setText(f"{behind} more" if behind else "")
+        self._more.setText(f"{more} more" if more else "")
         self.setVisible(bool(notice.text))

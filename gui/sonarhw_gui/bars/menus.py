@@ -27,8 +27,8 @@ def fill_menus(bar: QMenuBar, commands: Commands, recent: QMenu, views: Sequence
 
 def _menus_of_scans(commands: Commands, recent: QMenu) -> Iterator[tuple[str, list[_Group]]]:
     opened = [commands.open_room, commands.open_log, commands.recordings, recent.menuAction(), commands.save_room]
-    pictures = [commands.keep_view, *commands.keep_beside.values(), commands.keep_window]
-    yield "File", [opened, [*pictures, commands.keep_data, commands.report], [commands.close]]
+    pictures = [commands.save_view, *commands.save_beside.values(), commands.save_window]
+    yield "File", [opened, [*pictures, commands.export_data, commands.report], [commands.close]]
     run = [commands.scan, commands.stop, commands.home]
     yield "Scan", [[commands.connect_scanner], run, [commands.find]]
     yield "Edit", [[commands.undo, commands.redo], [commands.previous, commands.next, commands.newest]]
@@ -43,7 +43,7 @@ def _menus_of_views(views: Sequence[View]) -> list[tuple[str, list[_Group]]]:
 
 
 def _menus_of_the_window(commands: Commands, docks: _Group) -> Iterator[tuple[str, list[_Group]]]:
-    steps = [commands.play, commands.back, commands.forth, commands.previous_scan, commands.next_scan]
+    steps = [commands.play, commands.back, commands.forward, commands.previous_scan, commands.next_scan]
     yield "Replay", [[*steps, commands.loop, commands.skip_gaps], [commands.leave_replay]]
     look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.usual_size]
     yield "View", [[*commands.views.actions(), commands.fit], docks, look]

@@ -8,13 +8,13 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QLabel, QStatusBar
 
-from sonarhw_gui.live.window_status import Source, Standing, Status
+from sonarhw_gui.live.window_status import Badge, Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.parts.steady import Steady
 
 # badges carry their own ground, the same on every paper
-_COLOURS = {Standing.LIVE: LIGHT.live, Standing.REPLAY: LIGHT.replay}
+_COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
 
 _A_WHILE = 10_000  # ms
 
@@ -25,7 +25,7 @@ class StatusBar(QStatusBar):
     def __init__(self) -> None:
         super().__init__()
         self.setSizeGripEnabled(False)
-        self.doing = QLabel()
+        self.activity = QLabel()
         self.badge = QLabel()
         self.figures = QLabel()
         self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air")
@@ -34,13 +34,13 @@ class StatusBar(QStatusBar):
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.setContentsMargins(8, 0, 4, 0)
-        self.addWidget(Steady(self.doing), 1)
+        self.addWidget(Steady(self.activity), 1)
         self.addPermanentWidget(Steady(self.figures))
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
 
     @Slot(str)
-    def tell(self, message: str) -> None:
+    def show_briefly(self, message: str) -> None:
         """Say it for a while."""
         self.showMessage(message, _A_WHILE)
 
@@ -51,21 +51,21 @@ class StatusBar(QStatusBar):
 
     def show_state(self, status: Status) -> None:
         """Say how things stand."""
-        self.doing.setText(doing(status))
-        self.figures.setText(figures(status))
-        self.badge.setText(badge(status))
-        ground = _COLOURS.get(status.standing, LIGHT.idle)
+        self.activity.setText(activity_text(status))
+        self.figures.setText(figures_text(status))
+        self.badge.setText(badge_text(status))
+        ground = _COLOURS.get(status.badge, LIGHT.idle)
         style = f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
         if self.badge.styleSheet() != style:  # Qt reads it anew each time, and lays out the window after it
             self.badge.setStyleSheet(style)
 
 
-def badge(status: Status) -> str:
+def badge_text(status: Status) -> str:
     """How it stands with what is shown."""
-    return f"● {status.standing}" if status.standing is Standing.LIVE else str(status.standing)
+    return f"● {status.badge}" if status.badge is Badge.LIVE else str(status.badge)
 
 
-def figures(status: Status) -> str:
+def figures_text(status: Status) -> str:
     """The numbers."""
     rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # nothing comes: no rate to tell
     parts = [f"{status.readings} readings", *rate, f"{status.lost} lost"]
@@ -74,7 +74,7 @@ def figures(status: Status) -> str:
     return " · ".join(parts)
 
 
-def doing(status: Status) -> str:
+def activity_text(status: Status) -> str:
     """What goes on now."""
     parts = []
     if status.source is Source.LIVE and status.phase is not None:

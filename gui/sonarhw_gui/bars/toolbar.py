@@ -40,7 +40,7 @@ class ToolBar(QToolBar):
     def show_state(self, shown: Shown) -> None:
         """Offer the places of the room."""
         names = [*shown.scene.room.places] if shown.scene.room else []
-        here = shown.scene.standing.name
+        here = shown.scene.pose.name
         if here and here not in names:
             names.append(here)  # a place given as X,Y
         if [self.place.itemText(k) for k in range(self.place.count())] != names:

@@ -85,7 +85,7 @@ class BScanPane:
     def draw(self, bscan: BScans, shown: Shown) -> None:
         """Put the picture, and what lies round it, in its place."""
         picture, self._cells = bscan.pictures[self.kind], bscan.rows.cells
-        self._middle, self._arm = shown.scene.standing.position, Arm(*arm(shown.scene.board))
+        self._middle, self._arm = shown.scene.pose.position, Arm(*arm(shown.scene.board))
         area = QRectF(*self._area(self._cells))
         self._image.setImage(picture.pixels, autoLevels=False, levels=None)
         self._image.setRect(area)

@@ -20,7 +20,7 @@ from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
-from sonarhw_gui.work.bscan_picture import BScans, BScanWish, Pane
+from sonarhw_gui.work.bscan_picture import BScans, BScanSettings, Pane
 
 _CHOICES = (
     ("Measured", "F2", (Pane.MEASURED,), "What the board received"),
@@ -40,7 +40,7 @@ class BScanView(QWidget):
         self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._drawn: BScans | None = None
-        self._laid_out: BScanWish | None = None
+        self._laid_out: BScanSettings | None = None
         self._zoomed = False  # whether the zoom is one for these images
         self._cells: RangeCells | None = None
         self.choices = QActionGroup(self)
@@ -59,9 +59,9 @@ class BScanView(QWidget):
         self._connect()
 
     @property
-    def wish(self) -> BScanWish:
+    def settings(self) -> BScanSettings:
         """What is to be seen."""
-        return BScanWish(self.choices.checkedAction().data(), self.polar.isChecked(), self.decibels.isChecked())
+        return BScanSettings(self.choices.checkedAction().data(), self.polar.isChecked(), self.decibels.isChecked())
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
@@ -82,19 +82,19 @@ class BScanView(QWidget):
         self._fit(None)
 
     def _fit(self, reach: float | None) -> None:
-        for kind in self.wish.panes:
+        for kind in self.settings.panes:
             if kind in self.panes:
                 self.panes[kind].fit(reach)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Somebody looks: have it worked out."""
-        self.gestures.bscan_wished.emit(self.wish)
+        self.gestures.bscan_requested.emit(self.settings)
         if self._shown is not None:
             self._draw(self._shown)
 
     def hideEvent(self, event: QHideEvent) -> None:
         """Nobody looks any more."""
-        self.gestures.bscan_wished.emit(None)
+        self.gestures.bscan_requested.emit(None)
 
     def picture(self) -> QWidget:
         """Return the images with their choices."""
@@ -119,53 +119,53 @@ class BScanView(QWidget):
 
     def _connect(self) -> None:
         for chosen in (self.choices, self.polar, self.decibels):
-            chosen.triggered.connect(self._wish_anew)
+            chosen.triggered.connect(self._request_bscan)
         self.canvas.clicked.connect(self._click)
         self.canvas.hovered.connect(self._point_at)
 
     @Slot()
-    def _wish_anew(self) -> None:
+    def _request_bscan(self) -> None:
         if self._shown is not None:
             self._make_panes(self._shown.look)
             self._lay_out()
         self._drawn = None
-        self.gestures.bscan_wished.emit(self.wish)
+        self.gestures.bscan_requested.emit(self.settings)
 
     def _make_panes(self, look: Look) -> None:
-        for kind in self.wish.panes:
+        for kind in self.settings.panes:
             if kind not in self.panes:
                 self.panes[kind] = BScanPane(kind)
                 self.panes[kind].dress(look)
 
     def _lay_out(self) -> None:
         """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
-        wish, before = self.wish, self._laid_out
-        first = self.panes[wish.panes[0]]
-        if before is not None and before.polar == wish.polar:
+        settings, before = self.settings, self._laid_out
+        first = self.panes[settings.panes[0]]
+        if before is not None and before.polar == settings.polar:
             first.plot.vb.setRange(self.panes[before.panes[0]].plot.vb.viewRect(), padding=0)
         else:
             self._zoomed = False
-        self._laid_out = wish
+        self._laid_out = settings
         self.canvas.clear()
-        for number, kind in enumerate(wish.panes):
+        for number, kind in enumerate(settings.panes):
             pane = self.panes[kind]
-            row, column = divmod(number, 2 if wish.polar else 1)
+            row, column = divmod(number, 2 if settings.polar else 1)
             self.canvas.addItem(pane.plot, row=row, col=column)
-            pane.turn(wish.polar, len(wish.panes), kind is wish.panes[-1])
+            pane.turn(settings.polar, len(settings.panes), kind is settings.panes[-1])
             pane.plot.setXLink(None if pane is first else first.plot)
             pane.plot.setYLink(None if pane is first else first.plot)
 
     def _draw(self, shown: Shown) -> None:
         bscan = shown.bscan
-        if bscan is not None and bscan.wish == self.wish and bscan is not self._drawn:
-            for kind in bscan.wish.panes:
+        if bscan is not None and bscan.settings == self.settings and bscan is not self._drawn:
+            for kind in bscan.settings.panes:
                 self.panes[kind].draw(bscan, shown)
             if not self._zoomed or self._cells != bscan.rows.cells:
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(first_look(shown))
             self._drawn = bscan
-        self.note.setText(_pointed(bscan, shown) or _note(bscan, self.wish))
-        for kind in self.wish.panes:
+        self.note.setText(_pointed(bscan, shown) or _note(bscan, self.settings))
+        for kind in self.settings.panes:
             self.panes[kind].point(shown)
 
     def _click(self, event: MouseClickEvent) -> None:
@@ -182,7 +182,7 @@ class BScanView(QWidget):
         self.gestures.pointed.emit(None if position is None else self._place_under(position))
 
     def _place_under(self, position: QPointF) -> Cursor | None:
-        for kind in self.wish.panes:
+        for kind in self.settings.panes:
             place = self.panes[kind].place_at(position)
             if place is not None:
                 return place
@@ -193,7 +193,7 @@ def reading_along(shown: Shown, heading: float) -> int | None:
     """The newest of the readings whose heading lies nearest to `heading`, rad; None without readings."""
     if not shown.readings:
         return None
-    zero = shown.scene.standing.heading
+    zero = shown.scene.pose.heading
     angles = np.array([reading.angle for reading in shown.readings])
     apart = np.abs(np.angle(np.exp(1j * (zero + angles - heading))))
     nearest = np.flatnonzero(apart <= apart.min() + 1e-6)
@@ -217,13 +217,13 @@ def _decibels(level: float) -> str:
     return f"{20 * math.log10(level):.0f} dB".replace("-", "−") if level > 0 else "silent"
 
 
-def _note(bscan: BScans | None, wish: BScanWish) -> str:
+def _note(bscan: BScans | None, settings: BScanSettings) -> str:
     if bscan is None:
         return "being worked out"
     told = []
-    if Pane.MEASURED in wish.panes and not bscan.rows.traced and len(bscan.measured.headings):
+    if Pane.MEASURED in settings.panes and not bscan.rows.traced and len(bscan.measured.headings):
         told.append("no traces recorded: marks at the reported ranges, without a level")
-    if Pane.DIFFERENCE in wish.panes and not bscan.rows.traced:
+    if Pane.DIFFERENCE in settings.panes and not bscan.rows.traced:
         told.append("no difference without recorded traces")
     if bscan.rows.outline is None:
         told.append("no prediction")

@@ -23,10 +23,12 @@ class Commands:
         self.save_room = self._add("Save room as…", "Ctrl+Shift+S", "Write the room as it is now to a file")
         self.open_log = self._add("Open log…", "Ctrl+O", "Show a recorded scan and play it back")
         self.recordings = self._add("Recordings…", "Ctrl+Shift+O", "Find a scan that was recorded before")
-        self.keep_view = self._add("Picture of the large view…", "Ctrl+P", "Keep it as PNG or SVG")
-        self.keep_beside = {view.name: self._keep(view) for view in views if view.picture_key}
-        self.keep_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Keep all that is seen as PNG")
-        self.keep_data = self._add("Export data…", "Ctrl+E", f"Keep the readings as {_FORMATS}, or the figures as JSON")
+        self.save_view = self._add("Picture of the large view…", "Ctrl+P", "Keep it as PNG or SVG")
+        self.save_beside = {view.name: self._keep(view) for view in views if view.picture_key}
+        self.save_window = self._add("Picture of the window…", "Ctrl+Shift+P", "Keep all that is seen as PNG")
+        self.export_data = self._add(
+            "Export data…", "Ctrl+E", f"Save the readings as {_FORMATS}, or the summary as JSON"
+        )
         self.report = self._add("Report…", "Ctrl+Shift+E", "One HTML file: pictures, figures, every reading, settings")
         self.connect_scanner = self._add("Connect…", "Ctrl+K", "Choose a scanner: the ports of this machine, or a URL")
         self.help = self._add("Help", "F1", "Every key on one page")
@@ -43,7 +45,7 @@ class Commands:
         self.newest = self._add("Newest reading", "Esc", "Follow the newest reading again")
         self.play = self._add("Play or pause", "Space", "Play the log on its recorded schedule, or pause")
         self.back = self._add("Step back", ",", "Let the replay stand still one reading before")
-        self.forth = self._add("Step on", ".", "Let the replay stand still one reading further on")
+        self.forward = self._add("Step on", ".", "Let the replay stand still one reading further on")
         self.previous_scan = self._add("Previous scan", "Ctrl+Left", "Go back to the beginning of a scan")
         self.next_scan = self._add("Next scan", "Ctrl+Right", "Go to the beginning of the next scan in the log")
         self.loop = self._add("Loop", "Ctrl+L", "Begin the replay again at its end")

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from sonarhw_gui.work.port_book import PortRow
+from sonarhw_gui.work.port_list import PortRow
 
 _EXAMPLES = "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT or fake:ROOM.toml?place=NAME"
 

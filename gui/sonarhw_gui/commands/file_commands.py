@@ -70,7 +70,7 @@ class FileCommands(QMenu):
     @Slot()
     def _show_recordings(self) -> None:
         if self.recordings is None:
-            self.recordings = dialog = RecordingsDialog(self._session.live.wish.folder, self._window)
+            self.recordings = dialog = RecordingsDialog(self._session.live.scan_settings.folder, self._window)
             dialog.chosen.connect(self._session.open_file)
             dialog.failed.connect(self._session.warned)
             dialog.destroyed.connect(self._forget_recordings)

@@ -1,4 +1,4 @@
-"""One scanner in a thread of its own: opened, sent on one errand after another, watched, closed.
+"""One scanner in a thread of its own: opened, sent on one job after another, watched, closed.
 
 Readings wait in a bounded queue that drops the oldest, so the scan and its log never wait for the window.
 """
@@ -14,26 +14,26 @@ from sonarhw.errors import Incompatible, LinkError, NoAnswer, SonarError, WrongD
 from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading
 from sonarhw.wire.messages import Outcome
-from sonarhw_gui.live.errands import Errand, ScannerOpener
-from sonarhw_gui.live.scanner_state import ErrandState, LinkSeen, Phase
+from sonarhw_gui.live.scanner_jobs import ScannerJob, ScannerOpener
+from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase
 
 MOST_WAITING = 1024  # readings; over half a minute of the fastest board
 _LOOK_EVERY = 0.25  # s; figures that change more often cannot be read
 
 
 class LiveDevice:
-    """A connection from `start` until `hang_up`, or until it breaks; then make another."""
+    """A connection from `start` until `disconnect`, or until it breaks; then make another."""
 
-    def __init__(self, opener: ScannerOpener, errand: Errand, after: "LiveDevice | None" = None) -> None:
+    def __init__(self, opener: ScannerOpener, job: ScannerJob, after: "LiveDevice | None" = None) -> None:
         """`after` is waited for first: it may still hold the port."""
-        self.status = ErrandState()
-        self.link: LinkSeen | None = None
+        self.status = JobState()
+        self.link: LinkState | None = None
         self.warnings: deque[str] = deque()  # to be taken out by who tells them
-        self.leaving = False  # whether it takes no more errands
+        self.leaving = False  # whether it takes no more jobs
         self._opener = opener
         self._after = after
-        self._errands: SimpleQueue[Errand | None] = SimpleQueue()
-        self._errands.put(errand)
+        self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()
+        self._jobs.put(job)
         self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
         self._stop_wanted = threading.Event()
         self._look_now = threading.Event()
@@ -41,7 +41,7 @@ class LiveDevice:
         self._thread = threading.Thread(target=self._run, name="live scanner", daemon=True)
 
     def start(self) -> None:
-        """Begin to connect, for the first errand."""
+        """Begin to connect, for the first job."""
         self._thread.start()
 
     @property
@@ -49,11 +49,11 @@ class LiveDevice:
         """Whether the connection is closed for good."""
         return self._over.is_set()
 
-    def ask(self, errand: Errand) -> None:
-        """Have something done; the errand before it has ended."""
+    def submit(self, job: ScannerJob) -> None:
+        """Have something done; the job before it has ended."""
         self._stop_wanted.clear()
-        self.status = ErrandState(errand.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
-        self._errands.put(errand)
+        self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
+        self._jobs.put(job)
 
     def take(self) -> list[Reading]:
         """The readings since the last call."""
@@ -63,36 +63,36 @@ class LiveDevice:
         return taken
 
     def stop(self) -> None:
-        """Ask for the end of the errand; it has come when `status.ended`."""
+        """Ask for the end of the job; it has come when `status.ended`."""
         self._stop_wanted.set()
         self._look_now.set()
 
-    def hang_up(self) -> None:
-        """Ask for the end of the connection, once the errand is over."""
+    def disconnect(self) -> None:
+        """Ask for the end of the connection, once the job is over."""
         self.leaving = True
-        self._errands.put(None)
+        self._jobs.put(None)
 
     def join(self) -> None:
         """Wait until the board has stopped, the log is closed and the port is free."""
         self._thread.join()
 
-    # Report: what an errand tells
+    # Report: what an job tells
 
     @property
     def stop_wanted(self) -> bool:
-        """Whether a person wants the errand to end."""
+        """Whether a person wants the job to end."""
         return self._stop_wanted.is_set()
 
     def advance(self, phase: Phase, **known: Any) -> None:
-        """The errand has come that far."""
+        """The job has come that far."""
         self.status = replace(self.status, phase=phase, **known)
 
     def take_in(self, reading: Reading) -> None:
-        """The errand has made a reading."""
+        """The job has made a reading."""
         self._readings.append(reading)
 
     def warn(self, message: str) -> None:
-        """Something to tell that does not end the errand."""
+        """Something to tell that does not end the job."""
         self.warnings.append(message)
 
     # the thread
@@ -105,55 +105,55 @@ class LiveDevice:
             with self._opener() as scanner:
                 self._converse(scanner)
         except Exception as error:  # noqa: BLE001 - told by the window, or raised there if it is a defect
-            self.leaving = True  # before the errand is seen to have ended, lest another be asked of it
+            self.leaving = True  # before the job is seen to have ended, lest another be asked of it
             self._failed(error)
         finally:
             self.link = None
             self._over.set()
 
     def _converse(self, scanner: Scanner) -> None:
-        hung_up = threading.Event()
-        self.link = _seen(scanner)
+        closing = threading.Event()
+        self.link = _link_state(scanner)
         self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
-        watcher = threading.Thread(target=self._watch, args=(scanner, hung_up), name="watch the line", daemon=True)
+        watcher = threading.Thread(target=self._watch, args=(scanner, closing), name="watch the line", daemon=True)
         watcher.start()
         try:
-            while (errand := self._errands.get()) is not None:
-                self._do(errand, scanner)
+            while (job := self._jobs.get()) is not None:
+                self._do(job, scanner)
         finally:
-            hung_up.set()
+            closing.set()
             self._look_now.set()
             watcher.join()
 
-    def _do(self, errand: Errand, scanner: Scanner) -> None:
+    def _do(self, job: ScannerJob, scanner: Scanner) -> None:
         try:
-            self.advance(errand.phase)
-            outcome = Outcome.STOPPED if self.stop_wanted else errand.run(scanner, self)
+            self.advance(job.phase)
+            outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
         except (LinkError, NoAnswer, WrongDevice, Incompatible):
             raise
         except SonarError as error:  # the scanner is still there
             self._failed(error)
         else:
-            self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else errand.done)
+            self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else job.done)
 
     def _failed(self, error: Exception) -> None:
         # whatever breaks while it is being stopped belongs to the stopping
         stopping = self.stop_wanted and isinstance(error, SonarError)
         self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
 
-    def _watch(self, scanner: Scanner, hung_up: threading.Event) -> None:
-        """Look at the line now and then, and stop the scanner: neither may hold up the window or the errand."""
-        while not hung_up.is_set():
+    def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
+        """Look at the line now and then, and stop the scanner: neither may hold up the window or the job."""
+        while not closing.is_set():
             if self.stop_wanted and not self.status.ended:
-                with suppress(SonarError):  # said again until the errand has noticed
+                with suppress(SonarError):  # said again until the job has noticed
                     scanner.stop()
-            self.link = _seen(scanner)
+            self.link = _link_state(scanner)
             self._look_now.wait(_LOOK_EVERY)
             self._look_now.clear()
 
 
-def _seen(scanner: Scanner) -> LinkSeen:
-    return LinkSeen(
+def _link_state(scanner: Scanner) -> LinkState:
+    return LinkState(
         url=scanner.url,
         device=scanner.info,
         connection=scanner.state,

@@ -1,4 +1,4 @@
-"""The state of a live scanner as frozen values: its errand, its identity and its link."""
+"""The state of a live scanner as frozen values: its job, its identity and its link."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +10,7 @@ from sonarhw.link.link_statistics import LinkStatistics
 
 
 class Phase(StrEnum):
-    """How far an errand is."""
+    """How far an job is."""
 
     CONNECTING = "connecting"
     READY = "connected"
@@ -28,8 +28,8 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True)
-class ErrandState:
-    """What is known of an errand besides its readings."""
+class JobState:
+    """What is known of an job besides its readings."""
 
     phase: Phase = Phase.CONNECTING
     made: int = 0  # readings
@@ -46,7 +46,7 @@ class ErrandState:
 
 
 @dataclass(frozen=True)
-class LinkSeen:
+class LinkState:
     """The connection to a scanner, looked at once."""
 
     url: str
@@ -58,7 +58,7 @@ class LinkSeen:
     loss: str = ""  # why the scanner is away; empty: it is there
 
 
-def trouble(link: LinkSeen | None, phase: Phase | None) -> str:
+def trouble(link: LinkState | None, phase: Phase | None) -> str:
     """What to tell of a scanner that is away, and what is being done about it; empty where all is well."""
     if link is None or not link.loss:
         return ""

@@ -5,8 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 
 from sonarhw.log import RecordedScan
-from sonarhw_gui.live.errands import ScanWish
-from sonarhw_gui.live.scanner_state import LinkSeen, Phase
+from sonarhw_gui.live.scanner_jobs import ScanSettings
+from sonarhw_gui.live.scanner_state import LinkState, Phase
 
 
 class Source(StrEnum):
@@ -17,7 +17,7 @@ class Source(StrEnum):
     REPLAY = "replay"
 
 
-class Standing(StrEnum):
+class Badge(StrEnum):
     """How it stands with what is shown, in the word of the badge."""
 
     NONE = "no scan"
@@ -43,25 +43,25 @@ class Status:
     log_name: str = ""  # of the log that is replayed
     predicting: bool = False
     outdated: bool = False  # whether the figures shown belong to the prediction before
-    wish: ScanWish | None = None  # what the next scan does
-    link: LinkSeen | None = None  # the connection to a scanner
+    scan_settings: ScanSettings | None = None  # what the next scan does
+    link: LinkState | None = None  # the connection to a scanner
     trouble: str = ""  # what is being done about a scanner that is away
     angle: float | None = None  # of the turntable, rad, as last told
     own_readings: bool = False  # whether those shown come from the connected scanner, in the room that is shown
 
     @property
-    def standing(self) -> Standing:
+    def badge(self) -> Badge:
         """What the badge says: live only while the scanner is there and at work."""
         if self.source is Source.REPLAY:
-            return Standing.REPLAY
+            return Badge.REPLAY
         if self.trouble:
-            return Standing.AWAY
+            return Badge.AWAY
         if self.link is None:
-            gone = Standing.LOST if self.phase is Phase.FAILED else Standing.AWAY
-            return gone if self.readings else Standing.NONE
+            gone = Badge.LOST if self.phase is Phase.FAILED else Badge.AWAY
+            return gone if self.readings else Badge.NONE
         if self.scanning:
-            return Standing.LIVE
-        return Standing.RECORDED if self.own_readings else Standing.NONE
+            return Badge.LIVE
+        return Badge.RECORDED if self.own_readings else Badge.NONE
 
     @property
     def scanning(self) -> bool:

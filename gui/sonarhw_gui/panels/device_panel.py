@@ -23,16 +23,16 @@ from PySide6.QtWidgets import (
 
 from sonarhw.readings import ScanOrder
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.live.device_words import (
+from sonarhw_gui.live.device_texts import (
     angle_text,
-    line_figures,
+    identity_text,
+    link_figures,
     order_of_sector,
     scan_summary,
     state_text,
     temperature_text,
-    who,
 )
-from sonarhw_gui.live.errands import ScanWish
+from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.number_field import NumberField
@@ -60,9 +60,9 @@ class DevicePanel(QWidget):
     """What the scanner does, and is to do."""
 
     connect_wanted = Signal()
-    hang_up_wanted = Signal()
+    disconnect_wanted = Signal()
     turn_wanted = Signal(float)  # rad from the turntable's zero
-    wished = Signal(object)  # ScanWish
+    settings_changed = Signal(object)  # ScanSettings
 
     def __init__(self, commands: Commands) -> None:
         super().__init__()
@@ -71,9 +71,9 @@ class DevicePanel(QWidget):
         self.state = QLabel("")
         self.hint = QLabel("")
         self.hint.setWordWrap(True)
-        self.connect_button, self.hang_up_button = QPushButton("Connect"), QPushButton("Disconnect")
+        self.connect_button, self.disconnect_button = QPushButton("Connect"), QPushButton("Disconnect")
         self.connect_button.setToolTip("See who answers; nothing turns")
-        self.hang_up_button.setToolTip("Stop what runs and let other programs have the port")
+        self.disconnect_button.setToolTip("Stop what runs and let other programs have the port")
         self.who, self.temperature, self.angle = QLabel(), QLabel(), QLabel()
         self.who.setWordWrap(True)
         self.who.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -91,7 +91,7 @@ class DevicePanel(QWidget):
         self.traces.setToolTip("The whole receive signal of each ping; some 3 kB a reading")
         self.summary = QLabel()
         self.summary.setWordWrap(True)
-        self.figures = [QLabel() for _ in line_figures(None)]
+        self.figures = [QLabel() for _ in link_figures(None)]
         self._turntable = self._made_turntable(commands)
         self._scan = self._made_scan(commands)
         self._lay_out(commands)
@@ -101,7 +101,7 @@ class DevicePanel(QWidget):
         """Take in another look."""
         if shown.look != self._look:
             self._look = shown.look
-            self._show_wish()
+            self._show_settings()
             self._show_summary()
 
     def show_status(self, status: Status) -> None:
@@ -111,17 +111,17 @@ class DevicePanel(QWidget):
         self.state.setToolTip(status.trouble)
         self.hint.setText(_hint(status))
         self.hint.setVisible(bool(self.hint.text()))
-        self.who.setText(who(status.link))
+        self.who.setText(identity_text(status.link))
         self.temperature.setText(temperature_text(status))
         self.angle.setText(angle_text(status.angle))
-        for label, (_, figure, _) in zip(self.figures, line_figures(status.link), strict=True):
+        for label, (_, figure, _) in zip(self.figures, link_figures(status.link), strict=True):
             label.setText(figure)
         self.connect_button.setEnabled(status.can_turn and status.link is None)
-        self.hang_up_button.setEnabled(status.link is not None)
+        self.disconnect_button.setEnabled(status.link is not None)
         self._turntable.setEnabled(status.can_turn)
         self._scan.setEnabled(status.can_scan and not status.scanning)
-        if before.wish != status.wish:
-            self._show_wish()
+        if before.scan_settings != status.scan_settings:
+            self._show_settings()
         self._show_summary()
 
     # what it is made of
@@ -166,7 +166,7 @@ class DevicePanel(QWidget):
         head = QGroupBox("Scanner")
         buttons = QHBoxLayout()
         buttons.addWidget(self.connect_button)
-        buttons.addWidget(self.hang_up_button)
+        buttons.addWidget(self.disconnect_button)
         form = QFormLayout(head)
         form.addRow(self.state)
         form.addRow(self.hint)
@@ -175,7 +175,7 @@ class DevicePanel(QWidget):
         form.addRow("Air", self.temperature)
         line = QGroupBox("Line")
         books = QFormLayout(line)
-        for label, (name, _, meaning) in zip(self.figures, line_figures(None), strict=True):
+        for label, (name, _, meaning) in zip(self.figures, link_figures(None), strict=True):
             label.setToolTip(meaning)
             books.addRow(name, label)
         column = QVBoxLayout(self)
@@ -185,12 +185,12 @@ class DevicePanel(QWidget):
 
     def _connect(self) -> None:
         self.connect_button.clicked.connect(self.connect_wanted)
-        self.hang_up_button.clicked.connect(self.hang_up_wanted)
+        self.disconnect_button.clicked.connect(self.disconnect_wanted)
         self.turn.clicked.connect(self._turn)
         self.target.entered.connect(self._turn)
         for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.reach):
-            field.valueChanged.connect(self._wish)
-        self.traces.toggled.connect(self._wish)
+            field.valueChanged.connect(self._send_settings)
+        self.traces.toggled.connect(self._send_settings)
 
     # gestures
 
@@ -199,19 +199,21 @@ class DevicePanel(QWidget):
         self.turn_wanted.emit(math.radians(self.target.value()))
 
     @Slot()
-    def _wish(self) -> None:
-        wish, order = self._status.wish, self._show_summary()
-        if wish is not None and order is not None:
+    def _send_settings(self) -> None:
+        scan_settings, order = self._status.scan_settings, self._show_summary()
+        if scan_settings is not None and order is not None:
             reach = self.reach.value()
             far = None if reach == self.reach.minimum() else self._look.unit.metres(reach)
-            self.wished.emit(replace(wish, order=order, traces=self.traces.isChecked(), max_range=far))
+            self.settings_changed.emit(
+                replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=far)
+            )
 
     def _sector(self) -> tuple[float, float, float, int, int]:
         return self.start.value(), self.end.value(), self.step.value(), self.sweeps.value(), self.pings.value()
 
     # what it says
 
-    def _show_wish(self) -> None:
+    def _show_settings(self) -> None:
         """Fill the fields from what is wanted; where they say the same already, leave them as they were typed."""
         unit = self._look.unit
         fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.reach, self.traces)
@@ -219,17 +221,17 @@ class DevicePanel(QWidget):
         self.reach.setRange(0.0, unit.of(_LONGEST))
         self.reach.setSuffix(f" {unit.label}")
         self.reach.setSingleStep(unit.of(0.5))
-        wish = self._status.wish
-        if wish is not None:
-            self.reach.setValue(0.0 if wish.max_range is None else unit.of(wish.max_range))
-            self.traces.setChecked(wish.traces)
-            if not self._says(wish):
-                self._fill(wish)
+        scan_settings = self._status.scan_settings
+        if scan_settings is not None:
+            self.reach.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
+            self.traces.setChecked(scan_settings.traces)
+            if not self._has_order_of(scan_settings):
+                self._fill(scan_settings)
         for block in blocked:
             block.unblock()
 
-    def _fill(self, wish: ScanWish) -> None:
-        order = wish.order
+    def _fill(self, scan_settings: ScanSettings) -> None:
+        order = scan_settings.order
         start, step = math.degrees(order.start), math.degrees(order.step)
         self.start.setValue(start)
         self.end.setValue(start + order.headings * step)
@@ -237,9 +239,9 @@ class DevicePanel(QWidget):
         self.sweeps.setValue(order.sweeps)
         self.pings.setValue(order.pings)
 
-    def _says(self, wish: ScanWish) -> bool:
+    def _has_order_of(self, scan_settings: ScanSettings) -> bool:
         try:
-            return order_of_sector(*self._sector()) == wish.order
+            return order_of_sector(*self._sector()) == scan_settings.order
         except ValueError:
             return False
 

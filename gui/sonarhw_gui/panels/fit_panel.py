@@ -26,7 +26,7 @@ from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.session.fit_control import FitState
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.fit_request import NEAR, FitWish
+from sonarhw_gui.work.fit_request import NEAR, FitSettings
 
 _LEAST_WIDTH = 290  # pixels
 
@@ -35,7 +35,7 @@ class FitPanel(QWidget):
     """Asks for a fit and shows what came out."""
 
     edited = Signal(object, str, object)  # Scene, what was done, gesture
-    wanted = Signal(object)  # FitWish
+    wanted = Signal(object)  # FitSettings
     put_away = Signal()  # what is at work, or was found
 
     def __init__(self) -> None:
@@ -62,10 +62,10 @@ class FitPanel(QWidget):
         self._draw()
 
     @property
-    def wish(self) -> FitWish:
+    def settings(self) -> FitSettings:
         """What is to be found."""
         free = tuple(word for word, box in self.free.items() if box.isChecked())
-        return FitWish(free, everywhere=self.where.currentIndex() == 1)
+        return FitSettings(free, everywhere=self.where.currentIndex() == 1)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
@@ -90,7 +90,7 @@ class FitPanel(QWidget):
     def ask(self) -> None:
         """Have it found, as it is chosen here."""
         if self.begin.isEnabled():
-            self.wanted.emit(self.wish)
+            self.wanted.emit(self.settings)
 
     def _ask_group(self) -> QWidget:
         group = QGroupBox("Free to be chosen")
@@ -135,7 +135,7 @@ class FitPanel(QWidget):
     def _enable(self) -> None:
         shown = self._shown
         ready = shown is not None and shown.scene.room is not None and bool(shown.readings)
-        self.begin.setEnabled(ready and bool(self.wish.free) and not self._state.running)
+        self.begin.setEnabled(ready and bool(self.settings.free) and not self._state.running)
         self.begin.setToolTip("" if ready else "It takes readings and a room")
         self.where.setEnabled(self.free["position"].isChecked())
 

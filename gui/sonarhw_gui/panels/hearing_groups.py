@@ -15,7 +15,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw_gui.panels.room_groups import Change, Group, short_list, show_names
 from sonarhw_gui.parts.amount import Amount
-from sonarhw_gui.scene.scene_edit import heard_by, in_air, with_board
+from sonarhw_gui.scene.scene_edit import with_air_state, with_board, with_options
 from sonarhw_gui.shown.shown import Shown
 
 
@@ -46,15 +46,15 @@ class AirGroup(Group):
 
     @Slot(float, object)
     def _warm(self, celsius: float, gesture: object) -> None:
-        self._change(partial(in_air, temperature_c=celsius), gesture)
+        self._change(partial(with_air_state, temperature_c=celsius), gesture)
 
     @Slot(float, object)
     def _moisten(self, percent: float, gesture: object) -> None:
-        self._change(partial(in_air, relative_humidity=percent / 100), gesture)
+        self._change(partial(with_air_state, relative_humidity=percent / 100), gesture)
 
     @Slot(float, object)
     def _press(self, kilopascals: float, gesture: object) -> None:
-        self._change(partial(in_air, pressure_kpa=kilopascals), gesture)
+        self._change(partial(with_air_state, pressure_kpa=kilopascals), gesture)
 
 
 _MEANINGS: dict[Enum, tuple[str, str]] = {
@@ -136,4 +136,4 @@ class HearingGroup(Group):
         receiver = [*Receiver][self.receiver.currentIndex()]
         unit = [*Unit][self.unit.currentIndex()]
         strength = [*EdgeStrength][self.edges.currentIndex()]
-        self._change(partial(heard_by, receiver=receiver, unit=unit, edge_strength=strength))
+        self._change(partial(with_options, receiver=receiver, unit=unit, edge_strength=strength))

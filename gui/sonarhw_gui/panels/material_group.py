@@ -13,7 +13,7 @@ from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.panels.room_groups import Change, Group
 from sonarhw_gui.parts.amount import Amount
-from sonarhw_gui.scene.scene_edit import coated
+from sonarhw_gui.scene.scene_edit import with_material_values
 from sonarhw_gui.shown.shown import Shown
 
 
@@ -66,7 +66,7 @@ class MaterialGroup(Group):
     def _define(self) -> None:
         name = self.name.text().strip()
         if name and name not in self.amounts:
-            self._change(partial(coated, material=name))
+            self._change(partial(with_material_values, material=name))
             self.name.clear()
 
     @Slot(float, object)
@@ -74,5 +74,5 @@ class MaterialGroup(Group):
         for name, amounts in self.amounts.items():
             for share, amount in zip(("reflectance", "scatter"), amounts, strict=True):
                 if amount is self.sender():
-                    self._change(partial(coated, material=name, shares={share: value}), gesture)
+                    self._change(partial(with_material_values, material=name, shares={share: value}), gesture)
                     return

@@ -66,7 +66,7 @@ class ReplayBar(QWidget):
         for action, shape in (
             (self._commands.previous_scan, PREVIOUS_SCAN),
             (self._commands.back, STEP_BACK),
-            (self._commands.forth, STEP_FORTH),
+            (self._commands.forward, STEP_FORTH),
             (self._commands.next_scan, NEXT_SCAN),
         ):
             action.setIcon(self._icon(shape))
@@ -77,7 +77,7 @@ class ReplayBar(QWidget):
         """Show how the replay stands; without one the bar goes away."""
         self.setVisible(state is not None)
         commands = self._commands
-        for action in (commands.play, commands.back, commands.forth, commands.loop, commands.skip_gaps):
+        for action in (commands.play, commands.back, commands.forward, commands.loop, commands.skip_gaps):
             action.setEnabled(state is not None)
         for action in (commands.previous_scan, commands.next_scan, commands.leave_replay):
             action.setEnabled(state is not None)
@@ -105,7 +105,7 @@ class ReplayBar(QWidget):
             _button(commands.previous_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
             _button(commands.back, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
             self.play,
-            _button(commands.forth, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
+            _button(commands.forward, Qt.ToolButtonStyle.ToolButtonIconOnly, repeats=True),
             _button(commands.next_scan, Qt.ToolButtonStyle.ToolButtonIconOnly),
             self.slider,
             self.time,

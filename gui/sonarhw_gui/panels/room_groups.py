@@ -25,7 +25,14 @@ from sonarhw_gui.parts.number_field import NumberField
 from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
 from sonarhw_gui.plan.plan_words import surface_words
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import Edit, kept_place, of_material, sensor_at, sensor_facing, without_surface
+from sonarhw_gui.scene.scene_edit import (
+    Edit,
+    sensor_at,
+    sensor_facing,
+    with_named_place,
+    with_surface_material,
+    without_surface,
+)
 from sonarhw_gui.shown.shown import Shown
 
 _FARTHEST = 1000.0  # m
@@ -107,7 +114,7 @@ class SensorGroup(Group):
     def _keep(self) -> None:
         name = self.name.text().strip()
         if name:
-            self._change(lambda scene: kept_place(scene, name))
+            self._change(lambda scene: with_named_place(scene, name))
             self.name.clear()
 
     @Slot()
@@ -168,7 +175,7 @@ class SurfaceGroup(Group):
     def _make(self, material: str) -> None:
         number = self.surface.currentIndex()
         if self._room is not None and self._room.materials[number] != material:
-            self._change(lambda scene: of_material(scene, number, material))
+            self._change(lambda scene: with_surface_material(scene, number, material))
 
     @Slot()
     def _remove(self) -> None:

@@ -24,7 +24,7 @@ from sonarhw_gui.plots.marks import NOWHERE, Outline, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
-from sonarhw_gui.scene.plan_geometry import outline_points, seen_bounds
+from sonarhw_gui.scene.plan_geometry import outline_points, plan_bounds
 from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
@@ -96,8 +96,8 @@ class PlanDrawing(Canvas):
         if scene is None or scene.room is None:
             self._box.autoRange(padding=0.05)
             return
-        points = [scene.standing.position] if reading is None else [scene.standing.position, reading]
-        (left, bottom), (right, top) = seen_bounds(scene.room, np.array(points))
+        points = [scene.pose.position] if reading is None else [scene.pose.position, reading]
+        (left, bottom), (right, top) = plan_bounds(scene.room, np.array(points))
         beyond = _BEYOND * max(right - left, top - bottom)
         area = QRectF(left - beyond, bottom - beyond, right - left + 2 * beyond, top - bottom + 2 * beyond)
         self._box.setRange(area.united(besides or area), padding=0)
@@ -170,7 +170,7 @@ class PlanDrawing(Canvas):
         if self.shown is None or not self.shown.readings:
             return None
         at = self._box.mapSceneToView(event.scenePos())
-        heading = bearing(self.shown.scene.standing.position, (at.x(), at.y()))
+        heading = bearing(self.shown.scene.pose.position, (at.x(), at.y()))
         apart = np.abs(np.mod(np.radians(self.shown.rows.headings) - heading + np.pi, 2 * np.pi) - np.pi)
         return int(np.argmin(apart))
 
@@ -204,7 +204,7 @@ class PlanDrawing(Canvas):
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
         fresh = before is None or not shown.same_readings(before)
         if fresh:
-            stands = partial(standpoints, shown.scene.board, shown.scene.standing)
+            stands = partial(standpoints, shown.scene.board, shown.scene.pose)
             self._marks.draw(
                 {
                     kind: (points, points_at(stands(points.headings), points.headings, points.ranges))

@@ -234,7 +234,7 @@ class PlanHands:
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
         self._paper.draw_cursor(shape)
         self.tell(words_at(self.shown, grip, at, self.pixel))
-        middle = self.shown.scene.standing.position
+        middle = self.shown.scene.pose.position
         self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 
     def _leave(self) -> None:

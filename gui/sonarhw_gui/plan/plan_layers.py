@@ -101,18 +101,18 @@ class SensorLayer:
     def draw(self, shown: Shown) -> None:
         """Draw it as it looked at the chosen reading, dotted where it looks now; before the first as it stands."""
         scene, room = shown.scene, shown.scene.room
-        self._sensor.setData(*np.array([scene.standing.position]).T)
+        self._sensor.setData(*np.array([scene.pose.position]).T)
         wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
         if room is not None:
-            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.standing.heading
+            newest = shown.heading(len(shown.readings) - 1) if shown.readings else scene.pose.heading
             heading = newest if shown.chosen is None else shown.heading(shown.chosen)
             size = math.hypot(*np.ptp(room.walls.reshape(-1, 2), axis=0))
             length, handle = _BEAM_LENGTH * size, _HANDLE * size
-            wedge = beam_wedge(scene.standing, heading, half_power_angle(scene.board, room), length)
-            axis = points_at(scene.standing.position, np.full(3, heading), np.array([0.0, handle, length]))
+            wedge = beam_wedge(scene.pose, heading, half_power_angle(scene.board, room), length)
+            axis = points_at(scene.pose.position, np.full(3, heading), np.array([0.0, handle, length]))
             self.handle_at = float(axis[1, 0]), float(axis[1, 1])
             if newest != heading:
-                turntable = points_at(scene.standing.position, np.full(2, newest), np.array([0.0, handle]))
+                turntable = points_at(scene.pose.position, np.full(2, newest), np.array([0.0, handle]))
         self._beam.setData(*wedge.T)
         self._axis.setData(*axis.T)
         self._turntable.setData(*turntable.T)
@@ -146,7 +146,7 @@ class PathLayer:
         style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
-        self._told, self._sensor = bounce_labels(points, losses), shown.scene.standing.position
+        self._told, self._sensor = bounce_labels(points, losses), shown.scene.pose.position
         for k, label in enumerate(self._labels):
             label.setVisible(k < len(self._told))
             if k < len(self._told):
@@ -176,7 +176,7 @@ class CursorLayer:
         """Draw it; nothing where nothing is pointed at."""
         at, cursor = _NOTHING, shown.cursor
         if cursor is not None:
-            at = points_at(shown.scene.standing.position, np.array([cursor.heading]), np.array([cursor.range]))
+            at = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
         self._cross.setData(*at.T)
         self._cross.setVisible(cursor is not None)  # what is not seen costs no time
 
@@ -220,7 +220,7 @@ class RulerLayer:
 def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
     """Corners and losses of the path of the chosen reading; whether it accounts for it or was only expected."""
     row, prediction = shown.chosen_row, shown.prediction
-    if row is None or prediction is None or prediction.place.position != shown.scene.standing.position:
+    if row is None or prediction is None or prediction.place.position != shown.scene.pose.position:
         return _NOTHING, [], False
     path = row.path if row.path is not None else int(prediction.winners[row.index])
     if path < 0:

@@ -15,7 +15,7 @@ from sonarhw_gui.plan.plan_words import point_words, standing_words
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip
 from sonarhw_gui.scene.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, furnished, on_grid, with_room
+from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, on_grid, room_and_place, with_room
 from sonarhw_gui.shown.shown import Shown
 
 _SHORTEST = 0.005  # m: of a wall or a radius; less is a slip of the hand
@@ -207,7 +207,7 @@ class WallPencil(_Drawing):
     tip = "Drag from one end of a new wall to the other; ends that come near a corner meet it"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
-        room, _ = furnished(scene)
+        room, _ = room_and_place(scene)
         return with_room(scene, add_wall(room, self._start, end, room.materials[0])), "adding a wall"
 
 
@@ -218,7 +218,7 @@ class PostPencil(_Drawing):
     tip = "Drag from the middle of a new post to its rim"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
-        room, _ = furnished(scene)
+        room, _ = room_and_place(scene)
         radius = round(math.dist(self._start, end), 3)
         return with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
 
@@ -232,7 +232,7 @@ TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 def snapped(table: Table, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
     """The corner or sensor near a point, else the point to the millimetre; `besides` is no corner to find."""
     scene = scene or table.scene
-    known = [*corners(scene.room), scene.standing.position] if scene.room else [scene.standing.position]
+    known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
     near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * table.pixel]
     return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)
 

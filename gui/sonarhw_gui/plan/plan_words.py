@@ -31,7 +31,7 @@ def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
     surface = surface_at(room, at, pixel) if room else None
     if room is not None and surface is not None:
         return surface_words(room, surface)
-    middle = scene.standing.position
+    middle = scene.pose.position
     away = f"{unit.text(math.dist(middle, at))} at {heading_text(bearing(middle, at))} from the sensor"
     return f"{place} · {away}"
 
@@ -52,6 +52,6 @@ def point_words(at: Point, unit: LengthUnit) -> str:
 
 def standing_words(scene: Scene, unit: LengthUnit) -> str:
     """Where the sensor stands and looks; said, too, where that is outside the walls."""
-    place = scene.standing
+    place = scene.pose
     outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
     return f"{point_words(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"

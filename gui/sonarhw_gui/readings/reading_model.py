@@ -14,7 +14,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import mark_picture
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.shown.reading_cells import Column, cell_text, column_name
-from sonarhw_gui.shown.reading_order import Wanted, order_of
+from sonarhw_gui.shown.reading_order import RowQuery, order_of
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, Class, IntArray, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 
@@ -40,7 +40,7 @@ class ReadingModel(QAbstractTableModel):
         super().__init__(parent)
         self.rows: ReadingRows = NO_ROWS
         self.order: IntArray = np.empty(0, np.int64)  # which row of `rows` each row of the table is
-        self.wanted = Wanted()
+        self.wanted = RowQuery()
         self._shown: Shown | None = None
         self._sentences: dict[int, str] = {}
         self._marks: dict[Class, QPixmap] = {}
@@ -61,7 +61,7 @@ class ReadingModel(QAbstractTableModel):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
             self._tell_all()
 
-    def want(self, wanted: Wanted) -> None:
+    def want(self, wanted: RowQuery) -> None:
         """Show these rows in this order from now on."""
         self.wanted = wanted
         self._change(self.rows, order_of(self.rows, wanted))
@@ -109,7 +109,7 @@ class ReadingModel(QAbstractTableModel):
         """Sort by a column; the sentence begins with the range, so its order is that."""
         by = Column.MEASURED if column == Column.SENTENCE else Column(column)
         descending = order is Qt.SortOrder.DescendingOrder
-        self.want(Wanted(by, descending, self.wanted.hidden, self.wanted.text))
+        self.want(RowQuery(by, descending, self.wanted.hidden, self.wanted.text))
 
     # changes
 

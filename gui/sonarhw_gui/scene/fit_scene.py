@@ -12,7 +12,7 @@ import tomlkit
 from sonarhw_sim.board.profile import Board
 
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import Edit, furnished, standing_at
+from sonarhw_gui.scene.scene_edit import Edit, room_and_place, with_sensor_at
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Parameter  # what it loads takes half a second
@@ -31,18 +31,18 @@ def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> E
     """
     from sonarhw_compare.fit.findings import found_room
 
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     changed = replace(scene, room=found_room(room, values, ()), board=_board(scene.board, board, values))
     return _stood(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
 
 
 def _stood(scene: Scene, of: Mapping[str, float]) -> Scene:
-    _, place = furnished(scene)
+    _, place = room_and_place(scene)
     if not of.keys() & {_X, _Y, _HEADING}:
         return scene
     x, y = (round(of.get(kind, before), _DIGITS) for kind, before in zip((_X, _Y), place.position, strict=True))
     degrees = round(math.degrees(of.get(_HEADING, place.heading)), _DIGITS_DEG)
-    return standing_at(scene, (x, y), math.radians(degrees % 360))
+    return with_sensor_at(scene, (x, y), math.radians(degrees % 360))
 
 
 def _board(board: Board, fitted_with: Board, values: "Mapping[Parameter, float]") -> Board:

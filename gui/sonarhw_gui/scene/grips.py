@@ -42,7 +42,7 @@ def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> 
     """The sensor, or the handle on its beam, within reach of a point; `pixel` is how long one is, m."""
     if scene.place is None:
         return None
-    if math.dist(scene.standing.position, at) <= _SENSOR_REACH * pixel:
+    if math.dist(scene.pose.position, at) <= _SENSOR_REACH * pixel:
         return Grip(GripPart.SENSOR, at)
     if handle is not None and math.dist(handle, at) <= _SENSOR_REACH * pixel:
         return Grip(GripPart.BEAM, at)

@@ -24,7 +24,7 @@ def wall_lines(room: Room) -> FloatArray:
     return room.walls.reshape(-1, 2)
 
 
-def seen_bounds(room: Room, besides: FloatArray) -> FloatArray:
+def plan_bounds(room: Room, besides: FloatArray) -> FloatArray:
     """Lower and upper corner (2, 2) of what the plan is about: walls, posts, and those of the points `besides` (n, 2)
     that are not far off."""
     posts, radii = room.posts[:, :2], room.posts[:, 2:]

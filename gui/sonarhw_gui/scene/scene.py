@@ -25,7 +25,7 @@ class Scene:
     options: PredictionOptions = field(default_factory=PredictionOptions)
 
     @property
-    def standing(self) -> Place:
+    def pose(self) -> Place:
         """The place, with the heading that the board's zero really has; without a room the origin, looking along +x."""
         place = self.place or _NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
@@ -40,7 +40,7 @@ class Scene:
     @property
     def title(self) -> str:
         """What stands in the window's title."""
-        return f"{self.room.name} · place {self.standing.name}" if self.room else "no room"
+        return f"{self.room.name} · place {self.pose.name}" if self.room else "no room"
 
 
 def scene_with(board: Board, room: Room | None = None, place: Place | None = None, room_file: str = "") -> Scene:

@@ -35,7 +35,7 @@ Edit = tuple[Scene, str]  # the scene afterwards, and what was done
 
 def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
     """The scene with what was gripped dragged to a point. Raises InputError where it cannot be there."""
-    room, place = furnished(scene)
+    room, place = room_and_place(scene)
     by = to[0] - grip.at[0], to[1] - grip.at[1]
     if grip.part is GripPart.SENSOR:
         return sensor_at(scene, _sum(place.position, by))
@@ -56,69 +56,69 @@ def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
 
 def sensor_at(scene: Scene, position: Point) -> Edit:
     """The scene with the sensor elsewhere, looking as before. Raises InputError inside a post."""
-    _, place = furnished(scene)
+    _, place = room_and_place(scene)
     position = on_grid(position)
     if max(map(abs, position)) > MOST_DISTANT:
         raise InputError(f"the sensor can stand no farther than {MOST_DISTANT:g} m off")
-    return standing_at(scene, position, place.heading), "moving the sensor"
+    return with_sensor_at(scene, position, place.heading), "moving the sensor"
 
 
 def sensor_turned(scene: Scene, by: float) -> Edit:
     """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad."""
-    _, place = furnished(scene)
+    _, place = room_and_place(scene)
     return sensor_facing(scene, place.heading + by)
 
 
 def sensor_facing(scene: Scene, heading: float) -> Edit:
     """The scene with the turntable's step 0 at a heading, rad, to a tenth of a degree."""
-    _, place = furnished(scene)
+    _, place = room_and_place(scene)
     heading = math.radians(round(math.degrees(heading) % 360, 1))
-    return standing_at(scene, place.position, heading), "turning the sensor"
+    return with_sensor_at(scene, place.position, heading), "turning the sensor"
 
 
-def kept_place(scene: Scene, name: str) -> Edit:
+def with_named_place(scene: Scene, name: str) -> Edit:
     """The scene with the place where the sensor stands in the room by a name, in the place of one of that name."""
-    room, place = furnished(scene)
+    room, place = room_and_place(scene)
     kept = with_place(room, replace(place, name=name))
     return replace(scene, room=kept, place=kept.places[name]), f"keeping place {name}"
 
 
 def without_surface(scene: Scene, surface: int) -> Edit:
     """The scene without a wall or a post."""
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     return with_room(scene, remove_surface(room, surface)), f"removing {room.names[surface]}"
 
 
 def with_corner(scene: Scene, wall: int, at: Point) -> Edit:
     """The scene with one more corner, in a wall."""
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     return with_room(scene, split_wall(room, wall, on_grid(at))), f"a corner in {room.names[wall]}"
 
 
-def of_material(scene: Scene, surface: int, material: str) -> Edit:
+def with_surface_material(scene: Scene, surface: int, material: str) -> Edit:
     """The scene with a surface made of another material."""
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     return with_room(scene, set_material(room, surface, material)), f"{room.names[surface]} of {material}"
 
 
-def coated(scene: Scene, material: str, shares: Mapping[str, float] | None = None) -> Edit:
+def with_material_values(scene: Scene, material: str, shares: Mapping[str, float] | None = None) -> Edit:
     """The scene with another `reflectance` (amplitude ratio) or `scatter` (share of power) of a material.
 
     A material that there is not yet is made, with a reflectance of 0.9.
     """
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     known = materials(room).get(material)
     values = {**(known.model_dump() if known else {"reflectance": _NEW, "scatter": 0.0}), **(shares or {})}
     return with_room(scene, with_material(room, material, **values)), f"changing {material}"
 
 
-def in_air(scene: Scene, **state: float) -> Edit:
+def with_air_state(scene: Scene, **state: float) -> Edit:
     """The scene in air of another `temperature_c`, `relative_humidity` or `pressure_kpa`."""
-    room, _ = furnished(scene)
+    room, _ = room_and_place(scene)
     return with_room(scene, with_air(room, replace(room.air, **state))), "changing the air"
 
 
-def heard_by(scene: Scene, **options: Any) -> Edit:
+def with_options(scene: Scene, **options: Any) -> Edit:
     """The scene with the sound followed and received by other `PredictionOptions`."""
     return replace(scene, options=replace(scene.options, **options)), "changing how it is heard"
 
@@ -131,12 +131,12 @@ def with_board(scene: Scene, board: Board) -> Edit:
 
 def with_room(scene: Scene, room: Room) -> Scene:
     """The scene in the changed room. Raises InputError where the sensor would then be inside a post."""
-    _, place = furnished(scene)
+    _, place = room_and_place(scene)
     _check_free(room, place)
     return replace(scene, room=room)
 
 
-def furnished(scene: Scene) -> tuple[Room, Place]:
+def room_and_place(scene: Scene) -> tuple[Room, Place]:
     """Room and place of a scene. Raises InputError where it has none."""
     if scene.room is None or scene.place is None:
         raise InputError("without a room there is nothing to change; open a room file")
@@ -158,9 +158,9 @@ def _sum(one: Point, other: Point) -> Point:
     return one[0] + other[0], one[1] + other[1]
 
 
-def standing_at(scene: Scene, position: Point, heading: float) -> Scene:
+def with_sensor_at(scene: Scene, position: Point, heading: float) -> Scene:
     """The scene with the sensor at a point (m), its step 0 at a heading (rad). Raises InputError inside a post."""
-    room, before = furnished(scene)
+    room, before = room_and_place(scene)
     # a place of its own, named as `--place X,Y` would be: those that the file names stay where they are
     place = Place(f"{position[0]:g},{position[1]:g}", position, heading, before.height)
     _check_free(room, place)

@@ -6,7 +6,7 @@ from PySide6.QtCore import QObject, Signal, Slot
 
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.fit_request import FitFound, FitRequest, FitWish, Watch
+from sonarhw_gui.work.fit_request import FitFound, FitProgress, FitRequest, FitSettings
 from sonarhw_gui.work.worker import Failure, Worker
 
 _MOST_READINGS = 720  # the newest: more readings add nothing about one place
@@ -31,25 +31,25 @@ class FitControl(QObject):
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
         self.state = FitState()
-        self._watch: Watch | None = None
+        self._progress: FitProgress | None = None
         self._worker: Worker | None = None
 
-    def start(self, wish: FitWish, scene: Scene, readings: tuple[Reading, ...]) -> None:
+    def start(self, settings: FitSettings, scene: Scene, readings: tuple[Reading, ...]) -> None:
         """Begin; one that is at work is given up."""
         self.forget()
         if self._worker is None:
             self._worker = Worker("fit")
-        self._watch = Watch()
-        self._worker.ask(FitRequest(scene, readings[-_MOST_READINGS:], wish, self._watch))
-        self._tell(FitState(running=True, doing=self._watch.doing))
+        self._progress = FitProgress()
+        self._worker.submit(FitRequest(scene, readings[-_MOST_READINGS:], settings, self._progress))
+        self._set_state(FitState(running=True, doing=self._progress.doing))
 
     @Slot()
     def forget(self) -> None:
         """Give up what is at work, and put away what was found."""
-        if self._watch is not None:
-            self._watch.cancel()
-        self._watch = None
-        self._tell(FitState())
+        if self._progress is not None:
+            self._progress.cancel()
+        self._progress = None
+        self._set_state(FitState())
 
     def tick(self) -> None:
         """Tell what has happened."""
@@ -57,8 +57,8 @@ class FitControl(QObject):
             return
         for answer in self._worker.take():
             self._take(answer)
-        if self._watch is not None:
-            self._tell(FitState(running=True, share=self._watch.share, doing=self._watch.doing))
+        if self._progress is not None:
+            self._set_state(FitState(running=True, share=self._progress.share, doing=self._progress.doing))
 
     def close(self) -> None:
         """End the thread."""
@@ -68,16 +68,16 @@ class FitControl(QObject):
 
     def _take(self, answer: FitFound | Failure) -> None:
         request = answer.request
-        if not isinstance(request, FitRequest) or request.watch is not self._watch:
+        if not isinstance(request, FitRequest) or request.progress is not self._progress:
             return  # given up meanwhile
         if isinstance(answer, FitFound):
-            self._watch = None
-            self._tell(FitState(found=answer))
+            self._progress = None
+            self._set_state(FitState(found=answer))
         else:
             self.forget()
             self.failed.emit(answer.message)
 
-    def _tell(self, state: FitState) -> None:
+    def _set_state(self, state: FitState) -> None:
         if state != self.state:
             self.state = state
             self.changed.emit(state)

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from PySide6.QtCore import QByteArray, QSettings
 
 from sonarhw.errors import InputError, OutputError
-from sonarhw_gui.live.errands import ScanWish
+from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
 from sonarhw_gui.session.scene_memory import SceneMemory
@@ -26,7 +26,7 @@ class Memory:
     scene: SceneMemory | None = None
     log: str = ""  # whose readings were shown
     url: str = ""  # of the scanner
-    wish: ScanWish | None = None  # what to scan
+    scan_settings: ScanSettings | None = None  # what to scan
     recent: tuple[str, ...] = ()  # files
     urls: tuple[str, ...] = ()
     look: Look = field(default_factory=Look)
@@ -52,7 +52,7 @@ def read_memory(path: Path) -> Memory:
             scene=_value(file, "scene", SceneMemory),
             log=_text(file, "log"),
             url=_text(file, "scanner"),
-            wish=_value(file, "scan", ScanWish),
+            scan_settings=_value(file, "scan", ScanSettings),
             recent=_texts(file, "recent/files"),
             urls=_texts(file, "recent/scanners"),
             look=_look(file),
@@ -71,7 +71,7 @@ def write_memory(path: Path, memory: Memory) -> None:
     """Write the whole file, or leave the one before. Raises OutputError."""
     file = QSettings(str(path), QSettings.Format.IniFormat)
     file.clear()
-    for name, value in (("scene", memory.scene), ("scan", memory.wish)):
+    for name, value in (("scene", memory.scene), ("scan", memory.scan_settings)):
         if value is not None:
             file.setValue(name, TypeAdapter(type(value)).dump_json(value).decode())
     file.setValue("log", memory.log)

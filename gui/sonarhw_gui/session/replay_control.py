@@ -77,26 +77,26 @@ class ReplayControl(QObject):
         """Take a log, at its end, so that all of it is seen."""
         self._playback = Playback(log)
         self._readings, self._scans = self._playback.readings, self._playback.scan_starts
-        self._tell()
+        self._emit()
 
     def unload(self) -> None:
         """Put the log away."""
         self._playback = None
         self._readings = self._scans = ()
-        self._tell()
+        self._emit()
 
     def advance(self, elapsed: float) -> None:
         """Let `elapsed` s pass."""
         if self._playback is not None and self._playback.advance(elapsed):
-            self._tell()
+            self._emit()
 
-    def give_up_traces(self, why: str) -> None:
+    def drop_traces(self, why: str) -> None:
         """The log can no longer be read, its drive may be gone: stand still, and show the readings without traces."""
         if self._playback is not None:
             self._playback.pause()
             self._readings = tuple(replace(reading, trace=None) for reading in self._readings)
             self.broken.emit(f"{why}. The replay stands still; its readings are shown without their traces")
-            self._tell()
+            self._emit()
 
     @Slot()
     def toggle(self) -> None:
@@ -106,17 +106,17 @@ class ReplayControl(QObject):
                 self._playback.pause()
             else:
                 self._playback.play()
-            self._tell()
+            self._emit()
 
     @Slot()
     def pause(self) -> None:
         """Stand still."""
         if self._playback is not None:
             self._playback.pause()
-            self._tell()
+            self._emit()
 
     @Slot()
-    def step_forth(self) -> None:
+    def step_forward(self) -> None:
         """Stand still one reading further on."""
         self._step(1)
 
@@ -128,20 +128,20 @@ class ReplayControl(QObject):
     def _step(self, by: int) -> None:
         if self._playback is not None:
             self._playback.step(by)
-            self._tell()
+            self._emit()
 
     @Slot(float)
     def seek(self, position: float) -> None:
         """Go to `position`, s from the beginning."""
         if self._playback is not None:
             self._playback.seek(position)
-            self._tell()
+            self._emit()
 
     def seek_reading(self, index: int) -> None:
         """Go to where that reading has just been made. Raises IndexError where there is none."""
         if self._playback is not None:
             self._playback.seek_reading(index)
-            self._tell()
+            self._emit()
 
     @Slot()
     def next_scan(self) -> None:
@@ -162,14 +162,14 @@ class ReplayControl(QObject):
         """Play that many times as fast as recorded; inf: all at once."""
         if self._playback is not None:
             self._playback.speed = speed
-            self._tell()
+            self._emit()
 
     @Slot(bool)
     def set_loop(self, loop: bool) -> None:
         """Begin again at the end, or stand still there."""
         if self._playback is not None:
             self._playback.loop = loop
-            self._tell()
+            self._emit()
 
     @Slot(bool)
     def set_skip_gaps(self, skip: bool) -> None:
@@ -177,7 +177,7 @@ class ReplayControl(QObject):
         if self._playback is not None:
             self._playback.skip_gaps = skip
             self._scans = self._playback.scan_starts
-            self._tell()
+            self._emit()
 
-    def _tell(self) -> None:
+    def _emit(self) -> None:
         self.changed.emit(self.state)

@@ -12,11 +12,11 @@ from sonarhw.readings import Reading
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.scene.history import History
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.intake import Intake
+from sonarhw_gui.session.reading_source import ReadingSource
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.choice import Choice
 from sonarhw_gui.shown.shown import Cursor, Shown
-from sonarhw_gui.work.bscan_picture import BScanWish
+from sonarhw_gui.work.bscan_picture import BScanSettings
 from sonarhw_gui.work.forecast import Forecast
 
 
@@ -26,14 +26,14 @@ class ShownModel(QObject):
     changed = Signal(object)  # Shown
     edited = Signal()  # the scene has; views may hear of it later
 
-    def __init__(self, scene: Scene, look: Look, intake: Intake, parent: QObject) -> None:
+    def __init__(self, scene: Scene, look: Look, source: ReadingSource, parent: QObject) -> None:
         super().__init__(parent)
         self.shown = Shown(scene, look=look)
         self.history = History()
         self.forecast, self.traces = Forecast(), TraceForecast()
-        self._intake = intake
+        self._source = source
         self._choice = Choice()
-        self._to_tell = False  # whether what is shown has changed since the views were told
+        self._update_due = False  # whether what is shown has changed since the views were told
         self.forecast.set_scene(scene)
 
     @Slot(object, str, object)
@@ -71,7 +71,7 @@ class ShownModel(QObject):
         self.shown = replace(self.shown, scene=scene)
         self.forecast.change_scene(scene, moving)
         if moving:
-            self._to_tell = True  # a mouse moves more often than anybody looks
+            self._update_due = True  # a mouse moves more often than anybody looks
         else:
             self.refresh()
         self.edited.emit()
@@ -80,7 +80,7 @@ class ShownModel(QObject):
     def set_place(self, name: str) -> None:
         """Stand at another place of the room."""
         scene = self.shown.scene
-        if scene.room is not None and name != scene.standing.name:
+        if scene.room is not None and name != scene.pose.name:
             self.edit(replace(scene, place=scene.room.place(name)), f"standing at {name}")
 
     @Slot(int)
@@ -98,14 +98,14 @@ class ShownModel(QObject):
     @Slot()
     def choose_next(self) -> None:
         """Ask about the next reading, round and round."""
-        self._step(1)
+        self._choose_step(1)
 
     @Slot()
     def choose_previous(self) -> None:
         """Ask about the reading before this one, round and round."""
-        self._step(-1)
+        self._choose_step(-1)
 
-    def _step(self, by: int) -> None:
+    def _choose_step(self, by: int) -> None:
         self._choice.step(by, self.shown.chosen, len(self.shown.readings))
         self.refresh()
 
@@ -114,17 +114,17 @@ class ShownModel(QObject):
         """Point at a heading and range, in every view."""
         if cursor != self.shown.cursor:
             self.shown = replace(self.shown, cursor=cursor)
-            self._to_tell = True
+            self._update_due = True
 
     @Slot(object)
-    def wish_bscan(self, wish: BScanWish | None) -> None:
+    def request_bscan(self, settings: BScanSettings | None) -> None:
         """Have the B-scan worked out as it is wanted; None: nobody looks at it."""
-        self.traces.wish(wish)
+        self.traces.request_bscan(settings)
 
     def set_look(self, look: Look) -> None:
         """Draw everything in another palette, unit or size."""
         if look != self.shown.look:
-            self._tell_shown(replace(self.shown, look=look))
+            self._emit(replace(self.shown, look=look))
 
     # what happens meanwhile
 
@@ -134,12 +134,12 @@ class ShownModel(QObject):
         self.forecast.begin_scan()
         self.traces.begin_scan()
 
-    def put(self, scene: Scene) -> None:
+    def replace_scene(self, scene: Scene) -> None:
         """Put the readings into another room; what was done to the one before cannot be undone any more."""
         self.history.forget()
         self.shown = replace(self.shown, scene=scene)
         self.forecast.set_scene(scene)
-        self.follow(self._intake.all_readings)
+        self.follow(self._source.all_readings)
         self.refresh()
 
     def name_room(self, file: str) -> None:
@@ -151,14 +151,14 @@ class ShownModel(QObject):
         """Compare these readings, too."""
         self.forecast.follow(readings)
 
-    def tell_soon(self) -> None:
+    def update_soon(self) -> None:
         """Tell the views with the next tick."""
-        self._to_tell = True
+        self._update_due = True
 
-    def tick(self, heard: bool) -> None:
-        """Take in what has been worked out since the last tick, and tell where there is news; `heard`: of readings."""
+    def tick(self, new_readings: bool) -> None:
+        """Fetch finished predictions and traces, and update the views if anything has changed."""
         traced = self.traces.take()
-        if self.forecast.take() or heard or traced or self._to_tell:
+        if self.forecast.take() or new_readings or traced or self._update_due:
             self.refresh()
 
     def close(self) -> None:
@@ -168,22 +168,22 @@ class ShownModel(QObject):
 
     def refresh(self) -> None:
         """Tell the views what there is now."""
-        readings, compared = self._intake.readings, self.forecast.compared
-        if self._intake.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
+        readings, compared = self._source.readings, self.forecast.compared
+        if self._source.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
             self.forecast.follow(readings)  # a long log is compared by stretches
         shown = replace(
             self.shown,
             outline=self.forecast.outline,
             compared=compared,
-            outdated=self.forecast.behind,
+            outdated=self.forecast.outdated,
             readings=readings,
             earlier=self.shown.known_rows,
             chosen=self._choice.among(len(readings), compared.end if compared else 0),
         )
-        self._tell_shown(shown)
+        self._emit(shown)
 
-    def _tell_shown(self, shown: Shown) -> None:
+    def _emit(self, shown: Shown) -> None:
         self.traces.follow(shown)
         self.shown = replace(shown, trace=self.traces.trace, bscan=self.traces.bscan)
-        self._to_tell = False
+        self._update_due = False
         self.changed.emit(self.shown)

@@ -6,7 +6,7 @@ Of several requests the newest is answered; answers for another scan are dropped
 import time
 
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.bscan_picture import BScans, BScanWish
+from sonarhw_gui.work.bscan_picture import BScans, BScanSettings
 from sonarhw_gui.work.bscan_request import BScanRequest
 from sonarhw_gui.work.chosen_trace import ChosenTrace
 from sonarhw_gui.work.trace_request import TraceFound, TraceRequest
@@ -24,10 +24,10 @@ class TraceForecast:
         self.failures: list[str] = []
         self._generation = 0
         self._shown: Shown | None = None
-        self._wish: BScanWish | None = None
-        self._asked_trace: tuple[object, ...] = ()
-        self._asked_at = -_PAUSE
-        self._asked_bscan: tuple[object, ...] = ()
+        self._settings: BScanSettings | None = None
+        self._requested_trace: tuple[object, ...] = ()
+        self._requested_at = -_PAUSE
+        self._requested_bscan: tuple[object, ...] = ()
         self._drawing = False  # one B-scan at a time: the next goes on from it
         # two, so that a trace never waits for a B-scan
         self._tracer = Worker("traces")
@@ -37,24 +37,24 @@ class TraceForecast:
         """Forget traces and B-scan; what is shown from now on belongs to another scan."""
         self._generation += 1
         self.trace, self.bscan, self._shown = None, None, None
-        self._asked_trace, self._asked_bscan = (), ()
+        self._requested_trace, self._requested_bscan = (), ()
 
-    def wish(self, wish: BScanWish | None) -> None:
+    def request_bscan(self, settings: BScanSettings | None) -> None:
         """Keep up the B-scan as it is wanted; None: nobody sees it."""
-        self._wish = wish
-        self._ask_bscan()
+        self._settings = settings
+        self._request_bscan()
 
     def follow(self, shown: Shown) -> None:
         """Work for what is shown from now on."""
         self._shown = shown
-        self._ask_trace(shown)
-        self._ask_bscan()
+        self._request_trace(shown)
+        self._request_bscan()
 
     def take(self) -> bool:
         """Take in what has been worked out since the last call; whether anything has changed."""
         changed = False
         if self._shown is not None:
-            self._ask_trace(self._shown)  # what came too soon after the one before
+            self._request_trace(self._shown)  # what came too soon after the one before
         for answer in (*self._tracer.take(), *self._drawer.take()):
             match answer:
                 case Failure(request=BScanRequest()):
@@ -75,37 +75,37 @@ class TraceForecast:
         self._tracer.close()
         self._drawer.close()
 
-    def _ask_trace(self, shown: Shown) -> None:
+    def _request_trace(self, shown: Shown) -> None:
         reading, row = shown.chosen_reading, shown.chosen_row
         if reading is None:
-            self.trace, self._asked_trace = None, ()
+            self.trace, self._requested_trace = None, ()
             return
         prediction, index = (shown.prediction, row.index) if row is not None else (None, 0)
         subject = (shown.scene, reading, prediction, index)
         now = time.monotonic()
-        if not _same(subject, self._asked_trace) and now - self._asked_at >= _PAUSE:
-            self._asked_trace, self._asked_at = subject, now
-            self._tracer.ask(TraceRequest(self._generation, shown.scene, reading, prediction, index))
+        if not _same(subject, self._requested_trace) and now - self._requested_at >= _PAUSE:
+            self._requested_trace, self._requested_at = subject, now
+            self._tracer.submit(TraceRequest(self._generation, shown.scene, reading, prediction, index))
 
-    def _ask_bscan(self) -> None:
-        shown, wish = self._shown, self._wish
-        if shown is None or wish is None or self._drawing:
+    def _request_bscan(self) -> None:
+        shown, settings = self._shown, self._settings
+        if shown is None or settings is None or self._drawing:
             return
-        subject = (shown.scene, shown.readings, shown.outline, wish, shown.look.palette)
-        if not _same(subject, self._asked_bscan):
-            self._asked_bscan, self._drawing = subject, True
-            self._drawer.ask(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
+        subject = (shown.scene, shown.readings, shown.outline, settings, shown.look.palette)
+        if not _same(subject, self._requested_bscan):
+            self._requested_bscan, self._drawing = subject, True
+            self._drawer.submit(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
 
     def _take_bscan(self, bscan: BScans) -> bool:
         if bscan.generation != self._generation:
-            self._ask_bscan()
+            self._request_bscan()
             return False
         if bscan.rows.unreadable and (self.bscan is None or bscan.rows.unreadable != self.bscan.rows.unreadable):
             self.failures.append(bscan.rows.unreadable)
         self.bscan = bscan
         if bscan.rows.done < 1:
-            self._asked_bscan = ()
-        self._ask_bscan()  # what is still to do, or what has come meanwhile
+            self._requested_bscan = ()
+        self._request_bscan()  # what is still to do, or what has come meanwhile
         return True
 
 

@@ -15,14 +15,14 @@ _SOON = 1.0  # s from a change to the file: what a crash may cost
 
 
 @dataclass(frozen=True)
-class BringBack:
+class RestoreRoom:
     """Somebody wants to go on with a room that was not saved."""
 
     path: Path
 
 
 @dataclass(frozen=True)
-class ThrowAway:
+class DiscardRoom:
     """Nobody wants it any more."""
 
     path: Path
@@ -91,11 +91,11 @@ class UnsavedRooms:
             self._now = scene
             self.write()
 
-    def brought_back(self, wanted: BringBack, here: Scene) -> Scene:
+    def restored(self, wanted: RestoreRoom, here: Scene) -> Scene:
         """`here` with what was not saved. Raises InputError where that is gone or cannot be understood."""
         return read_unsaved(wanted.path).onto(here)
 
-    def throw_away(self, unwanted: ThrowAway) -> None:
+    def discard(self, unwanted: DiscardRoom) -> None:
         """Forget that one. Raises OutputError."""
         try:
             unwanted.path.unlink(missing_ok=True)
@@ -154,7 +154,7 @@ def _question(path: Path, unsaved: UnsavedRoom, scene: Scene) -> Notice:
     said = f"{name} was changed in the window on {when} and not saved"
     if scene.room and scene.room.text != unsaved.opened.room_text:
         said += "; the file was another one then"
-    return Notice(said, "Bring back", BringBack(path), "Throw away", ThrowAway(path))
+    return Notice(said, "Bring back", RestoreRoom(path), "Throw away", DiscardRoom(path))
 
 
 def _free_name(folder: Path, stem: str) -> Path:

@@ -17,17 +17,17 @@ from PySide6.QtWidgets import QApplication
 from sonarhw.errors import SonarError
 from sonarhw.log import Log
 from sonarhw.readings import ScanOrder
-from sonarhw_gui.live.errands import WHOLE_TURN, ScannerOpener, ScanWish
+from sonarhw_gui.live.scanner_jobs import WHOLE_TURN, ScannerOpener, ScanSettings
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import apply_look
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.memory import Memory, read_memory
-from sonarhw_gui.session.scanner_choice import WayFinder
+from sonarhw_gui.session.scanner_choice import ScannerFinder
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.display import check_display
 from sonarhw_gui.shell.garbage import collected_between_events
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.shell.remembering import Remembering, put_back
+from sonarhw_gui.shell.window_memory import MemoryWriter, restore_window
 from sonarhw_gui.store.new_recording import recordings_folder
 from sonarhw_gui.store.open_requests import OpenLogRequest
 from sonarhw_gui.store.recent_names import with_newest
@@ -45,7 +45,7 @@ class WindowStart:
     source_file: Path | None = None  # where a log is found again
     used: tuple[Path, ...] = ()  # files that were named for it: the recent ones from now on
     url: str = ""  # of the scanner
-    find_way: WayFinder | None = None  # to any other scanner
+    find_scanner: ScannerFinder | None = None  # to any other scanner
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
     autostart: bool = False  # begin to scan at once
@@ -82,17 +82,17 @@ def open_window(start: WindowStart) -> MainWindow:
     """A window, not shown yet, with its session."""
     begun, memory, complaint = _resumed(start)
     opener = None if isinstance(begun.source, Log) else begun.source
-    wish = ScanWish(start.recordings, start.order, start.traces)
-    if start.resume and memory.wish is not None:
-        wish = replace(memory.wish, folder=start.recordings)
+    scan_settings = ScanSettings(start.recordings, start.order, start.traces)
+    if start.resume and memory.scan_settings is not None:
+        scan_settings = replace(memory.scan_settings, folder=start.recordings)
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(WindowSession(begun.scene, opener, wish, memory.look, start.find_way, unsaved))
+    window = MainWindow(WindowSession(begun.scene, opener, scan_settings, memory.look, start.find_scanner, unsaved))
     window.session.scanners.url = begun.url
-    put_back(window, memory)
+    restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
     window.session.remember_used(recent, memory.urls)
     if start.memory is not None:
-        Remembering(window, start.memory)
+        MemoryWriter(window, start.memory)
     if isinstance(begun.source, Log):
         window.session.show_log(begun.source, begun.source_name, begun.source_file)
     elif begun.source_file is not None and begun is not start:
@@ -115,10 +115,10 @@ def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
     try:
         if start.memory is not None:
             memory = read_memory(start.memory)
-        if not start.resume or memory.scene is None or start.find_way is None:
+        if not start.resume or memory.scene is None or start.find_scanner is None:
             return start, memory, ""
         scene = memory.scene.scene()
-        opener = start.find_way(memory.url).opener if memory.url else None
+        opener = start.find_scanner(memory.url).opener if memory.url else None
     except SonarError as error:
         return start, memory, str(error)
     log = Path(memory.log) if memory.log else None

@@ -14,8 +14,8 @@ from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.connect_commands import ConnectCommands
 from sonarhw_gui.commands.file_commands import FileCommands
 from sonarhw_gui.commands.help_commands import HelpCommands
-from sonarhw_gui.commands.keep_commands import KeepCommands
 from sonarhw_gui.commands.look_commands import LookCommands
+from sonarhw_gui.commands.save_commands import SaveCommands
 from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
@@ -54,7 +54,7 @@ class MainWindow(QMainWindow):
         self.docks = Docks(self)
         self.look_commands = LookCommands(self.commands, session, self)
         self.files = FileCommands(self.commands, session, self)
-        self.keep = KeepCommands(self.commands, session, self, lambda: self.views.large_view, self.views.beside)
+        self.saving = SaveCommands(self.commands, session, self, lambda: self.views.large_view, self.views.beside)
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
@@ -106,7 +106,7 @@ class MainWindow(QMainWindow):
         self.closing.connect(self.files.close_recordings)
         session.showing.changed.connect(self._show)
         session.status_changed.connect(self._show_status)
-        session.keeping.kept.connect(self.status_bar.tell)
+        session.saver.saved.connect(self.status_bar.show_briefly)
 
     @Slot(QAction)
     def _show_view(self, action: QAction) -> None:

@@ -54,7 +54,7 @@ class ViewArea(QSplitter):
             gestures.pointed.connect(showing.point_at)
             gestures.edited.connect(showing.edit)
             gestures.cancelled.connect(showing.cancel)
-            gestures.bscan_wished.connect(showing.wish_bscan)
+            gestures.bscan_requested.connect(showing.request_bscan)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what is shown in the visible views; text waits for `write`."""

@@ -22,7 +22,7 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
         (commands.newest, showing.follow_newest),
         (commands.play, replay.toggle),
         (commands.back, replay.step_back),
-        (commands.forth, replay.step_forth),
+        (commands.forward, replay.step_forward),
         (commands.previous_scan, replay.previous_scan),
         (commands.next_scan, replay.next_scan),
         (commands.loop, replay.set_loop),
@@ -35,9 +35,9 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
 def connect_device(panel: DevicePanel, session: WindowSession) -> None:
     """Let the panel control the scanner."""
     panel.connect_wanted.connect(session.live.connect)
-    panel.hang_up_wanted.connect(session.live.hang_up)
+    panel.disconnect_wanted.connect(session.live.disconnect)
     panel.turn_wanted.connect(session.live.turn)
-    panel.wished.connect(session.live.set_wish)
+    panel.settings_changed.connect(session.live.set_scan_settings)
 
 
 def connect_fit(panel: FitPanel, session: WindowSession) -> None:
@@ -59,6 +59,6 @@ def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
 
 def connect_banner(banner: Banner, session: WindowSession) -> None:
     """Let the banner show warnings and offers, and take the answers."""
-    session.warned.connect(banner.tell)
-    session.offered.connect(banner.offer)
-    banner.taken.connect(session.take_up)
+    session.warned.connect(banner.show_message)
+    session.offered.connect(banner.show_notice)
+    banner.answered.connect(session.answer_offer)

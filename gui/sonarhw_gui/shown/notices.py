@@ -11,10 +11,10 @@ class Notice:
     """A message, perhaps with something that can be done about it."""
 
     text: str
-    offer: str = ""  # what a button beside it says
-    answer: object = None  # what is handed on where somebody takes the offer
-    refusal: str = ""  # what a second button says
-    refused: object = None  # what is handed on there
+    accept_text: str = ""  # what a button beside it says
+    accept_value: object = None  # what is handed on where somebody takes the offer
+    decline_text: str = ""  # what a second button says
+    decline_value: object = None  # what is handed on there
 
 
 NOTHING = Notice("")
@@ -24,9 +24,9 @@ class Notices:
     """Messages that wait to be read. What stands comes first and goes by itself."""
 
     def __init__(self) -> None:
-        self._standing = ""
-        self._put_away = False  # whether what stands has been read
-        self._told: deque[Notice] = deque(maxlen=_MOST)
+        self._state = ""
+        self._dismissed = False  # whether what stands has been read
+        self._events: deque[Notice] = deque(maxlen=_MOST)
 
     @property
     def first(self) -> Notice:
@@ -39,32 +39,32 @@ class Notices:
         return self.first.text
 
     @property
-    def behind(self) -> int:
+    def more(self) -> int:
         """How many more there are."""
         return max(0, len(self._all()) - 1)
 
-    def tell(self, message: str | Notice) -> None:
+    def add(self, message: str | Notice) -> None:
         """Something has happened; told once however often it is said."""
         notice = Notice(message) if isinstance(message, str) else message
-        if notice not in self._told:
-            self._told.append(notice)
+        if notice not in self._events:
+            self._events.append(notice)
 
-    def stand(self, message: str) -> None:
+    def set_state(self, message: str) -> None:
         """This is so from now on; empty: it no longer is. What was put away stays so until it is over."""
-        self._put_away = self._put_away and bool(message)
-        self._standing = message
+        self._dismissed = self._dismissed and bool(message)
+        self._state = message
 
-    def put_away(self) -> None:
+    def dismiss(self) -> None:
         """The one to be read has been."""
-        if self._standing and not self._put_away:
-            self._put_away = True
-        elif self._told:
-            self._told.popleft()
+        if self._state and not self._dismissed:
+            self._dismissed = True
+        elif self._events:
+            self._events.popleft()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """What has happened no longer matters; what stands does."""
-        self._told.clear()
+        self._events.clear()
 
     def _all(self) -> list[Notice]:
-        standing = [Notice(self._standing)] if self._standing and not self._put_away else []
-        return [*standing, *self._told]
+        state = [Notice(self._state)] if self._state and not self._dismissed else []
+        return [*state, *self._events]

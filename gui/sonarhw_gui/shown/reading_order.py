@@ -1,4 +1,4 @@
-"""Which rows of readings are wanted and in what order, sorted and filtered at once however many there are."""
+"""Which rows of readings are query and in what order, sorted and filtered at once however many there are."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, Class, IntAr
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RowQuery:
     """Which rows, and in what order."""
 
     column: Column = Column.NUMBER
@@ -21,20 +21,20 @@ class Wanted:
     text: str = ""  # each word of it stands in the heading, the class or the path
 
     @property
-    def everything(self) -> bool:
+    def is_default(self) -> bool:
         """Whether the rows stand as they came, all of them."""
         return self.column is Column.NUMBER and not (self.descending or self.hidden or self.text)
 
 
-def order_of(rows: ReadingRows, wanted: Wanted) -> IntArray:
-    """Which rows are wanted, in their order; rows without a value stand last either way."""
+def order_of(rows: ReadingRows, query: RowQuery) -> IntArray:
+    """Which rows are query, in their order; rows without a value stand last either way."""
     kept = np.ones(len(rows), bool)
-    if wanted.hidden:
-        kept &= ~np.isin(rows.classes, [CODES[kind] for kind in wanted.hidden])
-    if wanted.text.strip():
-        kept &= _saying(rows, wanted.text.casefold().split())
-    keys = _sort_keys(rows, wanted.column)
-    order = np.argsort(-keys if wanted.descending else keys, kind="stable")
+    if query.hidden:
+        kept &= ~np.isin(rows.classes, [CODES[kind] for kind in query.hidden])
+    if query.text.strip():
+        kept &= _containing(rows, query.text.casefold().split())
+    keys = _sort_keys(rows, query.column)
+    order = np.argsort(-keys if query.descending else keys, kind="stable")
     return order[kept[order]]
 
 
@@ -55,7 +55,7 @@ def _sort_keys(rows: ReadingRows, column: Column) -> FloatArray:
     return np.where(rows.paths == NO_PATH, math.nan, rows.paths)
 
 
-def _saying(rows: ReadingRows, words: list[str]) -> NDArray[np.bool_]:
+def _containing(rows: ReadingRows, words: list[str]) -> NDArray[np.bool_]:
     # a word is looked up in the few different texts of a column, not in every row
     angles, which = np.unique(np.round(rows.headings, 1), return_inverse=True)
     kept = np.ones(len(rows), bool)

@@ -76,7 +76,7 @@ class Shown:
 
     def heading(self, reading: int) -> float:
         """Where a reading looks in the room, rad."""
-        return self.scene.standing.heading + self.readings[reading].angle
+        return self.scene.pose.heading + self.readings[reading].angle
 
     def same_readings(self, other: "Shown") -> bool:
         """Whether `other` has the same readings in the same classes at the same points."""
@@ -101,7 +101,7 @@ class Shown:
     @cached_property
     def rows(self) -> ReadingRows:
         """All readings as columns."""
-        return rows_of(self.readings, self.compared, self.scene.standing.heading, self.earlier)
+        return rows_of(self.readings, self.compared, self.scene.pose.heading, self.earlier)
 
     @property
     def known_rows(self) -> ReadingRows:

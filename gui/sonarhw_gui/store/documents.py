@@ -43,13 +43,13 @@ class Documents:
     def open(self, path: Path, board: Board) -> None:
         """Have a file opened; a room for that board."""
         try:
-            self._worker.ask(request_for(path, board, self._folder))
+            self._worker.submit(request_for(path, board, self._folder))
         except InputError as error:
             self.messages.append(str(error))
 
-    def ask(self, request: OpenRequest) -> None:
+    def submit(self, request: OpenRequest) -> None:
         """Have a file opened as it is asked for there."""
-        self._worker.ask(request)
+        self._worker.submit(request)
 
     def take(self) -> list[Opened]:
         """What has been opened since the last call."""

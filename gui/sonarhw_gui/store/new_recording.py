@@ -35,7 +35,7 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
         started=now,
         room_file=scene.room_file,
         room_text=room.text if room else "",
-        place=scene.standing.name,
+        place=scene.pose.name,
         board=scene.board.name,
         board_text=scene.board.text,
     )

@@ -99,7 +99,7 @@ class Recordings:
         self.listed = RecordingList(folder)
         self.failures: list[str] = []
         self._worker = Worker("list recordings")
-        self._worker.ask(ListRequest(self.listed))
+        self._worker.submit(ListRequest(self.listed))
 
     def take(self) -> bool:
         """Take in what has been read since the last call; whether anything has."""
@@ -110,7 +110,7 @@ class Recordings:
                 continue
             self.listed = answer
             if not answer.complete:
-                self._worker.ask(ListRequest(answer))
+                self._worker.submit(ListRequest(answer))
         return bool(taken)
 
     def close(self) -> None:

@@ -102,7 +102,7 @@ class EchoNames:
         return self._heights.top + (self._rows - row - 0.5) * _ROW * self._look.scale * self._per_pixel
 
     def _colour(self, echo: NamedEcho) -> str:
-        return self._look.palette.predicted if echo.heard else self._look.palette.ink
+        return self._look.palette.predicted if echo.detectable else self._look.palette.ink
 
     def _fitting(self) -> list[_Name]:
         """A row for every echo in view that finds room in one, the most important first."""
@@ -136,7 +136,7 @@ class EchoNames:
         return np.array(ends).reshape(-1, 2)
 
     def _tip(self, echo: NamedEcho) -> str:
-        state = "reported" if echo.first else "heard later" if echo.heard else "within blanking"
+        state = "reported" if echo.first else "heard later" if echo.detectable else "within blanking"
         at = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
         return f"{echo.via}\n{at}, {echo.level_db:.1f} dB, {state}"
 

@@ -10,7 +10,7 @@ import pyqtgraph as pg
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.plots.plot_look import label_axis
-from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve, Sound
+from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve, TraceCurves
 
 _HAIR = 1e-9
 _REACHES = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0  # of full scale
@@ -48,13 +48,13 @@ def heights_of(trace: ChosenTrace, rf: bool) -> Heights:
     return Heights(False, -reach, reach)
 
 
-def _loudest(sound: Sound, after: float) -> float:
+def _loudest(sound: TraceCurves, after: float) -> float:
     heard = sound.envelope.values[sound.envelope.times >= after]
     loud = heard[np.isfinite(heard)]
     return float(10 ** (loud.max() / 20)) if len(loud) else 0.0
 
 
-def signal_curve(sound: Sound) -> Curve:
+def signal_curve(sound: TraceCurves) -> Curve:
     """The signal with its carrier; where only the envelope is known that, above and below zero."""
     if sound.rf is not None:
         return sound.rf

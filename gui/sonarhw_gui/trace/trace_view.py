@@ -241,7 +241,7 @@ def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str
         told.append("measured: envelope only")
     if trace.predicted is None:
         told.append("no prediction")
-    elif rf and trace.predicted.folded:
+    elif rf and trace.predicted.undersampled:
         told.append(f"both as {trace.predicted.rate / 1e3:.1f} kHz fold it")
     if trace.gain.stepped:
         told.append("stepped gain")

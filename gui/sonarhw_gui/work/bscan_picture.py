@@ -39,7 +39,7 @@ class Pane(Enum):
 
 
 @dataclass(frozen=True)
-class BScanWish:
+class BScanSettings:
     """What a person wants to see of the B-scan."""
 
     panes: tuple[Pane, ...]
@@ -77,7 +77,7 @@ class BScans:
     """The B-scan as far as it is worked out."""
 
     generation: int
-    wish: BScanWish
+    settings: BScanSettings
     rows: BScanRows
     measured: BScan
     predicted: BScan

@@ -10,7 +10,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw.readings import Reading
 from sonarhw_gui.look.palette import Palette
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.work.bscan_picture import Arm, BScans, BScanWish, Pane, PanePicture, colour_scale, draw_bscan
+from sonarhw_gui.work.bscan_picture import Arm, BScans, BScanSettings, Pane, PanePicture, colour_scale, draw_bscan
 from sonarhw_gui.work.bscan_rows import BScanRows, more_rows
 
 SLICE = 0.05  # s
@@ -24,7 +24,7 @@ class BScanRequest:
     scene: Scene
     readings: tuple[Reading, ...]
     outline: PredictedScan | None
-    wish: BScanWish
+    settings: BScanSettings
     palette: Palette
     before: BScanRows | None  # of the same scan
 
@@ -32,14 +32,14 @@ class BScanRequest:
         """Work on it for `SLICE` and draw what there is."""
         rows = more_rows(self.scene, self.readings, self.outline, self.before, SLICE)
         measured, predicted = rows.images()
-        pictures = {pane: self._drawn(pane, measured, predicted) for pane in self.wish.panes}
-        return BScans(self.generation, self.wish, rows, measured, predicted, pictures)
+        pictures = {pane: self._drawn(pane, measured, predicted) for pane in self.settings.panes}
+        return BScans(self.generation, self.settings, rows, measured, predicted, pictures)
 
     def _drawn(self, pane: Pane, measured: BScan, predicted: BScan) -> PanePicture:
         floor = floor_of(self.scene.board)
-        scale = colour_scale(pane, self.wish.decibels, floor, self.palette)
-        floor_db = floor if self.wish.decibels else None
-        polar = Arm(*arm(self.scene.board)) if self.wish.polar else None
+        scale = colour_scale(pane, self.settings.decibels, floor, self.palette)
+        floor_db = floor if self.settings.decibels else None
+        polar = Arm(*arm(self.scene.board)) if self.settings.polar else None
         if pane is Pane.DIFFERENCE:
             apart = difference(measured, predicted, floor_db)
             return PanePicture(draw_bscan(apart, scale, None, polar), scale)

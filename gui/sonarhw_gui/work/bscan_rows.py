@@ -65,7 +65,7 @@ def more_rows(
     A trace that cannot be read leaves a gap.
     """
     until = time.monotonic() + slice_
-    zero = scene.standing.heading
+    zero = scene.pose.heading
     wanted = newest_by_heading(readings, zero)
     rows = _still_true(before, scene.board, wanted, outline)
     rows = _measured(rows, wanted, until)

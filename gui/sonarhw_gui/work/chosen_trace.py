@@ -31,13 +31,13 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Sound:
+class TraceCurves:
     """One trace in both forms."""
 
     envelope: Curve  # dB of full scale, not under the floor
     rf: Curve | None  # of full scale; None where only the envelope is known
     rate: float  # Hz, of `rf`
-    folded: bool = False  # `rf` is what a converter too slow for the carrier sees
+    undersampled: bool = False  # `rf` is what a converter too slow for the carrier sees
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class NamedEcho:
     range: float  # m, as the board would report it
     level_db: float  # of full scale, after the receiver's gain
     via: str
-    heard: bool  # not within blanking
+    detectable: bool  # not within blanking
     first: bool  # the one the board reports
 
 
@@ -66,8 +66,8 @@ class ChosenTrace:
 
     heading: float  # rad in the room
     speed: float  # m/s, of sound as the reading has it
-    measured: Sound | None
-    predicted: Sound | None
+    measured: TraceCurves | None
+    predicted: TraceCurves | None
     echo_times: FloatArray  # s: what the board reported
     echoes: tuple[NamedEcho, ...]
     gain: Gain
@@ -98,7 +98,7 @@ def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | Non
     if prediction is not None:
         predicted = _predicted(prediction.signal_at(index, duration), reading.trace, board, floor)
     return ChosenTrace(
-        heading=scene.standing.heading + reading.angle,
+        heading=scene.pose.heading + reading.angle,
         speed=reading.speed_of_sound,
         measured=None if reading.trace is None else _measured(reading.trace, floor),
         predicted=predicted,
@@ -118,20 +118,20 @@ def _duration(scene: Scene, reading: Reading) -> float:
     return float(reading.trace.times[-1])
 
 
-def _measured(trace: Trace, floor: float) -> Sound:
+def _measured(trace: Trace, floor: float) -> TraceCurves:
     envelope = Curve(trace.times, in_db(envelope_of(trace), floor))
-    return Sound(envelope, Curve(trace.times, trace.samples) if trace.carrier else None, trace.rate)
+    return TraceCurves(envelope, Curve(trace.times, trace.samples) if trace.carrier else None, trace.rate)
 
 
-def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: float) -> Sound:
+def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: float) -> TraceCurves:
     """The predicted trace; where the carrier was measured, its carrier as the same converter sees it."""
     whole = signal.envelope()
     envelope = Curve(whole.times, in_db(whole.samples, floor))
     carrier = measured is not None and measured.carrier
     rate = measured.rate if measured is not None and carrier else _RF_POINTS * board.frequency
-    folded = rate < _CAN_FOLLOW * board.frequency
-    samples = signal.sampled(rate) if folded else signal.rf(rate)
-    return Sound(envelope, Curve(np.arange(len(samples)) / rate, samples), rate, folded)
+    undersampled = rate < _CAN_FOLLOW * board.frequency
+    samples = signal.sampled(rate) if undersampled else signal.rf(rate)
+    return TraceCurves(envelope, Curve(np.arange(len(samples)) / rate, samples), rate, undersampled)
 
 
 def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Gain:
@@ -155,11 +155,11 @@ def _echoes(prediction: PredictedScan, index: int, receiver: Receiver) -> tuple[
     return tuple(named + [_named(prediction, echo, receiver, False, False) for echo in blanked])
 
 
-def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, heard: bool, first: bool) -> NamedEcho:
+def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable: bool, first: bool) -> NamedEcho:
     board, length = prediction.board, float(prediction.apparent_lengths[echo.path])
     time, level = length / prediction.room.air.speed_of_sound, echo.level_db
     if is_stepped(board, receiver):
         # levels are told after the ideal gain
         level += float(stepped_gain_db(np.array([time]), board)[0] - way_loss_db(np.array([length]), board)[0])
     via = ">".join(prediction.paths.via(echo.path, prediction.room))
-    return NamedEcho(time, echo.range, level, via, heard, first)
+    return NamedEcho(time, echo.range, level, via, detectable, first)

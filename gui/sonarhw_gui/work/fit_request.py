@@ -11,7 +11,7 @@ from sonarhw_sim.room.model import Room
 from sonarhw.readings import Reading
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import furnished
+from sonarhw_gui.scene.scene_edit import room_and_place
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult, Parameter
@@ -21,7 +21,7 @@ _SAMPLES = 8000  # of the posterior: some 300 of them are independent
 
 
 @dataclass(frozen=True)
-class FitWish:
+class FitSettings:
     """What a fit may choose, in words of `values.quantities`, and whether the whole room is searched."""
 
     free: tuple[str, ...] = ("position", "heading", "offset")
@@ -46,14 +46,14 @@ class FitFound:
     answers: tuple[FitAnswer, ...]  # the best first
 
 
-class Watch:
+class FitProgress:
     """What a fit at work and whoever waits for it tell each other."""
 
     def __init__(self) -> None:
         self.share, self.doing = 0.0, "beginning"
         self._stop = threading.Event()
 
-    def tell(self, share: float, doing: str) -> None:
+    def report(self, share: float, doing: str) -> None:
         """So far it is."""
         self.share, self.doing = share, doing
 
@@ -73,8 +73,8 @@ class FitRequest:
 
     scene: Scene
     readings: tuple[Reading, ...]
-    wish: FitWish
-    watch: Watch = field(compare=False)
+    settings: FitSettings
+    progress: FitProgress = field(compare=False)
 
     def answer(self) -> FitFound:
         """Find it, in some ten seconds. Raises InputError, Cancelled."""
@@ -84,16 +84,16 @@ class FitRequest:
             fit_scans,
         )
 
-        scene, watch = self.scene, self.watch
-        room, place = furnished(scene)
+        scene, progress = self.scene, self.progress
+        room, place = room_and_place(scene)
         result = fit_scans(
             [PlacedScan(self.readings, place, "this scan")],
             room,
             scene.board,
             self._free(room),
             options=FitOptions(scene.options, samples=_SAMPLES),
-            progress=watch.tell,
-            cancelled=lambda: watch.cancelled,
+            progress=progress.report,
+            cancelled=lambda: progress.cancelled,
         )
         answers = tuple(self._answer(values) for values in _values(result))
         return FitFound(self, result, self._within_5cm(scene), answers)
@@ -101,10 +101,10 @@ class FitRequest:
     def _free(self, room: Room) -> "tuple[Parameter, ...]":
         from sonarhw_compare.fit import free_parameters
 
-        parameters = free_parameters(self.wish.free, ["this scan"], room, self.scene.board)
-        if self.wish.everywhere:
+        parameters = free_parameters(self.settings.free, ["this scan"], room, self.scene.board)
+        if self.settings.everywhere:
             return parameters
-        at = dict(zip("xy", self.scene.standing.position, strict=True))
+        at = dict(zip("xy", self.scene.pose.position, strict=True))
         return tuple(
             replace(one, lower=at[name] - NEAR, upper=at[name] + NEAR) if name in at else one
             for name, one in ((one.quantity.name, one) for one in parameters)
@@ -115,8 +115,8 @@ class FitRequest:
         return FitAnswer(values, self._within_5cm(scene))
 
     def _within_5cm(self, scene: Scene) -> float | None:
-        room, _ = furnished(scene)
-        compared = compare_readings(self.readings, room, scene.standing, scene.board, options=scene.options)
+        room, _ = room_and_place(scene)
+        compared = compare_readings(self.readings, room, scene.pose, scene.board, options=scene.options)
         return compared.summary().within_5cm
 
 

@@ -26,7 +26,7 @@ class Forecast:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
         self.compared: Compared | None = None
-        self.behind = False  # whether the comparison has belonged to a scene before for a while
+        self.outdated = False  # whether the comparison has belonged to a scene before for a while
         self.failures: list[str] = []
         self._clock = clock
         self._effort = EffortChoice()
@@ -67,7 +67,7 @@ class Forecast:
         if scene.room is None:
             return
         effort = self._effort.effort
-        self._drafter.ask(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
+        self._drafter.submit(PathsRequest(self._generation, scene, effort.limit(scene.options), effort.headings))
         self._search_at = self._clock() + (REST if moving else 0.0)
         self._search_when_due()
 
@@ -87,27 +87,27 @@ class Forecast:
         changed = False
         for answer in (*self._drafter.take(), *self._finder.take(), *self._comparer.take()):
             changed = self._take_in(answer) or changed
-        return self._look_behind() or changed
+        return self._update_outdated() or changed
 
     def close(self) -> None:
         """End the threads."""
         for worker in (self._drafter, self._finder, self._comparer):
             worker.close()
 
-    def _look_behind(self) -> bool:
+    def _update_outdated(self) -> bool:
         """Whether it has changed that the comparison is behind; once it is, only that of the newest scene helps."""
-        was, compared = self.behind, self.compared
+        was, compared = self.outdated, self.compared
         if compared is None or compared.scene_generation >= self._generation:
-            self.behind = False
+            self.outdated = False
         else:
             since = self._changed_at.get(compared.scene_generation + 1, self._clock())
-            self.behind = was or self._clock() - since >= LATE
-        return self.behind is not was
+            self.outdated = was or self._clock() - since >= LATE
+        return self.outdated is not was
 
     def _search_when_due(self) -> None:
         if self._scene is not None and self._search_at is not None and self._clock() >= self._search_at:
             self._search_at = None
-            self._finder.ask(PathsRequest(self._generation, self._scene, self._scene.options))
+            self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
 
     def _take_in(self, answer: PathsFound | Compared | Failure) -> bool:
         match answer:
@@ -143,7 +143,7 @@ class Forecast:
             return
         first = max(0, len(self._readings) - MOST_COMPARED)
         newest = tuple(self._readings[first:])
-        self._comparer.ask(CompareRequest(self._scan_generation, self._found, newest, first))
+        self._comparer.submit(CompareRequest(self._scan_generation, self._found, newest, first))
 
 
 def _rank(found: PathsFound) -> tuple[int, bool]:

@@ -11,7 +11,7 @@ from sonarhw_sim.rays.paths import Paths
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import furnished
+from sonarhw_gui.scene.scene_edit import room_and_place
 
 OUTLINE_HEADINGS = 360
 
@@ -46,15 +46,15 @@ class PathsRequest:
         """Find them; what takes seconds in a room of many echoes."""
         began = time.perf_counter()
         scene = self.scene
-        room, _ = furnished(scene)
-        outline = predict_scan(room, scene.standing, scene.board, self._headings(), self.options)
+        room, _ = room_and_place(scene)
+        outline = predict_scan(room, scene.pose, scene.board, self._headings(), self.options)
         draft = self.options != scene.options or self.headings < OUTLINE_HEADINGS
         return PathsFound(self.generation, scene, self.options, outline, draft, time.perf_counter() - began)
 
     def _headings(self) -> FloatArray:
         board = self.scene.board
         if board.ring is not None:
-            return board.ring.headings(self.scene.standing)
+            return board.ring.headings(self.scene.pose)
         one_search = paths_serve_all_headings(board, self.options.unit)
         count = OUTLINE_HEADINGS if one_search else self.headings
         return np.linspace(0, 2 * np.pi, count, endpoint=False)
@@ -93,8 +93,8 @@ class CompareRequest:
     def answer(self) -> Compared:
         """Compare them."""
         found, scene = self.found, self.found.scene
-        room, _ = furnished(scene)
+        room, _ = room_and_place(scene)
         comparison = compare_readings(
-            self.readings, room, scene.standing, scene.board, options=found.options, paths=found.paths
+            self.readings, room, scene.pose, scene.board, options=found.options, paths=found.paths
         )
         return Compared(self.generation, comparison, self.first, found.draft, found.generation)

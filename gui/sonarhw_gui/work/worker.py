@@ -52,7 +52,7 @@ class Worker:
         with self._wake:
             return self._working or bool(self._waiting) or bool(self._answers)
 
-    def ask(self, request: Request) -> None:
+    def submit(self, request: Request) -> None:
         """Have `request` answered; one of its type that still waits is forgotten."""
         with self._wake:
             self._waiting.pop(type(request), None)

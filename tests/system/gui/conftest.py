@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.errands import ScanErrand, ScannerOpener, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.scanner_jobs import ScanJob, ScannerOpener, ScanSettings
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.application import WindowStart, open_application, open_window
 from sonarhw_gui.shell.main_window import MainWindow
@@ -67,8 +67,8 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
 
     def open_it(**start: object) -> MainWindow:
         open_application()
-        wish = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
-        window = open_window(WindowStart(**wish))
+        settings = {"scene": scene, "order": ORDER, "recordings": tmp_path / "recordings", **start}
+        window = open_window(WindowStart(**settings))
         windows.append(window)
         with qtbot.waitActive(window, timeout=PATIENCE):  # keys go to the active window only
             window.show()
@@ -100,11 +100,11 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
 @pytest.fixture(scope="session")
 def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of a whole scan with traces."""
-    wish = ScanWish(tmp_path_factory.mktemp("recorded"), ORDER)
+    settings = ScanSettings(tmp_path_factory.mktemp("recorded"), ORDER)
     with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, wish))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, settings))
         live.start()
-        live.hang_up()
+        live.disconnect()
         live.join()
     assert live.status.error is None
     return live.status.recording

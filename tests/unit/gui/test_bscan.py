@@ -24,7 +24,7 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.bscan_picture import (
     Arm,
     BScans,
-    BScanWish,
+    BScanSettings,
     ColourScale,
     Pane,
     Pixels,
@@ -47,7 +47,7 @@ from tests.fixtures.window_scene import ROOM
 
 SPEED = 343.2
 RATE = 50_000.0
-FLAT = BScanWish((Pane.MEASURED, Pane.PREDICTED, Pane.DIFFERENCE), polar=False, decibels=True)
+FLAT = BScanSettings((Pane.MEASURED, Pane.PREDICTED, Pane.DIFFERENCE), polar=False, decibels=True)
 BLACK = ColourScale(np.full((256, 4), 255, dtype=np.uint8), 0.0, 1.0, "")
 
 
@@ -224,7 +224,7 @@ def whole(request: BScanRequest) -> BScans:
 
 @pytest.fixture(scope="module")
 def request_of(scene: Scene) -> BScanRequest:
-    outline = predict_scan(scene.room, scene.standing, scene.board, np.radians(np.arange(0.0, 360.0, 20.0)))
+    outline = predict_scan(scene.room, scene.pose, scene.board, np.radians(np.arange(0.0, 360.0, 20.0)))
     readings = tuple(reading(k, 20.0 * k, spike(1.0)) for k in range(18))
     return BScanRequest(1, scene, readings, outline, FLAT, LIGHT, None)
 

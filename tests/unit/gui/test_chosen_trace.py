@@ -36,7 +36,7 @@ def before_a_wall(request: pytest.FixtureRequest) -> Scene:
 
 
 def predicted_of(scene: Scene) -> PredictedScan:
-    return predict_scan(scene.room, scene.standing, scene.board, np.array([0.0]), scene.options)
+    return predict_scan(scene.room, scene.pose, scene.board, np.array([0.0]), scene.options)
 
 
 def test_an_echo_is_marked_when_its_sound_is_back_and_as_loud_as_the_trace_says(before_a_wall: Scene) -> None:
@@ -83,7 +83,7 @@ def test_a_carrier_is_predicted_as_the_converter_that_measured_it_sees_it(before
     samples = prediction.signal_at(0, 0.015).sampled()
     carried = Trace(samples, CONVERTER_RATE, 0.0, carrier=True)
     trace = chosen_trace(before_a_wall, reading(carried), prediction, 0)
-    assert trace.predicted.folded
+    assert trace.predicted.undersampled
     count = min(len(samples), len(trace.predicted.rf.values))
     np.testing.assert_array_equal(trace.predicted.rf.values[:count], trace.measured.rf.values[:count])
     loud = trace.predicted.envelope.values > -20
@@ -95,7 +95,7 @@ def test_a_carrier_is_predicted_as_the_converter_that_measured_it_sees_it(before
 def test_a_converter_fast_enough_sees_the_carrier_itself(before_a_wall: Scene) -> None:
     fast = Trace(np.zeros(4000), 400e3, 0.0, carrier=True)
     trace = chosen_trace(before_a_wall, reading(fast), predicted_of(before_a_wall), 0)
-    assert not trace.predicted.folded
+    assert not trace.predicted.undersampled
     assert trace.predicted.rate == 400e3
 
 

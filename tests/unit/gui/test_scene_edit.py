@@ -33,7 +33,7 @@ def crowded(scene: Scene) -> Scene:
 
 
 def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> None:
-    x, y = scene.standing.position
+    x, y = scene.pose.position
     near = (x + 5 * PIXEL, y)
     assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is GripPart.SENSOR
     assert sensor_grip(scene, (0.3, 0.3), (0.31, 0.3), PIXEL).part is GripPart.BEAM
@@ -60,26 +60,26 @@ def test_corner_rim_post_and_wall_are_told_apart(
 
 
 def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
-    x, y = scene.standing.position
+    x, y = scene.pose.position
     moved, label = dragged(scene, Grip(GripPart.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
-    assert moved.standing.position == pytest.approx((x - 0.1, y + 0.2))
-    assert moved.standing.heading == scene.standing.heading
+    assert moved.pose.position == pytest.approx((x - 0.1, y + 0.2))
+    assert moved.pose.heading == scene.pose.heading
     assert label == "moving the sensor"
     assert moved.room is scene.room  # nothing of the room is worked out again
 
 
 def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> None:
-    x, y = scene.standing.position
+    x, y = scene.pose.position
     turned, _ = dragged(scene, Grip(GripPart.BEAM, (x + 0.3, y)), (x, y + 0.1))
-    assert math.degrees(turned.standing.heading - scene.standing.heading) == pytest.approx(90)
+    assert math.degrees(turned.pose.heading - scene.pose.heading) == pytest.approx(90)
     back, _ = sensor_turned(turned, -math.pi / 2)
-    assert math.degrees(back.standing.heading) % 360 == pytest.approx(math.degrees(scene.standing.heading) % 360)
+    assert math.degrees(back.pose.heading) % 360 == pytest.approx(math.degrees(scene.pose.heading) % 360)
 
 
 def test_the_places_of_the_file_stay_where_they_are(scene: Scene) -> None:
     moved, _ = sensor_at(scene, (0.5, 0.5))
     assert moved.room.places == scene.room.places
-    assert moved.standing.name == "0.5,0.5"
+    assert moved.pose.name == "0.5,0.5"
 
 
 def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene: Scene, tmp_path: Path) -> None:
@@ -87,8 +87,8 @@ def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene:
     log, path = start_recording(tmp_path, moved, warn=print)
     log.close()
     again = scene_of_log(read_log(path).metadata)
-    assert again.standing.position == (0.5, 0.5)
-    assert math.degrees(again.standing.heading) == pytest.approx(30)
+    assert again.pose.position == (0.5, 0.5)
+    assert math.degrees(again.pose.heading) == pytest.approx(30)
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
 
 
@@ -116,7 +116,7 @@ def test_over_a_low_post_a_high_sensor_may_stand() -> None:
     room = load_room(ROOM.with_name("doorstep.toml"))
     board = load_board("polaroid-6500")
     over, _ = sensor_at(Scene(room, room.place("tripod"), board), (0.5, 1.5))
-    assert over.standing.position == (0.5, 1.5)
+    assert over.pose.position == (0.5, 1.5)
     with pytest.raises(InputError, match="inside bin"):
         sensor_at(Scene(room, room.place("robot"), board), (0.5, 1.5))
 
@@ -144,7 +144,7 @@ def test_the_losses_along_a_path_are_all_that_it_loses(crowded: Scene) -> None:
     tall = load_room(ROOM.with_name("doorstep.toml"))
     board, headings = load_board("polaroid-6500"), np.radians([0.0, 90.0])
     for scan in (
-        predict_scan(crowded.room, crowded.standing, crowded.board, headings),
+        predict_scan(crowded.room, crowded.pose, crowded.board, headings),
         predict_scan(tall, tall.place("robot"), board, headings),
     ):
         touched = set()

@@ -11,7 +11,7 @@ import pytest
 from mcap.writer import MCAP0_MAGIC, Writer
 from sonarhw_cli.app import run
 from sonarhw_gui.scene.scene import scene_with
-from sonarhw_gui.store.keep_requests import Data, KeepRequest
+from sonarhw_gui.store.save_requests import Data, SaveRequest
 from sonarhw_sim.board.profile import load_board
 
 from sonarhw.export import export_formats
@@ -255,7 +255,7 @@ def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(export_formats, "FORMATS", added)
     assert run(["log", "export", str(log), "--out", str(tmp_path / "command.count")]) == 0
     endings = export_formats.export_suffixes()
-    KeepRequest(
+    SaveRequest(
         Data(log, scene_with(load_board("polaroid-6500")), endings), tmp_path / "window.count", overwrite=False
     ).answer()
     assert (tmp_path / "command.count").read_text() == (tmp_path / "window.count").read_text() == "4"

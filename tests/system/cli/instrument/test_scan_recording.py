@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from sonarhw_cli.app import run
-from sonarhw_gui.live.errands import WHOLE_TURN, ScanErrand, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.scanner_jobs import WHOLE_TURN, ScanJob, ScanSettings
 from sonarhw_gui.scene.scene import scene_with
 from sonarhw_sim.air import speed_of_sound
 from sonarhw_sim.board.profile import load_board
@@ -45,9 +45,9 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
     with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(folder, FOUR, traces=False)))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(folder, FOUR, traces=False)))
         live.start()
-        live.hang_up()
+        live.disconnect()
         live.join()
     assert live.status.error is None
     assert live.status.recording is not None
@@ -83,9 +83,9 @@ def test_a_scan_of_the_window_that_the_scanner_refuses_leaves_no_log(tmp_path: P
     beyond_the_cable = ScanOrder(0.0, math.radians(170), 6)
     scene = scene_with(load_board("polaroid-6500"))
     with serve(FakeBoard(PlainEchoes()), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(scene, ScanWish(tmp_path, beyond_the_cable)))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, ScanSettings(tmp_path, beyond_the_cable)))
         live.start()
-        live.hang_up()
+        live.disconnect()
         live.join()
     assert "the cable winds from -720 to 720 degrees" in str(live.status.error)
     assert live.status.recording is None

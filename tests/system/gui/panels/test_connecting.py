@@ -10,9 +10,9 @@ from PySide6.QtTest import QTest
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.session.scanner_choice import ScannerWay
+from sonarhw_gui.session.scanner_choice import ScannerTarget
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work.port_book import PortBook
+from sonarhw_gui.work.port_list import PortList
 
 from sonarhw.errors import InputError
 from sonarhw.host.port_probe import probe_port
@@ -26,12 +26,12 @@ OTHER = Port("/dev/ttyS0", "n/a")
 CONTROL = Qt.KeyboardModifier.ControlModifier
 
 
-def nowhere(url: str) -> ScannerWay:
+def nowhere(url: str) -> ScannerTarget:
     raise InputError(f"{url}: leads nowhere")
 
 
 def with_ports(window: MainWindow, ask: Callable[[str], tuple[bool, str]]) -> None:
-    window.session.scanners._make_book = lambda: PortBook(lambda: [ARDUINO, OTHER], ask)
+    window.session.scanners._make_ports = lambda: PortList(lambda: [ARDUINO, OTHER], ask)
 
 
 def rows(window: MainWindow) -> list[list[str]]:
@@ -45,10 +45,10 @@ def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
 
 
 def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: OpenWith) -> None:
-    window = open_with(find_way=nowhere)
+    window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (True, "scanner POL-7"))
     open_dialog(qtbot, window)
-    until(qtbot, lambda: not window.session.scanners._book.busy and window.connecting.dialog.ports.rowCount() == 2)
+    until(qtbot, lambda: not window.session.scanners._ports.busy and window.connecting.dialog.ports.rowCount() == 2)
     assert rows(window) == [
         ["/dev/ttyACM0", "Arduino Mega 2560", "scanner POL-7"],
         ["/dev/ttyS0", "n/a", "not asked"],
@@ -60,7 +60,7 @@ def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: 
 
 def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: OpenWith) -> None:
     gate = threading.Event()
-    window = open_with(find_way=nowhere)
+    window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (gate.wait(HANG), "answered late"))
     open_dialog(qtbot, window)
     until(qtbot, lambda: rows(window)[:1] == [["/dev/ttyACM0", "Arduino Mega 2560", "asking …"]])
@@ -74,7 +74,7 @@ def test_a_url_that_is_typed_is_connected_and_scanned_with(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
 ) -> None:
     opener = fake("max")
-    window = open_with(find_way=lambda url: ScannerWay(url, opener))
+    window = open_with(find_scanner=lambda url: ScannerTarget(url, opener))
     assert not window.commands.scan.isEnabled()
     with_ports(window, lambda device: (False, "nobody"))
     open_dialog(qtbot, window)
@@ -92,7 +92,7 @@ def test_a_fake_scanner_brings_the_room_that_it_hears(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene, recorded: Path
 ) -> None:
     opener = fake("max")
-    window = open_with(scene=Scene(None, None, scene.board), find_way=lambda url: ScannerWay(url, opener, scene))
+    window = open_with(scene=Scene(None, None, scene.board), find_scanner=lambda url: ScannerTarget(url, opener, scene))
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.replay.loaded)
     window.session.scanners.choose("fake:simple.toml")
@@ -104,7 +104,7 @@ def test_a_fake_scanner_brings_the_room_that_it_hears(
 def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
-    window = open_with(find_way=nowhere, source=fake("max"))
+    window = open_with(find_scanner=nowhere, source=fake("max"))
     window.session.scanners.choose("soket://host")
     assert "soket://host: leads nowhere" in window.banner.message
     assert window.session.scanners.urls == ()
@@ -113,7 +113,9 @@ def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
 
 def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     opener = fake("real")
-    window = open_with(find_way=lambda url: ScannerWay(url, opener), source=fake(4.0), autostart=True, order=ENDLESS)
+    window = open_with(
+        find_scanner=lambda url: ScannerTarget(url, opener), source=fake(4.0), autostart=True, order=ENDLESS
+    )
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
     window.session.scanners.choose("socket://another")
     assert "a scan runs" in window.banner.message

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.bars.status_bar import badge
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.live.device_words import line_figures, order_of_sector, scan_summary
+from sonarhw_gui.live.device_texts import link_figures, order_of_sector, scan_summary
 from sonarhw_gui.live.scanner_state import Phase
 from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.panels.device_panel import DevicePanel
@@ -78,7 +78,7 @@ def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
     until(qtbot, lambda: "FAKE-0003" in window.device.who.text())
     until(qtbot, lambda: window.device.state.text() == "Connected")
     url = window.session.status.link.url
-    press(qtbot, window.device.hang_up_button)
+    press(qtbot, window.device.disconnect_button)
     until(qtbot, lambda: window.device.state.text() == "Not connected")
     assert window.status_bar.badge.text() == "no scan"
     with Scanner.open(url) as other:
@@ -91,7 +91,7 @@ def test_after_disconnect_a_scan_connects_again(
     window = opened(open_with, board, during, "max")
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
-    press(qtbot, window.device.hang_up_button)
+    press(qtbot, window.device.disconnect_button)
     window.commands.scan.trigger()
     until(qtbot, lambda: idle(window, Phase.DONE))
     assert len(window.session.shown.readings) == ORDER.readings
@@ -199,8 +199,8 @@ def test_a_sector_without_headings_is_told_and_the_last_wish_stays(
     window = opened(open_with, board, during)
     type_into(qtbot, window.device.end, "0")
     assert "the sector is empty" in window.device.summary.text()
-    until(qtbot, lambda: window.session.status.wish is not None)
-    assert window.session.status.wish.order == ORDER
+    until(qtbot, lambda: window.session.status.scan_settings is not None)
+    assert window.session.status.scan_settings.order == ORDER
 
 
 def test_a_sector_that_leads_down_has_a_negative_step() -> None:
@@ -220,7 +220,7 @@ def test_without_a_scanner_nothing_of_it_can_be_pressed(qtbot: QtBot, open_with:
     window.docks.actions[0].trigger()
     panel = window.device
     assert panel.state.text() == "No scanner chosen"
-    for button in (panel.connect_button, panel.hang_up_button, panel.turn):
+    for button in (panel.connect_button, panel.disconnect_button, panel.turn):
         assert not button.isEnabled()
     for action in (window.commands.home, window.commands.scan, window.commands.stop):
         assert not action.isEnabled()
@@ -288,7 +288,7 @@ def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_it
     assert seen.text() == "no scan"
     window.session.set_scene(scene)
     assert seen.text() == "recorded"
-    press(qtbot, window.device.hang_up_button)
+    press(qtbot, window.device.disconnect_button)
     until(qtbot, lambda: seen.text() == "away")
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
@@ -299,7 +299,7 @@ def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_it
 
 @pytest.mark.parametrize(("readings", "told"), [(12, "lost"), (0, "no scan")])
 def test_after_a_scan_that_failed_the_badge_is_not_live(readings: int, told: str) -> None:
-    assert badge(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == told
+    assert badge_text(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == told
 
 
 def test_a_cable_pulled_while_nothing_runs_is_told_too(
@@ -340,7 +340,7 @@ def test_the_clock_of_a_scanner_that_runs_at_another_pace_tells_no_drift(
     until(qtbot, lambda: idle(window, Phase.READY))
     link = window.session.status.link
     for drift, told in ((1e-4, "+100 ppm"), (-0.019, "-19000 ppm"), (-0.02, "–"), (0.02, "–")):
-        figures = {name: text for name, text, _ in line_figures(replace(link, drift=drift))}
+        figures = {name: text for name, text, _ in link_figures(replace(link, drift=drift))}
         assert figures["Clock drift"] == told
 
 

@@ -53,9 +53,9 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     found = window.session.fitting.state.found
     assert found.within_5cm < 0.7 < found.answers[0].within_5cm
     qtbot.mouseClick(panel.accept, LEFT)
-    place = window.session.shown.scene.standing
-    assert place.position == pytest.approx(scene.standing.position, abs=0.005)
-    assert abs(math.remainder(place.heading - scene.standing.heading, math.tau)) < math.radians(1)
+    place = window.session.shown.scene.pose
+    assert place.position == pytest.approx(scene.pose.position, abs=0.005)
+    assert abs(math.remainder(place.heading - scene.pose.heading, math.tau)) < math.radians(1)
     assert not panel.accept.isVisible()
     assert window.commands.undo.text() == "Undo finding where I stood"
     until(qtbot, window.commands.undo.isEnabled)
@@ -74,12 +74,12 @@ def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
     assert panel.answers.count() == 2
     assert "the room may be symmetric" in panel.told.text()
     wide, deep = scene.room.walls.reshape(-1, 2).max(axis=0)
-    (x, y), turned = scene.standing.position, scene.standing.heading + math.pi
-    poses = [((x, y), scene.standing.heading), ((wide - x, deep - y), turned)]
+    (x, y), turned = scene.pose.position, scene.pose.heading + math.pi
+    poses = [((x, y), scene.pose.heading), ((wide - x, deep - y), turned)]
     qtbot.keyClick(panel.answers, Qt.Key.Key_Down)
     assert "± " not in panel.table.text()
     qtbot.mouseClick(panel.accept, LEFT)
-    place = window.session.shown.scene.standing
+    place = window.session.shown.scene.pose
     at, heading = min(poses, key=lambda pose: math.dist(pose[0], place.position))
     assert place.position == pytest.approx(at, abs=0.01)
     assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.errands import Phase, ScannerOpener
+from sonarhw_gui.live.scanner_jobs import Phase, ScannerOpener
 from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.palette import MARKS, Unclassed
 from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import standing_at
+from sonarhw_gui.scene.scene_edit import with_sensor_at
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 
 from sonarhw.device.endpoint import Endpoint, open_server_port, serve
@@ -249,7 +249,7 @@ def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(
     session.scan()
     until(qtbot, lambda: ended(window))
     assert window.banner.message == ""
-    session.showing.edit(standing_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
+    session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
     session.scan()
     assert "the scanner itself has not moved" in window.banner.message
     until(qtbot, lambda: ended(window))

@@ -67,7 +67,7 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
         return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
     assert marked()
-    for command in (window.commands.back, window.commands.back, window.commands.forth, window.commands.previous):
+    for command in (window.commands.back, window.commands.back, window.commands.forward, window.commands.previous):
         command.trigger()
         assert marked(), command.text()
     window.commands.newest.trigger()

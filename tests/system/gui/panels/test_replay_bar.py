@@ -58,8 +58,8 @@ def test_steps_go_back_and_forth_by_one_reading_with_mouse_and_keys(qtbot: QtBot
     qtbot.keyClick(window, Qt.Key.Key_Comma)
     assert seen(window) == 2 * ORDER.readings - 2
     qtbot.keyClick(window, Qt.Key.Key_Period)
-    press(qtbot, window, window.commands.forth)
-    press(qtbot, window, window.commands.forth)
+    press(qtbot, window, window.commands.forward)
+    press(qtbot, window, window.commands.forward)
     assert seen(window) == 2 * ORDER.readings
     assert not window.session.replay.state.playing
 
@@ -67,7 +67,7 @@ def test_steps_go_back_and_forth_by_one_reading_with_mouse_and_keys(qtbot: QtBot
 def test_a_step_while_it_plays_lets_it_stand_still(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
     until(qtbot, lambda: seen(window) >= 2)
-    press(qtbot, window, window.commands.forth)
+    press(qtbot, window, window.commands.forward)
     assert window.replay_bar.play.text() == "Play"
 
 
@@ -198,7 +198,7 @@ def test_a_drive_that_is_gone_is_a_banner_and_the_replay_stands_still(
     assert not window.session.replay.state.playing
     kept = seen(window)
     for _ in range(5):
-        press(qtbot, window, window.commands.forth)
+        press(qtbot, window, window.commands.forward)
     window.session.tick()
     assert seen(window) == kept + 5
     assert window.session.shown.chosen_reading.trace is None

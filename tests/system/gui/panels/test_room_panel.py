@@ -182,13 +182,13 @@ def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
     x.selectAll()
     qtbot.keyClicks(x, "50")
     qtbot.keyClick(x, Qt.Key.Key_Return)
-    assert keeper.scene.standing.position == (0.5, 0.085)
+    assert keeper.scene.pose.position == (0.5, 0.085)
     keeper.show()
     assert x.text() == "0.500 m"
     panel.sensor.heading.selectAll()
     qtbot.keyClicks(panel.sensor.heading, "90")
     qtbot.keyClick(panel.sensor.heading, Qt.Key.Key_Return)
-    assert keeper.scene.standing.heading == pytest.approx(math.pi / 2)
+    assert keeper.scene.pose.heading == pytest.approx(math.pi / 2)
 
 
 @pytest.mark.parametrize(("typed", "metres"), [("1,5", 1.5), ("1.5", 1.5), ("1,234.5", 1.234), ("1.234,5", 1.234)])
@@ -200,14 +200,14 @@ def test_a_comma_is_a_decimal_point_and_nothing_groups_digits(
     x.selectAll()
     qtbot.keyClicks(x, typed)
     qtbot.keyClick(x, Qt.Key.Key_Return)
-    assert keeper.scene.standing.position[0] == metres
+    assert keeper.scene.pose.position[0] == metres
 
 
 def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
     panel.sensor.along_y.setValue(0.6)
     qtbot.keyClicks(panel.sensor.name, "shelf")
     qtbot.keyClick(panel.sensor.name, Qt.Key.Key_Return)
-    assert keeper.scene.standing.name == "shelf"
+    assert keeper.scene.pose.name == "shelf"
     assert keeper.scene.room.place("shelf").position == (0.774, 0.6)
     assert keeper.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
     assert keeper.labels[-1] == "keeping place shelf"

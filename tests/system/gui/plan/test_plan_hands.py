@@ -57,7 +57,7 @@ def wall(window: MainWindow, name: str) -> list[float]:
 
 
 def stands(window: MainWindow) -> Point:
-    return window.session.shown.scene.standing.position
+    return window.session.shown.scene.pose.position
 
 
 def test_the_dragged_sensor_takes_the_prediction_along_and_one_undo_takes_both_back(
@@ -73,7 +73,7 @@ def test_the_dragged_sensor_takes_the_prediction_along_and_one_undo_takes_both_b
     assert np.nanmedian(np.abs(moved.ranges[heard] - outline.ranges[heard])) > 0.01
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert stands(window) == before
-    assert window.session.shown.scene.standing.name == "figure9"
+    assert window.session.shown.scene.pose.name == "figure9"
     assert not window.session.showing.history.undo_label
 
 
@@ -135,10 +135,10 @@ def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None
     assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
     now = 5.0
     key(qtbot, window, Qt.Key.Key_PageUp, shift)
-    assert math.degrees(window.session.shown.scene.standing.heading) == pytest.approx(1)
+    assert math.degrees(window.session.shown.scene.pose.heading) == pytest.approx(1)
     until(qtbot, window.commands.undo.isEnabled)
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
-    assert window.session.shown.scene.standing.heading == 0.0
+    assert window.session.shown.scene.pose.heading == 0.0
     assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert stands(window) == (x, y)  # quick strokes are one step

@@ -66,7 +66,7 @@ def test_both_have_one_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
 
 
 def test_a_click_in_the_simulation_asks_about_that_heading(qtbot: QtBot, window: MainWindow) -> None:
-    x, y = window.session.shown.scene.standing.position
+    x, y = window.session.shown.scene.pose.position
     view = window.views.side_by_side.simulation
     click(qtbot, view, view.plot.vb, (x - 0.3, y + 0.02))
     assert window.session.shown.heading(window.session.shown.chosen) == pytest.approx(np.pi)
@@ -75,7 +75,7 @@ def test_a_click_in_the_simulation_asks_about_that_heading(qtbot: QtBot, window:
 
 def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindow) -> None:
     views = window.views.side_by_side.reality, window.views.side_by_side.simulation
-    start = window.session.shown.scene.standing.position
+    start = window.session.shown.scene.pose.position
     drag(qtbot, views[1], views[1].plot.vb, start, (0.5, 0.3))
     until(qtbot, lambda: predicted(window))
     for view in views:
@@ -84,7 +84,7 @@ def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindo
 
 def test_labels_of_places_that_lie_close_stand_clear_of_each_other(window: MainWindow) -> None:
     plan = window.views.side_by_side.simulation
-    x, y = plan.shown.scene.standing.position
+    x, y = plan.shown.scene.pose.position
     labels, taken = plan.path._labels[:3], []
     for k, label in enumerate(labels):
         label.setText("1  −14.1 dB")

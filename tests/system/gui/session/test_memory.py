@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QByteArray, Qt
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.live.errands import ScanWish
+from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.window_status import Source
 from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import heard_by, in_air, sensor_at
+from sonarhw_gui.scene.scene_edit import sensor_at, with_air_state, with_options
 from sonarhw_gui.session.memory import Memory, read_memory, write_memory
-from sonarhw_gui.session.scanner_choice import ScannerWay
+from sonarhw_gui.session.scanner_choice import ScannerTarget
 from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_sim.board.profile import load_board, parse_board
@@ -34,23 +34,23 @@ def shipped(scene: Scene) -> Scene:
     return replace(scene, board=load_board("polaroid-6500"))
 
 
-def never(url: str) -> ScannerWay:
+def never(url: str) -> ScannerTarget:
     def opener() -> Scanner:
         raise AssertionError("opened without being asked")
 
-    return ScannerWay(url, opener)
+    return ScannerTarget(url, opener)
 
 
 def reopened(open_with: OpenWith, memory: Path, scene: Scene) -> MainWindow:
     elsewhere = replace(scene, place=scene.room.place("figure7"))
-    return open_with(scene=elsewhere, memory=memory, resume=True, find_way=never)
+    return open_with(scene=elsewhere, memory=memory, resume=True, find_scanner=never)
 
 
 def test_a_window_closed_over_a_log_opens_over_it_again(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "memory" / "window.ini"
-    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window = open_with(scene=shipped, memory=memory, find_scanner=never)
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.replay.loaded)
     qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
@@ -74,17 +74,19 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wishe
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
-    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window = open_with(scene=shipped, memory=memory, find_scanner=never)
     there = replace(shipped.place, position=(0.4, 0.3), heading=0.5)
     options = replace(shipped.options, unit=Unit.BLOCK)
     window.session.showing.edit(replace(shipped, place=there, options=options), "moving the sensor")
-    wish = replace(window.session.live.wish, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3))
-    window.session.live.set_wish(wish)
+    scan_settings = replace(
+        window.session.live.scan_settings, traces=False, max_range=1.5, order=replace(ORDER, sweeps=3)
+    )
+    window.session.live.set_scan_settings(scan_settings)
     window.close()
     window = reopened(open_with, memory, shipped)
     assert window.session.shown.scene.place == there
     assert window.session.shown.scene.options == options
-    assert window.session.live.wish == wish
+    assert window.session.live.scan_settings == scan_settings
     assert window.session.shown.scene.room.text == shipped.room.text
 
 
@@ -92,13 +94,13 @@ def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
-    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window = open_with(scene=shipped, memory=memory, find_scanner=never)
     window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.replay.loaded)
     moved, _ = sensor_at(window.session.shown.scene, (0.4, 0.3))
-    edited, _ = in_air(moved, temperature_c=3.0)
+    edited, _ = with_air_state(moved, temperature_c=3.0)
     board = parse_board(f"range_offset = 0.02\n{edited.board.text}", "board")
-    edited = replace(heard_by(edited, unit=Unit.BLOCK)[0], board=board)
+    edited = replace(with_options(edited, unit=Unit.BLOCK)[0], board=board)
     window.session.showing.edit(edited, "finding where I stood")
     window.close()
 
@@ -117,7 +119,7 @@ def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothin
     window = open_with(
         scene=shipped,
         memory=memory,
-        find_way=never,
+        find_scanner=never,
         url="socket://scanner",
         source=fake(4.0),
         autostart=True,
@@ -144,7 +146,7 @@ def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
     assert window.session.shown.scene.place.name == "figure7"
     assert window.banner.message == ""
     window.close()
-    window = open_with(scene=shipped, memory=memory, find_way=never)
+    window = open_with(scene=shipped, memory=memory, find_scanner=never)
     assert window.session.shown.scene.place.name == "figure9"
 
 
@@ -186,9 +188,18 @@ def test_a_layout_of_another_screen_or_version_is_left_as_usual(
 
 @pytest.mark.parametrize("used", [(), ("a, b.mcap",), ("ä.mcap", "@c;d.mcap")])
 def test_what_was_written_is_read_again(tmp_path: Path, shipped: Scene, used: tuple[str, ...]) -> None:
-    wish = ScanWish(tmp_path, ORDER, traces=False, max_range=1.5)
+    settings = ScanSettings(tmp_path, ORDER, traces=False, max_range=1.5)
     memory = Memory(
-        *(SceneMemory.of(shipped), "x.mcap", "socket://x", wish, used, used, Look(DARK, LengthUnit.FT, 1.5), 2),
+        *(
+            SceneMemory.of(shipped),
+            "x.mcap",
+            "socket://x",
+            settings,
+            used,
+            used,
+            Look(DARK, LengthUnit.FT, 1.5),
+            2,
+        ),
         layout={"side": QByteArray(b"\0\xff,;")},
     )
     write_memory(tmp_path / "new" / "window.ini", memory)

@@ -81,13 +81,13 @@ def test_a_range_that_many_readings_have_is_asked_about_and_is_silence_only_once
     said = f"8 readings of turret.csv have {silence} in 'range_cm'"
     assert said in window.banner.message
     assert window.session.shown.readings[1].range == pytest.approx(float(silence) / 100, abs=1e-6)
-    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    qtbot.mouseClick(window.banner.accept_button, LEFT)
     until(qtbot, lambda: window.session.shown.readings[1].range is None)
     silent = [k for k, reading in enumerate(window.session.shown.readings) if reading.range is None]
     assert silent == [1, 2, 4, 5, 7, 8, 10, 11]
     assert said not in window.banner.message
     assert f"'range_cm' as ranges in centimetres and {silence} as no echo" in window.banner.message
-    assert not window.banner.offer_button.isVisible()
+    assert not window.banner.accept_button.isVisible()
     assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["turret.mcap"]
 
 
@@ -100,7 +100,7 @@ def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
     drop(window, scan)
     until(qtbot, lambda: len(window.session.shown.readings) == 36)
     assert "kept as turret.mcap" in window.banner.message
-    assert not window.banner.offer_button.isVisible()
+    assert not window.banner.accept_button.isVisible()
 
 
 def test_a_scan_that_names_no_board_is_compared_with_the_board_there_is(

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.scene.scene_edit import in_air, sensor_at, with_corner
-from sonarhw_gui.session.unsaved_rooms import BringBack, UnsavedRooms
+from sonarhw_gui.scene.scene_edit import sensor_at, with_air_state, with_corner
+from sonarhw_gui.session.unsaved_rooms import RestoreRoom, UnsavedRooms
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.open_requests import OpenRoomRequest
 from sonarhw_sim.board.profile import load_board, parse_board
@@ -52,7 +52,7 @@ def draw(window: MainWindow) -> str:
 
 
 def asked(window: MainWindow) -> str:
-    return window.banner.message if window.banner.offer_button.text() == "Bring back" else ""
+    return window.banner.message if window.banner.accept_button.text() == "Bring back" else ""
 
 
 def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
@@ -62,7 +62,7 @@ def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
 def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
     """Whether the window has had its say, and asked nothing."""
     with qtbot.waitSignal(window.session.showing.changed, timeout=PATIENCE):
-        window.session.showing.tell_soon()
+        window.session.showing.update_soon()
     return asked(window) == ""
 
 
@@ -79,7 +79,7 @@ def test_what_was_drawn_comes_back_after_another_file_was_opened_in_between(
     window = start(ROOM)
     until_asked(qtbot, window, "simple.toml")
     assert window.session.shown.scene.room.text == ROOM.read_text()
-    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    qtbot.mouseClick(window.banner.accept_button, LEFT)
     assert window.session.shown.scene.room.text == drawn
     assert asked(window) == ""
 
@@ -92,7 +92,7 @@ def test_what_was_drawn_before_a_crash_is_there_a_moment_later(
     until(qtbot, lambda: any((tmp_path / "data" / "unsaved").glob("*.json")))
     window = start(ROOM)
     until_asked(qtbot, window, "simple.toml")
-    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    qtbot.mouseClick(window.banner.accept_button, LEFT)
     assert window.session.shown.scene.room.text == drawn
 
 
@@ -105,7 +105,7 @@ def test_a_room_that_was_left_for_another_in_one_window_is_asked_about_when_it_i
     until(qtbot, lambda: window.session.shown.scene.room.name == OTHER)
     window.session.open_file(str(ROOM))
     until_asked(qtbot, window, "simple.toml")
-    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    qtbot.mouseClick(window.banner.accept_button, LEFT)
     assert window.session.shown.scene.room.text == drawn
 
 
@@ -135,7 +135,7 @@ def test_what_is_put_away_is_asked_about_again_and_what_is_thrown_away_is_not(
     window = start(ROOM)
     draw(window)
     window.close()
-    for button in ("close_button", "refusal_button"):
+    for button in ("close_button", "decline_button"):
         window = start(ROOM)
         until_asked(qtbot, window, "simple.toml")
         qtbot.mouseClick(getattr(window.banner, button), LEFT)
@@ -169,7 +169,7 @@ def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_wi
     scene, _ = sensor_at(scene_of_log(log.metadata), (0.5, 0.4))
     window = open_with(scene=scene, source=log, memory=tmp_path / "data" / "window.ini")
     until_asked(qtbot, window, "simple.toml")
-    qtbot.mouseClick(window.banner.offer_button, LEFT)
+    qtbot.mouseClick(window.banner.accept_button, LEFT)
     there = window.session.shown.scene
     assert (there.room.text, there.place, there.board) == (drawn, scene.place, scene.board)
     assert len(window.session.shown.readings) == len(log.readings)
@@ -197,7 +197,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, scene: Scene) -
     (tmp_path / "file").write_text("in the way")
     rooms = UnsavedRooms(tmp_path / "file")
     rooms.open(scene)
-    rooms.change(in_air(scene, temperature_c=3.0)[0], 0.0)
+    rooms.change(with_air_state(scene, temperature_c=3.0)[0], 0.0)
     rooms.tick(10.0)
     assert "save the room or it is lost" in rooms.messages[0]
 
@@ -213,7 +213,7 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     """What can be brought back where that scene is opened."""
     rooms = UnsavedRooms(folder)
     rooms.open(scene)
-    return [rooms.brought_back(notice.answer, scene) for notice in rooms.notices]
+    return [rooms.restored(notice.answer, scene) for notice in rooms.notices]
 
 
 class Hand:
@@ -236,7 +236,7 @@ class Hand:
     def draw(self, room: int, asked_for: int = 0) -> None:
         """Something that was never there before."""
         self._drawn += 1
-        self._change(in_air(self._now, temperature_c=self._drawn / 64)[0])
+        self._change(with_air_state(self._now, temperature_c=self._drawn / 64)[0])
 
     def take_back(self, room: int, asked_for: int = 0) -> None:
         """All that was drawn since the room was opened or brought back."""
@@ -245,8 +245,8 @@ class Hand:
     def bring_back(self, room: int, asked_for: int = 0) -> None:
         """Take up one of the offers, if there are any."""
         if self._offers:
-            wanted: BringBack = self._offers[asked_for % len(self._offers)]
-            self._begun = self._now = self._rooms.brought_back(wanted, self._now)
+            wanted: RestoreRoom = self._offers[asked_for % len(self._offers)]
+            self._begun = self._now = self._rooms.restored(wanted, self._now)
             self._rooms.open(self._now, wanted.path)
             self._offers = [notice.answer for notice in self._rooms.notices]
 

@@ -10,47 +10,47 @@ from sonarhw_gui.shown.notices import Notices
 def test_messages_wait_behind_one_another() -> None:
     notices = Notices()
     for message in ("first", "second", "first"):
-        notices.tell(message)
-    assert (notices.now, notices.behind) == ("first", 1)
-    notices.put_away()
-    assert (notices.now, notices.behind) == ("second", 0)
-    notices.put_away()
+        notices.add(message)
+    assert (notices.now, notices.more) == ("first", 1)
+    notices.dismiss()
+    assert (notices.now, notices.more) == ("second", 0)
+    notices.dismiss()
     assert notices.now == ""
 
 
 def test_what_stands_comes_first_and_goes_by_itself() -> None:
     notices = Notices()
-    notices.tell("the disk is nearly full")
-    notices.stand("the cable is out")
-    assert (notices.now, notices.behind) == ("the cable is out", 1)
-    notices.stand("")
+    notices.add("the disk is nearly full")
+    notices.set_state("the cable is out")
+    assert (notices.now, notices.more) == ("the cable is out", 1)
+    notices.set_state("")
     assert notices.now == "the disk is nearly full"
 
 
 def test_what_stands_and_was_put_away_comes_back_only_when_it_is_so_again() -> None:
     notices = Notices()
-    notices.stand("the cable is out")
-    notices.put_away()
-    notices.stand("it is asked whether it is back")
+    notices.set_state("the cable is out")
+    notices.dismiss()
+    notices.set_state("it is asked whether it is back")
     assert notices.now == ""
-    notices.stand("")
-    notices.stand("the cable is out")
+    notices.set_state("")
+    notices.set_state("the cable is out")
     assert notices.now == "the cable is out"
 
 
 def test_a_new_scan_forgets_what_happened_but_not_what_stands() -> None:
     notices = Notices()
-    notices.tell("the disk is nearly full")
-    notices.stand("the cable is out")
+    notices.add("the disk is nearly full")
+    notices.set_state("the cable is out")
     notices.forget()
-    assert (notices.now, notices.behind) == ("the cable is out", 0)
+    assert (notices.now, notices.more) == ("the cable is out", 0)
 
 
 def test_the_banner_is_there_only_while_there_is_something_to_say(qtbot: QtBot) -> None:
     banner = Banner()
     qtbot.addWidget(banner)
     banner.show_state(Status(trouble="the cable is out"))
-    banner.tell("the disk is nearly full")
+    banner.show_message("the disk is nearly full")
     assert banner.message == "⚠ the cable is out"
     banner.show_state(Status())
     assert banner.message == "⚠ the disk is nearly full"

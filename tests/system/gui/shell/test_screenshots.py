@@ -17,14 +17,14 @@ from PySide6.QtCore import QBuffer
 from PySide6.QtWidgets import QSplitter, QWidget
 from pytestqt.qtbot import QtBot
 from sonarhw_cli.app import run
-from sonarhw_gui.live.errands import ScanErrand, ScanWish
 from sonarhw_gui.live.live_device import LiveDevice
+from sonarhw_gui.live.scanner_jobs import ScanJob, ScanSettings
 from sonarhw_gui.look.palette import DARK, LIGHT, Palette
 from sonarhw_gui.scene.scene import Scene, scene_of_log
-from sonarhw_gui.session.scanner_choice import ScannerWay
+from sonarhw_gui.session.scanner_choice import ScannerTarget
 from sonarhw_gui.shell.docks import Docks
 from sonarhw_gui.shell.main_window import MainWindow
-from sonarhw_gui.work.port_book import PortBook
+from sonarhw_gui.work.port_list import PortList
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.predict.room_echoes import RoomEchoes
 from sonarhw_sim.room.model import load_room
@@ -120,11 +120,11 @@ def fake(echoes: RoomEchoes, scene: Scene) -> FakeBoard:
 @pytest.fixture(scope="module")
 def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of one whole turn with traces."""
-    wish = ScanWish(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
+    settings = ScanSettings(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
     with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
-        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanErrand(bench, wish))
+        live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(bench, settings))
         live.start()
-        live.hang_up()
+        live.disconnect()
         live.join()
     return live.status.recording
 
@@ -208,7 +208,9 @@ def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 def test_pictures_of_every_view(
     qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
 ) -> None:
-    window = dressed(open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_way=nowhere), look)
+    window = dressed(
+        open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_scanner=nowhere), look
+    )
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(ASKED)
     until(qtbot, lambda: traced(window))
@@ -264,7 +266,10 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     window.views.bscan.choices.actions()[0].trigger()
     window.views.bscan.polar.trigger()
     until(
-        qtbot, lambda: window.session.shown.bscan.wish == window.views.bscan.wish and not window.views.bscan.note.text()
+        qtbot,
+        lambda: (
+            window.session.shown.bscan.settings == window.views.bscan.settings and not window.views.bscan.note.text()
+        ),
     )
     qtbot.wait(200)
     album.keep(window, "bscan-polar")
@@ -286,15 +291,15 @@ def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     dock(qtbot, window, "")
 
 
-def nowhere(url: str) -> ScannerWay:
+def nowhere(url: str) -> ScannerTarget:
     raise InputError(f"{url}: leads nowhere")
 
 
 def show_dialogs(qtbot: QtBot, window: MainWindow, album: Album) -> None:
-    window.session.scanners._make_book = lambda: PortBook(lambda: PORTS, lambda device: (True, "scanner POL-7"))
+    window.session.scanners._make_ports = lambda: PortList(lambda: PORTS, lambda device: (True, "scanner POL-7"))
     window.commands.connect_scanner.trigger()
     dialog = window.connecting.dialog
-    until(qtbot, lambda: not window.session.scanners._book.busy and dialog.ports.rowCount() == len(PORTS))
+    until(qtbot, lambda: not window.session.scanners._ports.busy and dialog.ports.rowCount() == len(PORTS))
     album.keep(dialog, "connect")
     dialog.close()
     window.commands.help.trigger()

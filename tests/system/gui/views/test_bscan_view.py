@@ -36,7 +36,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 def worked_out(window: MainWindow) -> bool:
     bscan = window.session.shown.bscan
-    return bscan is not None and bscan.rows.done == 1 and bscan.wish == window.views.bscan.wish
+    return bscan is not None and bscan.rows.done == 1 and bscan.settings == window.views.bscan.settings
 
 
 def at(window: MainWindow, pane: Pane, x: float, y: float) -> QPoint:
@@ -64,15 +64,15 @@ def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_
     qtbot.keyClick(window, Qt.Key.Key_3)
     until(qtbot, lambda: worked_out(window))
     assert list(window.views.bscan.panes) == [Pane.PREDICTED]
-    assert window.session.shown.bscan.wish.polar
+    assert window.session.shown.bscan.settings.polar
     qtbot.keyClick(window, Qt.Key.Key_2)
     assert len(window.findChildren(PlanDrawing)) == 3
 
 
 def test_in_a_polar_image_a_click_means_the_direction_from_the_place(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_O)
-    until(qtbot, lambda: window.views.bscan.wish.polar and worked_out(window))
-    x, y = window.session.shown.scene.standing.position
+    until(qtbot, lambda: window.views.bscan.settings.polar and worked_out(window))
+    x, y = window.session.shown.scene.pose.position
     where = at(window, Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1))
     qtbot.mouseClick(window.views.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=where)
     assert window.session.shown.chosen == 12  # 2.1 rad are 120.3°
@@ -92,7 +92,7 @@ def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: Mai
 
 def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.views.bscan.wish.panes) == len(Pane) and worked_out(window))
+    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and worked_out(window))
     window.session.showing.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in window.views.bscan.panes.values():
         until(qtbot, lambda pane=pane: len(pane._cursor.getData()[0]) > 0)
@@ -102,7 +102,7 @@ def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window:
 
 def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.views.bscan.wish.panes) == len(Pane) and worked_out(window))
+    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and worked_out(window))
     window.views.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
     for pane in window.views.bscan.panes.values():
         np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
@@ -148,7 +148,7 @@ def view(qtbot: QtBot) -> BScanView:
 
 def test_a_log_without_traces_says_so(view: BScanView, scene: Scene) -> None:
     readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
-    answer = BScanRequest(1, scene, readings, None, view.wish, LIGHT, None).answer()
+    answer = BScanRequest(1, scene, readings, None, view.settings, LIGHT, None).answer()
     view.show_state(Shown(scene, readings=readings, chosen=3, bscan=answer))
     assert "no traces recorded" in view.note.text()
     assert "no prediction" in view.note.text()
@@ -162,6 +162,6 @@ def test_before_anything_is_worked_out_the_view_says_so(view: BScanView, scene: 
 
 
 def test_a_picture_of_another_wish_is_not_drawn(qtbot: QtBot, view: BScanView, scene: Scene) -> None:
-    stale = BScanRequest(1, scene, (), None, replace(view.wish, polar=True), LIGHT, None).answer()
+    stale = BScanRequest(1, scene, (), None, replace(view.settings, polar=True), LIGHT, None).answer()
     view.show_state(Shown(scene, bscan=stale))
     assert view.panes[Pane.MEASURED]._image.image is None

@@ -64,25 +64,25 @@ def taken(qtbot: QtBot, worker: Worker, count: int) -> list[Any]:
 
 def test_of_the_requests_that_wait_the_newest_is_answered(qtbot: QtBot, worker: Worker) -> None:
     gate, begun = threading.Event(), threading.Event()
-    worker.ask(Waiting(gate, begun))
+    worker.submit(Waiting(gate, begun))
     assert begun.wait(HANG)
     for word in ("old", "older", "new"):
-        worker.ask(Echoed(word))
+        worker.submit(Echoed(word))
     gate.set()
     assert taken(qtbot, worker, 2) == ["waited", "new"]
 
 
 def test_a_failed_request_is_an_answer_too_and_the_next_is_met(qtbot: QtBot, worker: Worker) -> None:
-    worker.ask(Echoed(InputError("no such thing")))
+    worker.submit(Echoed(InputError("no such thing")))
     (failure,) = taken(qtbot, worker, 1)
     assert isinstance(failure, Failure)
     assert failure.message == "no such thing"
-    worker.ask(Echoed("next"))
+    worker.submit(Echoed("next"))
     assert taken(qtbot, worker, 1) == ["next"]
 
 
 def test_a_defect_is_raised_and_not_told_as_a_message(qtbot: QtBot, worker: Worker) -> None:
-    worker.ask(Echoed(ZeroDivisionError("defect")))
+    worker.submit(Echoed(ZeroDivisionError("defect")))
     (failure,) = taken(qtbot, worker, 1)
     with pytest.raises(ZeroDivisionError):
         _ = failure.message
@@ -114,7 +114,7 @@ def test_answers_for_another_scene_or_scan_are_dropped(
     stale_rows = CompareRequest(0, stale_paths, readings[:2], 0).answer()
     outline, compared = forecast.outline, forecast.compared
     for answer in (stale_paths, stale_rows):
-        forecast._finder.ask(Echoed(answer))
+        forecast._finder.submit(Echoed(answer))
         finished(qtbot, forecast)
     assert forecast.outline is outline
     assert forecast.compared is compared
@@ -147,7 +147,7 @@ def test_what_the_window_compares_is_what_the_command_compares(
     forecast.set_scene(scene)
     forecast.follow(readings)
     finished(qtbot, forecast)
-    slow = compare_readings(readings, scene.room, scene.standing, scene.board)
+    slow = compare_readings(readings, scene.room, scene.pose, scene.board)
     fast = forecast.compared.comparison
     for one, other in zip(fast.rows, slow.rows, strict=True):
         assert (one.kind, one.measured, one.predicted) == (other.kind, other.measured, other.predicted)
@@ -171,7 +171,7 @@ def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
 def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
     kept = PathsRequest(1, scene, scene.options).answer().paths
     headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
-    everything = predict_scan(scene.room, scene.standing, scene.board, headings)
+    everything = predict_scan(scene.room, scene.pose, scene.board, headings)
     loud = {everything.paths.lengths[echo.path] for k in range(len(headings)) for echo in everything.echoes(k)}
     assert 0 < len(loud) < len(everything.paths)
     assert loud <= set(kept.lengths)
@@ -250,16 +250,16 @@ def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notic
     forecast.follow(read_log(recorded).readings)
     finished(qtbot, forecast)
     gate, begun = threading.Event(), threading.Event()
-    forecast._comparer.ask(Waiting(gate, begun))  # so that nothing comes
+    forecast._comparer.submit(Waiting(gate, begun))  # so that nothing comes
     assert begun.wait(HANG)
     forecast.change_scene(moved(scene, 0.1))
     for now, behind in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
         clock.now = now
         forecast.take()
-        assert forecast.behind is behind
+        assert forecast.outdated is behind
     gate.set()
     finished(qtbot, forecast)
-    assert not forecast.behind
+    assert not forecast.outdated
     forecast.close()
 
 
@@ -279,7 +279,7 @@ def test_figures_that_follow_a_moving_hand_are_behind_when_they_come_late_and_th
         compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
         forecast._take_in(compared.answer())
         forecast._look_behind()
-        said.append(forecast.behind)
+        said.append(forecast.outdated)
     assert said == [behind] * len(said)
     forecast.close()
 

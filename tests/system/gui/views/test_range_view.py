@@ -28,7 +28,7 @@ def shown(scene: Scene) -> Shown:
         Reading(k, 0, 0, math.radians(90 * k), 0.1 * k, () if far is None else (2 * far / SPEED,), SPEED)
         for k, far in enumerate(RANGES)
     )
-    comparison = compare_readings(readings, scene.room, scene.standing, scene.board)
+    comparison = compare_readings(readings, scene.room, scene.pose, scene.board)
     return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=0)
 
 
@@ -60,7 +60,7 @@ def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how
         for reading, far in zip(shown.readings, heard, strict=True)
     )
     room = shown.scene
-    comparison = compare_readings(readings, room.room, room.standing, room.board)
+    comparison = compare_readings(readings, room.room, room.pose, room.board)
     view.show_state(replace(shown, readings=readings, compared=Compared(0, comparison, 0, draft=False)))
     points = {kind: [(spot.pos().x(), spot.pos().y()) for spot in view.beyond[kind].points()] for kind in view.beyond}
     assert points == {Kind.SHORT: [], Kind.LONG: [(pytest.approx(180), pytest.approx(0.25))]}

@@ -19,7 +19,7 @@ from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.readings.table_view import TableView
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.reading_cells import Column, rows_as_csv
-from sonarhw_gui.shown.reading_order import Wanted, order_of
+from sonarhw_gui.shown.reading_order import RowQuery, order_of
 from sonarhw_gui.shown.reading_rows import CLASSES, NO_ROWS, ReadingRows
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.work.prediction_requests import Compared
@@ -44,7 +44,7 @@ def readings(recorded: Path) -> tuple[Reading, ...]:
 
 @pytest.fixture(scope="session")
 def shown(scene: Scene, readings: tuple[Reading, ...]) -> Shown:
-    comparison = compare_readings(readings, scene.room, scene.standing, scene.board)
+    comparison = compare_readings(readings, scene.room, scene.pose, scene.board)
     return Shown(scene, None, Compared(0, comparison, 0, draft=False), readings, chosen=len(readings) - 1)
 
 
@@ -130,7 +130,7 @@ def test_sorting_is_pythons_own_with_empty_cells_last(
     valued = [k for k in range(len(cells)) if not math.isnan(key[k])]
     expected = sorted(valued, key=lambda k: -key[k] if descending else key[k])
     empty = [k for k in range(len(cells)) if math.isnan(key[k])]
-    assert order_of(rows, Wanted(column, descending)).tolist() == expected + empty
+    assert order_of(rows, RowQuery(column, descending)).tolist() == expected + empty
 
 
 def _rows_with(cells: list[tuple[float, int]]) -> ReadingRows:
@@ -142,11 +142,11 @@ def _rows_with(cells: list[tuple[float, int]]) -> ReadingRows:
 
 def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
     rows = shown.rows
-    top = order_of(rows, Wanted(text="top")).tolist()
+    top = order_of(rows, RowQuery(text="top")).tolist()
     assert top == [k for k in range(len(rows)) if "top" in rows.path(k)]
     assert 27 in top
-    assert order_of(rows, Wanted(text="270.0 match bottom")).tolist() == [27]
-    assert order_of(rows, Wanted(text="nothing like it")).tolist() == []
+    assert order_of(rows, RowQuery(text="270.0 match bottom")).tolist() == [27]
+    assert order_of(rows, RowQuery(text="nothing like it")).tolist() == []
 
 
 def test_csv_is_in_metres_and_degrees_whatever_the_look(table: TableView, shown: Shown) -> None:

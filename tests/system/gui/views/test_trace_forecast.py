@@ -10,14 +10,14 @@ from pytestqt.qtbot import QtBot
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.session.trace_forecast import TraceForecast
 from sonarhw_gui.shown.shown import Shown
-from sonarhw_gui.work.bscan_picture import BScanWish, Pane
+from sonarhw_gui.work.bscan_picture import BScanSettings, Pane
 from sonarhw_sim.predict.prediction import predict_scan
 
 from sonarhw.errors import NotALog
 from sonarhw.readings import FloatArray, Reading, Trace
 from tests.system.gui.driving import until
 
-WISH = BScanWish((Pane.MEASURED,), polar=False, decibels=True)
+SETTINGS = BScanSettings((Pane.MEASURED,), polar=False, decibels=True)
 
 
 class Unreadable(Trace):
@@ -71,7 +71,7 @@ def test_a_trace_that_cannot_be_read_is_told_and_the_next_is_shown(
 def test_another_scan_drops_what_was_asked_for_the_one_before(
     qtbot: QtBot, forecast: TraceForecast, scene: Scene
 ) -> None:
-    forecast.wish(WISH)
+    forecast.request_bscan(SETTINGS)
     forecast.follow(Shown(scene, readings=readings(30), chosen=29))
     forecast.begin_scan()
     forecast.follow(Shown(scene, readings=readings(2), chosen=1))
@@ -97,15 +97,15 @@ def test_no_reading_has_no_trace(qtbot: QtBot, forecast: TraceForecast, scene: S
 def test_a_bscan_is_worked_out_to_its_end_and_only_while_somebody_looks(
     qtbot: QtBot, forecast: TraceForecast, scene: Scene
 ) -> None:
-    outline = predict_scan(scene.room, scene.standing, scene.board, np.radians(np.arange(0.0, 360.0, 2.0)))
+    outline = predict_scan(scene.room, scene.pose, scene.board, np.radians(np.arange(0.0, 360.0, 2.0)))
     shown = Shown(scene, outline=outline, readings=readings(36), chosen=None)
     forecast.follow(shown)
     assert not forecast.take()
-    forecast.wish(replace(WISH, panes=tuple(Pane)))
+    forecast.request_bscan(replace(SETTINGS, panes=tuple(Pane)))
     taken(qtbot, forecast, lambda: forecast.bscan is not None and forecast.bscan.rows.done == 1)
     assert len(forecast.bscan.predicted.headings) == 180
     assert len(forecast.bscan.measured.headings) == 36
-    forecast.wish(None)
+    forecast.request_bscan(None)
     before = forecast.bscan
     forecast.follow(replace(shown, readings=readings(2)))
     forecast.take()

@@ -30,7 +30,7 @@ HEADING = math.radians(270.0)
 def shown(scene: Scene, echoes: RoomEchoes) -> Shown:
     heard = echoes.receive(Ping(HEADING, 0, 0, 0.0115, trace=True))
     reading = Reading(0, 0, 0, HEADING, 0.0, heard.echo_times, 343.2, trace=heard.trace)
-    prediction = predict_scan(scene.room, scene.standing, scene.board, np.array([HEADING]))
+    prediction = predict_scan(scene.room, scene.pose, scene.board, np.array([HEADING]))
     trace = chosen_trace(scene, reading, prediction, 0)
     return Shown(scene, readings=(reading,), chosen=0, trace=trace)
 

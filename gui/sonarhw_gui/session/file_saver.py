@@ -7,19 +7,19 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 
 from sonarhw.errors import SonarError
-from sonarhw_gui.store.keep_requests import Content, KeepRequest
+from sonarhw_gui.store.save_requests import Content, SaveRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
 
-class Keeping(QObject):
+class FileSaver(QObject):
     """Writes one file after another, all that are asked for."""
 
-    kept = Signal(str)  # what to tell
+    saved = Signal(str)  # what to tell
     failed = Signal(str)
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
-        self._waiting: deque[KeepRequest] = deque()
+        self._waiting: deque[SaveRequest] = deque()
         self._worker: Worker | None = None
 
     @property
@@ -31,7 +31,7 @@ class Keeping(QObject):
         """Have it written; `overwrite`: the person has said so."""
         if self._worker is None:
             self._worker = Worker("keep files")
-        self._waiting.append(KeepRequest(content, path, overwrite))
+        self._waiting.append(SaveRequest(content, path, overwrite))
         self._write_next()
 
     def tick(self) -> None:
@@ -42,7 +42,7 @@ class Keeping(QObject):
             if isinstance(answer, Failure):
                 self.failed.emit(answer.message)
             else:
-                self.kept.emit(f"kept in {answer}")
+                self.saved.emit(f"saved: {answer}")
         self._write_next()
 
     def close(self) -> None:
@@ -55,4 +55,4 @@ class Keeping(QObject):
 
     def _write_next(self) -> None:
         if self._waiting and self._worker is not None and not self._worker.busy:
-            self._worker.ask(self._waiting.popleft())
+            self._worker.submit(self._waiting.popleft())

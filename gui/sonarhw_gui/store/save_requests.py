@@ -13,7 +13,7 @@ from sonarhw.readings import Reading
 from sonarhw_gui.parts.pixels import Pixels
 from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
-from sonarhw_gui.scene.scene_edit import furnished
+from sonarhw_gui.scene.scene_edit import room_and_place
 
 JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
 
@@ -82,7 +82,7 @@ class ReportPage:
         )
 
         log, scene = _log_of(self.recorded), self.scene
-        room, place = furnished(scene)
+        room, place = room_and_place(scene)
         report = report_of(
             self.name, log.readings, room, place, scene.board, scene.options, log=log, link=tuple(self.link)
         )
@@ -90,7 +90,7 @@ class ReportPage:
 
 
 @dataclass(frozen=True)
-class KeepRequest:
+class SaveRequest:
     """Write it there."""
 
     content: Content
@@ -118,6 +118,6 @@ def _log_of(recorded: Log | Path) -> Log:
 def _figures(readings: Sequence[Reading], scene: Scene) -> str:
     from sonarhw_compare.matching.match import compare_readings
 
-    room, _ = furnished(scene)
-    compared = compare_readings(readings, room, scene.standing, scene.board, options=scene.options)
+    room, _ = room_and_place(scene)
+    compared = compare_readings(readings, room, scene.pose, scene.board, options=scene.options)
     return json.dumps(asdict(compared.summary()), indent=2) + "\n"

@@ -7,7 +7,7 @@ from sonarhw.readings import ScanOrder, headings_between
 from sonarhw.wire.device_clock import MOST_DRIFT
 from sonarhw.wire.limits import MOST_READINGS
 from sonarhw.wire.units import microdegrees_of
-from sonarhw_gui.live.scanner_state import LinkSeen
+from sonarhw_gui.live.scanner_state import LinkState
 from sonarhw_gui.live.window_status import Source, Status
 
 UNKNOWN = "–"
@@ -51,7 +51,7 @@ def state_text(status: Status) -> str:
     return f"{str(status.phase).capitalize()} …"
 
 
-def who(link: LinkSeen | None) -> str:
+def identity_text(link: LinkState | None) -> str:
     """Who answers, and where."""
     if link is None:
         return UNKNOWN
@@ -60,7 +60,7 @@ def who(link: LinkSeen | None) -> str:
     return f"{device.firmware}, no. {device.serial}\nprotocol {major}.{minor}, at {link.url}"
 
 
-def line_figures(link: LinkSeen | None) -> list[tuple[str, str, str]]:
+def link_figures(link: LinkState | None) -> list[tuple[str, str, str]]:
     """The books of the line: name, figure, and what it means."""
     books = link.statistics if link else None
 
@@ -85,7 +85,7 @@ def line_figures(link: LinkSeen | None) -> list[tuple[str, str, str]]:
     ]
 
 
-def _drift(link: LinkSeen | None) -> str:
+def _drift(link: LinkState | None) -> str:
     if link is None or abs(link.drift) >= MOST_DRIFT:
         return UNKNOWN
     return f"{link.drift * 1e6:+.0f} ppm"

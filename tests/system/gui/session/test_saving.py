@@ -16,7 +16,7 @@ from sonarhw_gui.parts.svg_strokes import with_own_coordinates
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shell.main_window import MainWindow
 from sonarhw_gui.store.documents import Documents
-from sonarhw_gui.store.keep_requests import Data, KeepRequest
+from sonarhw_gui.store.save_requests import Data, SaveRequest
 
 from sonarhw.errors import InputError
 from sonarhw.log import read_log
@@ -40,12 +40,12 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 def keep(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier = CTRL) -> None:
     """Press the key, type where to keep it, and click Save; whether it has been written is left to the caller."""
     qtbot.keyClick(window, key, modifier)
-    until(qtbot, lambda: window.keep.dialog is not None and window.keep.dialog.isVisible())
-    field = window.keep.dialog.findChild(QLineEdit, "fileNameEdit")
+    until(qtbot, lambda: window.saving.dialog is not None and window.saving.dialog.isVisible())
+    field = window.saving.dialog.findChild(QLineEdit, "fileNameEdit")
     field.setText(str(path))  # typed letter by letter, Qt's completer meddles with it
-    save = window.keep.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
+    save = window.saving.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
     qtbot.mouseClick(save, Qt.MouseButton.LeftButton)
-    until(qtbot, lambda: not window.session.keeping.busy)
+    until(qtbot, lambda: not window.session.saver.busy)
 
 
 @pytest.mark.parametrize(
@@ -81,11 +81,11 @@ def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
     asked = window.findChild(QFileDialog)
     assert asked.directory().absolutePath() == str(recorded.parent)
     asked.reject()
-    window.commands.keep_data.trigger()
-    assert window.keep.dialog.directory().absolutePath() == str(recorded.parent)
+    window.commands.export_data.trigger()
+    assert window.saving.dialog.directory().absolutePath() == str(recorded.parent)
     keep(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
     window.commands.report.trigger()
-    assert window.keep.dialog.directory().absolutePath() == str(tmp_path)
+    assert window.saving.dialog.directory().absolutePath() == str(tmp_path)
 
 
 def test_a_live_scan_is_kept_where_one_opened_something_last_not_among_the_recordings(tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_a_file_that_is_there_is_kept_where_the_person_says_no(
     keep(qtbot, window, there, Qt.Key.Key_E)
     assert asked
     assert there.read_text() == "mine"
-    window.keep.dialog.close()
+    window.saving.dialog.close()
 
 
 def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
@@ -189,9 +189,9 @@ def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
     there = tmp_path / "mine.csv"
     there.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        KeepRequest(Data(recorded, scene), there, overwrite=False).answer()
+        SaveRequest(Data(recorded, scene), there, overwrite=False).answer()
     with pytest.raises(InputError, match=r"expected a name that ends in \.csv or \.npz or \.json"):
-        KeepRequest(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False).answer()
+        SaveRequest(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False).answer()
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
     assert there.read_text() == "mine"
 
@@ -199,7 +199,7 @@ def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
 def test_what_cannot_be_written_is_a_banner_and_the_next_is_kept(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
-    keeping, scene = window.session.keeping, window.session.shown.scene
+    keeping, scene = window.session.saver, window.session.shown.scene
     keeping.write(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
     keeping.write(Data(recorded, scene), tmp_path / "b.csv")
     keeping.write(Data(recorded, scene), tmp_path / "c.csv")
@@ -213,4 +213,4 @@ def test_without_readings_there_is_nothing_to_keep(qtbot: QtBot, open_with: Open
     for modifier in (CTRL, CTRL | SHIFT):
         qtbot.keyClick(window, Qt.Key.Key_E, modifier)
         assert "no readings to keep" in window.banner.message
-    assert window.keep.dialog is None
+    assert window.saving.dialog is None

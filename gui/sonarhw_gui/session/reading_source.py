@@ -9,9 +9,9 @@ from PySide6.QtCore import QObject
 
 from sonarhw.log import Log
 from sonarhw.readings import Reading
-from sonarhw_gui.live.errands import ScannerOpener, ScanWish
 from sonarhw_gui.live.live_feed import LiveFeed
 from sonarhw_gui.live.reading_rate import RateMeter
+from sonarhw_gui.live.scanner_jobs import ScannerOpener, ScanSettings
 from sonarhw_gui.live.window_status import Source, Status, lost_in
 from sonarhw_gui.scene.scene import Scene, room_name
 from sonarhw_gui.session.replay_control import ReplayControl
@@ -31,11 +31,11 @@ class ReplayedLog:
         return sum(map(lost_in, self.log.scans))
 
 
-class Intake:
+class ReadingSource:
     """A scanner and a log; the log is what is shown while there is one."""
 
-    def __init__(self, opener: ScannerOpener | None, wish: ScanWish, parent: QObject) -> None:
-        self.live = LiveFeed(opener, wish)
+    def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, parent: QObject) -> None:
+        self.live = LiveFeed(opener, scan_settings)
         self.replay = ReplayControl(parent)
         self._rate = RateMeter()
         self._opened: ReplayedLog | None = None
@@ -117,7 +117,7 @@ class Intake:
             recording=live.recording,
             log_name=replayed.name if replayed else "",
             predicting=predicting,
-            wish=self.live.wish,
+            scan_settings=self.live.scan_settings,
             link=self.live.link,
             trouble=self.live.trouble,
             angle=live.angle,

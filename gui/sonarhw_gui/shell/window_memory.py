@@ -12,7 +12,7 @@ from sonarhw_gui.session.scene_memory import SceneMemory
 from sonarhw_gui.shell.main_window import MainWindow
 
 
-class Remembering(QObject):
+class MemoryWriter(QObject):
     """Writes down how a window is left."""
 
     def __init__(self, window: MainWindow, path: Path) -> None:
@@ -24,17 +24,17 @@ class Remembering(QObject):
     @Slot()
     def _write(self) -> None:
         with suppress(OutputError):  # the window is closing: the next one opens with the defaults
-            write_memory(self._path, remembered(self._window))
+            write_memory(self._path, memory_of(self._window))
 
 
-def remembered(window: MainWindow) -> Memory:
+def memory_of(window: MainWindow) -> Memory:
     """Return what is to be remembered of a window; before it is hidden."""
     session = window.session
     return Memory(
         scene=SceneMemory.of(session.shown.scene),
         log=session.log_to_keep,
         url=session.scanners.url,
-        wish=session.live.wish,
+        scan_settings=session.live.scan_settings,
         recent=session.documents.recent,
         urls=session.scanners.urls,
         look=session.shown.look,
@@ -47,7 +47,7 @@ def remembered(window: MainWindow) -> Memory:
     )
 
 
-def put_back(window: MainWindow, memory: Memory) -> None:
+def restore_window(window: MainWindow, memory: Memory) -> None:
     """Restore lists and layout; a part that no longer exists, or that Qt refuses, keeps its default."""
     window.session.remember_used(memory.recent, memory.urls)
     window.restoreGeometry(memory.layout.get("window", QByteArray()))

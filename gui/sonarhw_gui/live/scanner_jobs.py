@@ -13,7 +13,7 @@ from sonarhw.host.scanner import Scanner
 from sonarhw.readings import Reading, ScanOrder
 from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
 from sonarhw.wire.messages import Outcome
-from sonarhw_gui.live.scanner_state import ErrandState, Phase
+from sonarhw_gui.live.scanner_state import JobState, Phase
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.store.new_recording import start_recording
 
@@ -22,7 +22,7 @@ WHOLE_TURN = ScanOrder(0.0, radians(5), 72)
 
 
 @dataclass(frozen=True)
-class ScanWish:
+class ScanSettings:
     """What to scan and where to record it."""
 
     folder: Path
@@ -31,10 +31,10 @@ class ScanWish:
     max_range: float | None = None  # m; listen no further than this; None: as far as the board hears
 
 
-class ErrandReport(Protocol):
-    """Who is told how an errand goes."""
+class JobReport(Protocol):
+    """Who is told how an job goes."""
 
-    status: ErrandState
+    status: JobState
 
     @property
     def stop_wanted(self) -> bool:
@@ -50,7 +50,7 @@ class ErrandReport(Protocol):
         """Something to tell that does not end it."""
 
 
-class Errand(Protocol):
+class ScannerJob(Protocol):
     """Something to be done with a scanner."""
 
     @property
@@ -61,59 +61,59 @@ class Errand(Protocol):
     def done(self) -> Phase:
         """What it ends with, if all goes well."""
 
-    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Do it. Raises what the scanner raises."""
 
 
 @dataclass(frozen=True)
-class ConnectErrand:
+class ConnectJob:
     """Only see who answers."""
 
     phase: Phase = Phase.CONNECTING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Nothing is left to do once the scanner is open."""
         return Outcome.DONE
 
 
 @dataclass(frozen=True)
-class HomeErrand:
+class HomeJob:
     """Find the zero of the turntable."""
 
     phase: Phase = Phase.HOMING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Home."""
         return _at(0.0, scanner.home(), report)
 
 
 @dataclass(frozen=True)
-class TurnErrand:
+class TurnJob:
     """Turn to an angle."""
 
     angle: float  # of the turntable, rad
     phase: Phase = Phase.TURNING
     done: Phase = Phase.READY
 
-    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Turn, having found the zero."""
         return _at(self.angle, scanner.turn(self.angle), report)
 
 
 @dataclass(frozen=True)
-class ScanErrand:
+class ScanJob:
     """Home, scan and record."""
 
     scene: Scene
-    wish: ScanWish
+    scan_settings: ScanSettings
     phase: Phase = Phase.HOMING
     done: Phase = Phase.DONE
 
-    def run(self, scanner: Scanner, report: ErrandReport) -> Outcome:
+    def run(self, scanner: Scanner, report: JobReport) -> Outcome:
         """Scan into a new log. Raises LogError where none can be made, too."""
-        log, path = start_recording(self.wish.folder, self.scene, report.warn)
+        log, path = start_recording(self.scan_settings.folder, self.scene, report.warn)
         report.advance(Phase.HOMING, recording=path)
         try:
             return record_scan(scanner, self._plan(), log, _ScanReport(report, scanner))
@@ -125,18 +125,18 @@ class ScanErrand:
         board = self.scene.board
         air = self.scene.room.air if self.scene.room else Air()
         return ScanPlan(
-            self.wish.order,
-            reach=board.max_range if self.wish.max_range is None else self.wish.max_range,
+            self.scan_settings.order,
+            reach=board.max_range if self.scan_settings.max_range is None else self.scan_settings.max_range,
             blanking=board.listens_from,
             air=ScanAir(air.speed_at, air.temperature_c),
-            traces=self.wish.traces,
+            traces=self.scan_settings.traces,
         )
 
 
 class _ScanReport:
     """Passes the progress of a scan to a report."""
 
-    def __init__(self, report: ErrandReport, scanner: Scanner) -> None:
+    def __init__(self, report: JobReport, scanner: Scanner) -> None:
         self.warn = report.warn
         self._report = report
         self._scanner = scanner
@@ -158,7 +158,7 @@ class _ScanReport:
             report.advance(Phase.SCANNING, temperature_c=reading.temperature_c)
 
 
-def _at(angle: float, outcome: Outcome, report: ErrandReport) -> Outcome:
+def _at(angle: float, outcome: Outcome, report: JobReport) -> Outcome:
     if outcome is not Outcome.STOPPED:
         report.advance(report.status.phase, angle=angle)
     return outcome

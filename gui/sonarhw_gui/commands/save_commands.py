@@ -10,10 +10,10 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from sonarhw.export.export_formats import FORMATS, export_suffixes
 from sonarhw_gui.commands.command_list import Commands
-from sonarhw_gui.live.device_words import line_figures
+from sonarhw_gui.live.device_texts import link_figures
 from sonarhw_gui.plots.view_picture import png_pixels, svg_text
 from sonarhw_gui.session.window_session import WindowSession
-from sonarhw_gui.store.keep_requests import HTML, JSON, PNG, SVG, Content, Data, Picture, ReportPage
+from sonarhw_gui.store.save_requests import HTML, JSON, PNG, SVG, Content, Data, Picture, ReportPage
 from sonarhw_gui.view import View
 
 _FILTERS = {
@@ -35,7 +35,7 @@ class Subject:
     view: QWidget | None = None  # of a picture
 
 
-class KeepCommands(QObject):
+class SaveCommands(QObject):
     """Asks where to keep something, and has it written."""
 
     def __init__(
@@ -51,38 +51,38 @@ class KeepCommands(QObject):
         self._session, self._window, self._large_view = session, window, large_view
         self._subject = Subject("", ())
         self.dialog: QFileDialog | None = None
-        commands.keep_view.triggered.connect(self._keep_view)
+        commands.save_view.triggered.connect(self._save_view)
         for view in beside:
-            if view.entry.name in commands.keep_beside:
-                commands.keep_beside[view.entry.name].triggered.connect(partial(self._keep_picture, view))
-        commands.keep_window.triggered.connect(self._keep_window)
-        commands.keep_data.triggered.connect(self._keep_data)
-        commands.report.triggered.connect(self._keep_report)
+            if view.entry.name in commands.save_beside:
+                commands.save_beside[view.entry.name].triggered.connect(partial(self._save_picture, view))
+        commands.save_window.triggered.connect(self._save_window)
+        commands.export_data.triggered.connect(self._export_data)
+        commands.report.triggered.connect(self._save_report)
 
     @Slot()
-    def _keep_view(self) -> None:
-        self._keep_picture(self._large_view())
+    def _save_view(self) -> None:
+        self._save_picture(self._large_view())
 
-    def _keep_picture(self, view: View) -> None:
+    def _save_picture(self, view: View) -> None:
         self._ask(Subject(view.entry.name, PICTURES, view.picture()))
 
     @Slot()
-    def _keep_window(self) -> None:
+    def _save_window(self) -> None:
         self._ask(Subject("Window", WINDOW, self._window))
 
     @Slot()
-    def _keep_data(self) -> None:
-        if self._can_keep_readings():
+    def _export_data(self) -> None:
+        if self._has_readings():
             self._ask(Subject("Readings", DATA))
 
     @Slot()
-    def _keep_report(self) -> None:
+    def _save_report(self) -> None:
         if self._session.shown.scene.room is None:
             self._session.warned.emit("a report needs a room to compare with; open a room file")
-        elif self._can_keep_readings():
+        elif self._has_readings():
             self._ask(Subject("Report", REPORT))
 
-    def _can_keep_readings(self) -> bool:
+    def _has_readings(self) -> bool:
         if self._session.recorded is None:
             self._session.warned.emit("there are no readings to keep; scan, or open a log")
         return self._session.recorded is not None
@@ -124,7 +124,7 @@ class KeepCommands(QObject):
         self._session.documents.saved_in = path.parent
         content = self._content(path.suffix.lower())
         if content is not None:
-            self._session.keeping.write(content, path, overwrite=True)  # the dialog has asked
+            self._session.saver.write(content, path, overwrite=True)  # the dialog has asked
 
     def _content(self, ending: str) -> Content | None:
         subject, session = self._subject, self._session
@@ -137,7 +137,7 @@ class KeepCommands(QObject):
             return Data(recorded, scene)
         link = session.live.link
         live = link is not None and not session.replay.loaded
-        facts = [(name, figure) for name, figure, _ in line_figures(link)] if live else []
+        facts = [(name, figure) for name, figure, _ in link_figures(link)] if live else []
         return ReportPage(self._log_name(), recorded, scene, facts)
 
     def _picture(self, view: QWidget, ending: str) -> Picture:
@@ -152,4 +152,4 @@ class KeepCommands(QObject):
         return recorded.name if isinstance(recorded, Path) else self._session.status.log_name
 
     def _stem(self) -> str:
-        return Path(self._log_name()).stem or self._session.shown.scene.standing.name or "sonarhw"
+        return Path(self._log_name()).stem or self._session.shown.scene.pose.name or "sonarhw"

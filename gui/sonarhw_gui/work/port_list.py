@@ -43,7 +43,7 @@ class _Ask:
         return replace(self.row, answer=said, answers=answers)
 
 
-class PortBook:
+class PortList:
     """Rows of ports, asked one after another."""
 
     def __init__(
@@ -66,7 +66,7 @@ class PortBook:
     def look(self, in_use: str = "") -> None:
         """Look up the ports, and ask the known ones but the one that is in use."""
         self._in_use, self._to_ask = in_use, []
-        self._worker.ask(_Look(self._find))
+        self._worker.submit(_Look(self._find))
 
     def ask_all(self) -> None:
         """Ask every port that has not been asked."""
@@ -105,4 +105,4 @@ class PortBook:
     def _ask_next(self) -> None:
         if self._to_ask and not self._worker.busy:
             device = self._to_ask.pop(0)
-            self._worker.ask(_Ask(next(row for row in self.rows if row.device == device), self._ask))
+            self._worker.submit(_Ask(next(row for row in self.rows if row.device == device), self._ask))
