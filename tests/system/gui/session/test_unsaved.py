@@ -213,7 +213,7 @@ def offered(folder: Path, scene: Scene) -> list[Scene]:
     """What can be brought back where that scene is opened."""
     rooms = UnsavedRooms(folder)
     rooms.open(scene)
-    return [rooms.restored(notice.answer, scene) for notice in rooms.notices]
+    return [rooms.restored(notice.accept_value, scene) for notice in rooms.notices]
 
 
 class Hand:
@@ -248,7 +248,7 @@ class Hand:
             wanted: RestoreRoom = self._offers[asked_for % len(self._offers)]
             self._begun = self._now = self._rooms.restored(wanted, self._now)
             self._rooms.open(self._now, wanted.path)
-            self._offers = [notice.answer for notice in self._rooms.notices]
+            self._offers = [notice.accept_value for notice in self._rooms.notices]
 
     def save(self, room: int, asked_for: int = 0) -> None:
         """Save what is seen, over another file."""
@@ -258,7 +258,7 @@ class Hand:
     def _open(self, room: int) -> None:
         self._rooms.open(self._files[room])
         self._room, self._begun, self._now = room, self._files[room], self._files[room]
-        self._offers = [notice.answer for notice in self._rooms.notices]
+        self._offers = [notice.accept_value for notice in self._rooms.notices]
 
     def _change(self, scene: Scene) -> None:
         owed = self.owed[self._room]

@@ -42,7 +42,7 @@ def test_a_new_scan_forgets_what_happened_but_not_what_stands() -> None:
     notices = Notices()
     notices.add("the disk is nearly full")
     notices.set_state("the cable is out")
-    notices.forget()
+    notices.clear()
     assert (notices.now, notices.more) == ("the cable is out", 0)
 
 
