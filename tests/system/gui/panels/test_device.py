@@ -9,7 +9,6 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
-from sonarhw_gui.bars.status_bar import badge
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_texts import link_figures, order_of_sector, scan_summary
 from sonarhw_gui.live.scanner_state import Phase
