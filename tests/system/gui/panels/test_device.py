@@ -9,6 +9,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractSpinBox, QDialog
 from pytestqt.qtbot import QtBot
+from sonarhw_gui.bars.status_bar import badge_text
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.device_texts import link_figures, order_of_sector, scan_summary
 from sonarhw_gui.live.scanner_state import Phase
@@ -261,7 +262,7 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     board = echoes.board = FakeBoard(echoes, 3, scene.board.blanking)
     window = opened(open_with, board, during, 6.0, autostart=True, order=LONG)
     until(qtbot, lambda: "the scan goes on by itself" in window.banner.message)
-    until(qtbot, lambda: window.status_bar.doing.text().startswith("waiting for the scanner"))
+    until(qtbot, lambda: window.status_bar.activity.text().startswith("waiting for the scanner"))
     assert window.status_bar.badge.text() == "away"
     assert window.session.status.scanning
     assert window.commands.stop.isEnabled()

@@ -53,7 +53,7 @@ def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
     assert len(log.readings) == ORDER.readings
     assert (log.metadata.place, log.metadata.room_file) == ("figure9", "simple.toml")
     assert path.name.endswith("_simple-room.mcap")
-    assert f"recorded in {path}" in window.status_bar.doing.text()
+    assert f"recorded in {path}" in window.status_bar.activity.text()
 
 
 def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(

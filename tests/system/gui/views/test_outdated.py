@@ -49,7 +49,7 @@ def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
     request.addfinalizer(gate.set)  # or the window would not close
     before = window.session.shown.compared
     window.session.showing.edit(*sensor_at(window.session.shown.scene, (0.4, 0.3)))
-    until(qtbot, lambda: SAID in window.status_bar.doing.text())
+    until(qtbot, lambda: SAID in window.status_bar.activity.text())
     assert window.session.shown.compared is before
     faint = QColor(window.session.shown.look.palette.faint)
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole).color() == faint
@@ -58,6 +58,6 @@ def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
     gate.set()
     until(qtbot, lambda: window.session.shown.compared is not before)
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
-    until(qtbot, lambda: SAID not in window.status_bar.doing.text())
+    until(qtbot, lambda: SAID not in window.status_bar.activity.text())
     assert not is_faint(window.sentence)
     until(qtbot, lambda: predicted(window))
