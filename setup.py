@@ -1,4 +1,4 @@
-"""List the packages of the wheel: every folder of code, and rooms/ as `sonarhw_rooms`."""
+"""List of the packages in the wheel: every folder of code, and rooms/ as `sonarhw_rooms`."""
 
 from setuptools import find_packages, setup
 

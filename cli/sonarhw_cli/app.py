@@ -1,6 +1,6 @@
-"""The `sonarhw` command: its table of contents, and the one place where errors become exit statuses.
+"""The `sonarhw` command: the list of its subcommands, and the only place where errors become exit statuses.
 
-A command lives in the file of its name and does its heavy imports inside its function, so that `--help` stays quick.
+Each subcommand is in a file of its own and imports heavy modules inside its function, so that `--help` stays fast.
 """
 
 import errno
@@ -33,7 +33,7 @@ from sonarhw_cli.prediction import simulate_command as simulate
 from sonarhw_cli.window import demo_command as demo
 from sonarhw_cli.window import gui_command as gui
 
-# what the library that checks options says, and what we say
+# phrases of the library that checks options, and their replacements
 _REWORDED = (
     ("Value error, ", ""),
     ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
@@ -43,7 +43,7 @@ _REWORDED = (
 
 app = typer.Typer(
     name="sonarhw",
-    help="Scan a room with an ultrasonic ranging board and see the scan over its prediction.",
+    help="Scan a room with an ultrasonic ranging board, and compare the scan with its prediction.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -89,11 +89,11 @@ def sonarhw(
         bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
     ] = False,
 ) -> None:
-    """Scan a room with an ultrasonic ranging board and see the scan over its prediction."""
+    """Scan a room with an ultrasonic ranging board, and compare the scan with its prediction."""
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """The exit status of one command line: 0 done, 2 bad usage or input, 1 failed at run time, 130 after Ctrl-C."""
+    """Run a command line and return its exit status: 0 done, 1 run-time error, 2 bad usage or input, 130 Ctrl-C."""
     try:
         return _status(arguments)
     finally:
@@ -105,7 +105,7 @@ def _status(arguments: list[str] | None) -> int:
     if "_SONARHW_COMPLETE" in os.environ:  # set by the script that --install-completion writes
         command.main(prog_name="sonarhw")
     try:
-        # not command.main(): it has its own ideas of what Ctrl-C and a closed pipe end with
+        # command.main() is not used: it gives Ctrl-C and a closed pipe other exit statuses
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
             status = command.invoke(context)
         if sys.stdout is not None:  # it is None if the shell closed it
@@ -114,17 +114,17 @@ def _status(arguments: list[str] | None) -> int:
     except typer.Exit as exit_wanted:
         return exit_wanted.exit_code
     except SonarError as error:
-        return _complain(str(error), error.exit_status)
+        return _report(str(error), error.exit_status)
     except typer.TyperException as error:
-        return _complain(_reworded(error.format_message()), error.exit_code)
+        return _report(_reworded(error.format_message()), error.exit_code)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
         return 0
     except OSError as error:
-        # files are named by whoever writes them; what fills up without a name is standard output
+        # an error about a file carries its name; a full disk without a name is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
-        return _complain(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
+        return _report(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
 
 
 def _reworded(message: str) -> str:
@@ -133,14 +133,14 @@ def _reworded(message: str) -> str:
     return message
 
 
-def _complain(message: str, status: int) -> int:
-    # help, shown for want of a command, keeps its lines
+def _report(message: str, status: int) -> int:
+    # the help that is shown when no command is given keeps its line breaks
     typer.echo(message if message.startswith("Usage:") else f"sonarhw: {' '.join(message.split())}", err=True)
     return status
 
 
 def _discard_unwritten() -> None:
-    """Drop what standard output does not take: Python would flush it again at exit, fail, and end with status 120."""
+    """Discard what standard output does not accept; Python would flush it again at exit, fail, and exit with 120."""
     try:
         if sys.stdout is not None:  # it is None if the shell closed it
             sys.stdout.flush()

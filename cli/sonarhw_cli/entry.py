@@ -1,11 +1,11 @@
-"""The way in: Ctrl-C ends every command quietly with status 130, from its first moment to its last.
+"""The entry point of the `sonarhw` command: Ctrl-C at any time ends it without a traceback, with status 130.
 
-KeyboardInterrupt alone does not: it comes amid imports, and in libraries that compile or unpickle it is wrapped into
-other errors, printed or lost. So here it is noted that Ctrl-C came, and whatever follows is taken for its
-consequence. This module imports next to nothing, so that it stands before all else is loaded.
+KeyboardInterrupt alone does not ensure this. It may be raised during an import, and libraries that compile or unpickle
+wrap it in other errors, print it or swallow it. This module therefore records that Ctrl-C came, and treats every later
+error as its consequence. It imports almost nothing, so that its handler is installed before anything else is loaded.
 """
 
-import _thread  # threading takes locks, which the code that a signal came amid may hold
+import _thread  # threading takes locks, which the interrupted code may hold
 import os
 import signal
 import sys
@@ -13,22 +13,22 @@ import time
 from types import FrameType
 
 INTERRUPTED = 130
-UNWINDING = 3.0  # s for a command to tidy up; longer only where a library has lost the KeyboardInterrupt
+UNWINDING = 3.0  # s for cleaning up after Ctrl-C; exceeded only if a library swallowed the KeyboardInterrupt
 
 
 class Interrupt:
-    """What Ctrl-C does outside of `console.interruption`: the first unwinds the command, the second ends it at once."""
+    """Handler of Ctrl-C outside `console.interruption`: the first unwinds the command, the second exits at once."""
 
     def __init__(self) -> None:
-        self.came = False
-        self.begun = False  # whether there may be something to tidy up
+        self.received = False
+        self.started = False  # whether there may be something to clean up
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Take a signal."""
-        if self.came or not self.begun:
+        """Handle a signal."""
+        if self.received or not self.started:
             os._exit(INTERRUPTED)
-        self.came = True
-        # what destructors and callbacks make of it is no news
+        self.received = True
+        # errors in destructors and callbacks are consequences of Ctrl-C: do not print them
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
         _thread.start_new_thread(_end_later, ())
@@ -37,20 +37,20 @@ class Interrupt:
 
 
 def _next_signal() -> int:
-    """A descriptor that has a byte when the next signal comes.
+    """Return a file descriptor that becomes readable at the next signal.
 
-    The handler is called between two steps of Python only: not while a library is busy, and not in a sleep that begins
-    just as the signal comes.
+    Python calls a signal handler only between two of its own steps: not while a library call is running, and not in a
+    sleep that starts just as the signal arrives.
     """
-    told, tell = os.pipe()
-    if hasattr(os, "set_blocking"):  # Windows asks for it from Python 3.12 on, and does not need it
-        os.set_blocking(tell, False)
-    signal.set_wakeup_fd(tell)
-    return told
+    reader, writer = os.pipe()
+    if hasattr(os, "set_blocking"):  # Windows before Python 3.12 neither has nor requires it
+        os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer)
+    return reader
 
 
-def _end_at_next(told: int) -> None:
-    os.read(told, 1)
+def _end_at_next(signal_pipe: int) -> None:
+    os.read(signal_pipe, 1)
     os._exit(INTERRUPTED)
 
 
@@ -60,26 +60,26 @@ def _end_later() -> None:
 
 
 def main() -> None:
-    """Entry point of the `sonarhw` command."""
+    """Run the `sonarhw` command and exit with its status."""
     interrupt = Interrupt()
-    # who ignores it for us, as nohup does with SIGHUP, means it
-    heeded = signal.getsignal(signal.SIGINT) != signal.SIG_IGN
-    if heeded:
+    # respect an inherited SIG_IGN
+    handled = signal.getsignal(signal.SIGINT) != signal.SIG_IGN
+    if handled:
         signal.signal(signal.SIGINT, interrupt)
     status = _run(interrupt)
-    if heeded:
-        # what was to be done is done
+    if handled:
+        # the work is complete: a late Ctrl-C must not change the status
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sys.exit(INTERRUPTED if interrupt.came else status)
+    sys.exit(INTERRUPTED if interrupt.received else status)
 
 
 def _run(interrupt: Interrupt) -> int:
     from sonarhw_cli.app import run
 
     try:
-        interrupt.begun = True
+        interrupt.started = True
         return run()
     except BaseException:
-        if not interrupt.came:
+        if not interrupt.received:
             raise
         return INTERRUPTED

@@ -55,7 +55,7 @@ def test_other_peoples_scans_come_in_as_it_says(
     assert [run(shlex.split(command)) for command in commands] == [0, 0]
     last = capsys.readouterr()
     assert last.err == ""
-    assert last.out.splitlines()[-1].startswith("if it was at one of the room's places: p3 ")
+    assert last.out.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
 
 
 def test_pictures_are_there() -> None:

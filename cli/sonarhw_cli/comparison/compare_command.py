@@ -1,4 +1,4 @@
-"""`sonarhw compare`: a log against the prediction of a room, reading by reading, and the figures of the whole scan."""
+"""`sonarhw compare`: compare a log with the prediction of a room, reading by reading and as a whole."""
 
 import json
 import math
@@ -41,18 +41,23 @@ def compare(
     model: ModelChoice = Model.RAY_FOLLOWING,
     fit: Annotated[
         str,
-        typer.Option(help="Search for heading, range offset, position within 3 cm.", metavar="heading,offset,position"),
+        typer.Option(
+            help="Quantities to fit before the comparison; the position within 3 cm.", metavar="heading,offset,position"
+        ),
     ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     explained: Annotated[
-        bool, typer.Option("--explain", help="With --json: every reading, all its echoes and who else would win.")
+        bool,
+        typer.Option("--explain", help="With --json: add every reading, all its echoes and what would change it."),
     ] = False,
-    plot: Annotated[Path | None, typer.Option(help="Draw measured over predicted.", metavar="FILE.png")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the measured scan over the prediction.", metavar="FILE.png")
+    ] = None,
     force: Force = False,
 ) -> None:
-    """Hold a log against the prediction: every reading classed and explained, and the figures of the whole scan."""
+    """Compare a log with its prediction. The class and path of every reading are printed, then a summary."""
     if explained and not as_json:
-        raise InputError("--explain: goes with --json; leave it out, and every reading is explained in a sentence")
+        raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
     if plot is not None:
         checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
     comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
@@ -62,7 +67,7 @@ def compare(
     if as_json:
         typer.echo(json.dumps(_figures(comparison, explained), indent=2))
     else:
-        _tell(comparison)
+        _print(comparison)
 
 
 def compare_log(
@@ -74,7 +79,10 @@ def compare_log(
     fit: str = "",
     receiver: Receiver | None = None,
 ) -> "Comparison":
-    """A log beside the prediction; what is not given is taken from the log, InputError where that says nothing."""
+    """Compare a log with its prediction.
+
+    Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
+    """
     from sonarhw_compare.fit.plain_fit import fit_scan
     from sonarhw_compare.matching.match import compare_readings
     from sonarhw_sim.predict.prediction import PredictionOptions
@@ -82,7 +90,7 @@ def compare_log(
     log, room, chosen = open_in_room(log_file, room_file, board)
     here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
     if not log.readings:
-        raise InputError(f"{log_file}: holds no readings; nothing can be compared")
+        raise InputError(f"{log_file}: contains no readings; nothing to compare")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     heading, offset = chosen.heading_at(0.0, here.heading), 0.0
     if fit:
@@ -105,7 +113,7 @@ def compare_log(
 
 
 def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:
-    """Draw measured over predicted in the plan of the room, as PNG."""
+    """Draw the measured scan over the prediction in the plan of the room, as PNG."""
     from sonarhw_compare.pictures.overlay_picture import draw_plan
 
     measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
@@ -118,7 +126,7 @@ def _figures(comparison: "Comparison", explained: bool) -> dict[str, object]:
     return asdict(comparison.summary()) | (details(comparison) if explained else {})
 
 
-def _tell(comparison: "Comparison") -> None:
+def _print(comparison: "Comparison") -> None:
     from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
@@ -131,22 +139,22 @@ def _tell(comparison: "Comparison") -> None:
 
 
 def _more_lines(comparison: "Comparison") -> list[str]:
-    """What all echoes of readings with several, and the regions of constant depth, say."""
+    """Return lines about later echoes, the bias of the echoes, and the regions of constant depth."""
     from sonarhw_compare.matching.assign import echo_statistics
 
     lines, echoes = [], echo_statistics(comparison)
     if echoes.explained is not None and echoes.echoes > comparison.summary().n_echo:
-        lines.append(f"of all {echoes.echoes} echoes, later ones too, {echoes.explained:.1%} are a predicted one")
+        lines.append(f"of all {echoes.echoes} echoes, including later ones, {echoes.explained:.1%} are predicted")
     if echoes.bias_m is not None and echoes.spread_m is not None:
         lines.append(
-            f"echoes lie {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm from what they are taken for (median; "
+            f"measured minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
             f"spread {echoes.spread_m * 1000:.1f} mm)"
         )
     return [*lines, *region_lines(comparison)]
 
 
 def region_lines(comparison: "Comparison") -> list[str]:
-    """How many regions of constant depth there are in both scans, and a line for each, counter-clockwise."""
+    """Return the counts of regions of constant depth in both scans, then a line for each region, counter-clockwise."""
     from sonarhw_compare.explain.region_words import heard_from, how_many
     from sonarhw_compare.matching.region_match import compare_regions
 
@@ -154,14 +162,14 @@ def region_lines(comparison: "Comparison") -> list[str]:
     lines = [f"regions of constant depth: {how_many(found)}"]
     for measured, predicted in found.in_turn():
         way = "" if predicted is None else heard_from(comparison, predicted)
-        lines.append(f"  {_beside(measured, predicted)}{way}")
+        lines.append(f"  {_pair(measured, predicted)}{way}")
     return lines
 
 
-def _beside(measured: "Region | None", predicted: "Region | None") -> str:
+def _pair(measured: "Region | None", predicted: "Region | None") -> str:
     both = (("measured", measured), ("predicted", predicted))
-    there = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
-    return ", ".join(there + [f"not {scan}" for scan, region in both if region is None])
+    found = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
+    return ", ".join(found + [f"not {scan}" for scan, region in both if region is None])
 
 
 def _depth(region: "Region") -> str:
@@ -169,19 +177,19 @@ def _depth(region: "Region") -> str:
 
 
 def summary_lines(summary: "Summary") -> list[str]:
-    """The figures of a comparison for a person to read."""
+    """Return the summary of a comparison as lines of text."""
     classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
     lines = [f"{counted(summary.n, 'reading')}, {summary.n_echo} with an echo: {classes}"]
     if summary.within_5cm is not None and summary.explained is not None:
         lines.append(
             f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "
-            f"by some predicted echo: {summary.explained:.1%}"
+            f"of any predicted echo: {summary.explained:.1%}"
         )
     if summary.median_abs_error_m is not None:
         lines.append(f"median error {summary.median_abs_error_m * 1000:.1f} mm")
     if summary.no_echo_agreement is not None and summary.no_echo_roc_area is not None:
         lines.append(
-            f"silence told from sound: {summary.no_echo_agreement:.1%} (balanced accuracy); "
+            f"detection of silence: {summary.no_echo_agreement:.1%} (balanced accuracy); "
             f"area under the ROC curve of predicted levels {summary.no_echo_roc_area:.2f}"
         )
     heading = heading_text(math.radians(summary.heading_deg))

@@ -1,4 +1,4 @@
-"""`sonarhw fit`: what place, room and board explain one or several logs best, and how sure that is."""
+"""`sonarhw fit`: fit place, heading, board and room to one or several logs, with credible intervals."""
 
 import json
 import math
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from sonarhw.log import Log
 
-NEAR = 0.25  # m: how far from a place that is named the sensor may have stood
+NEAR = 0.25  # m around a place given by --place within which a free position is searched
 _NUMBER = r"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)"
 
 
@@ -40,7 +40,9 @@ def fit(
     places: Annotated[
         list[str] | None,
         typer.Option(
-            "--place", help="Place, or X,Y in metres; once for each log. A free position stays near it.", metavar="P"
+            "--place",
+            help="Place, or X,Y in metres; once for each log. A free position is searched within 25 cm of it.",
+            metavar="P",
         ),
     ] = None,
     board: BoardOfLog = None,
@@ -48,38 +50,45 @@ def fit(
     free: Annotated[
         str,
         typer.Option(
-            help=f"What the fit may choose: {words_of()}.",
+            help=f"Quantities to fit: {words_of()}.",
             metavar="NAME,...",
         ),
     ] = "position,heading",
     priors: Annotated[
         list[str] | None,
-        typer.Option("--prior", help="What is known: NAME=VALUE+-DEVIATION or NAME=LOW..HIGH.", metavar="NAME=..."),
+        typer.Option(
+            "--prior",
+            help="Prior of a quantity: NAME=VALUE+-DEVIATION (normal) or NAME=LOW..HIGH (bounds).",
+            metavar="NAME=...",
+        ),
     ] = None,
     samples: Annotated[
-        int, typer.Option(help="Drawn to learn how sure the fit is; 0: by its curvature alone.", min=0, max=1_000_000)
+        int,
+        typer.Option(
+            help="Samples drawn for the credible intervals; 0: use the curvature of the likelihood.",
+            min=0,
+            max=1_000_000,
+        ),
     ] = 8000,
-    seed: Annotated[int, typer.Option(help="Of those samples.", min=0, max=2**32 - 1)] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.", min=0, max=2**32 - 1)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Write the room with what was found of it: places, materials, walls, air.", metavar="ROOM.toml"
-        ),
+        typer.Option(help="Write the fitted room: places, materials, walls, air.", metavar="ROOM.toml"),
     ] = None,
     board_out: Annotated[
         Path | None,
         typer.Option(
-            help=f"Write the board profile with what was found of it: {words_of(BoardQuantity)}.",
+            help=f"Write the fitted board profile: {words_of(BoardQuantity)}.",
             metavar="BOARD.toml",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Find the place, heading, board and room that explain logs best, and how sure that is."""
+    """Fit place, heading, board and room to scans. Each value is printed with its credible interval."""
     _check_files(out, board_out, free, force, room_file, board, *log_files)
     fitted = fit_logs(log_files, room_file, places or [], board, receiver, free, priors or [], samples, seed)
-    write_found(fitted, out, board_out)
+    write_fitted(fitted, out, board_out)
     result = fitted.result
     if as_json:
         typer.echo(json.dumps(fit_figures(result), indent=2))
@@ -90,11 +99,11 @@ def fit(
 
 @dataclass(frozen=True)
 class FittedLogs:
-    """What was fitted, and what came of it."""
+    """The input of a fit and its result."""
 
     room: "Room"
     board: "Board"
-    scans: "tuple[PlacedScan, ...]"  # where they were believed to be taken
+    scans: "tuple[PlacedScan, ...]"  # at their places before the fit
     result: "FitResult"
 
 
@@ -109,7 +118,7 @@ def fit_logs(
     samples: int,
     seed: int,
 ) -> FittedLogs:
-    """The fit of logs; what is not given is taken from the first of them. Raises InputError where that says nothing."""
+    """Fit logs. What is not given is taken from them; raises InputError if they do not contain it."""
     from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
@@ -142,7 +151,7 @@ def fit_logs(
 
 
 def _check_files(out: Path | None, board_out: Path | None, free: str, force: bool, *inputs: str | Path | None) -> None:
-    """Raises InputError where a file cannot be written, or nothing that is free would be in it."""
+    """Raise InputError if a file cannot be written, or would contain no fitted value."""
     if out is None and board_out is None:
         return
     from sonarhw_compare.fit.values.parameters import quantities_of
@@ -157,21 +166,23 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
             continue
         checked_out(file, (".toml",), force, *inputs, option=option)
         if quantities.isdisjoint(those):
-            raise InputError(f"{option} {file}: nothing of it is free; --free has none of {', '.join(map(str, those))}")
+            names = ", ".join(map(str, those))
+            raise InputError(f"{option} {file}: would contain no fitted value; add one of these to --free: {names}")
 
 
-def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
-    """Write what was found of the room and of the board, where that is asked for.
+def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
+    """Write the fitted room and the fitted board profile to the files that are given.
 
-    A place is called as the room calls it, one that the room has not, or has for several logs, as its log is.
+    A place keeps its name in the room. A place that the room does not have, or that several logs share, gets the name
+    of its log.
     """
     from sonarhw_compare.fit.findings import found_board, found_room
 
     values = {one: fitted.result.estimates[one.name].value for one in fitted.result.parameters}
     texts = []
     if out is not None:
-        called = [scan.place.name for scan in fitted.scans]
-        own = {name for name in fitted.room.places if called.count(name) == 1}
+        names = [scan.place.name for scan in fitted.scans]
+        own = {name for name in fitted.room.places if names.count(name) == 1}
         places = [
             replace(place, name=scan.place.name if scan.place.name in own else scan.name)
             for place, scan in zip(fitted.result.places, fitted.scans, strict=True)
@@ -188,41 +199,41 @@ def write_found(fitted: FittedLogs, out: Path | None, board_out: Path | None) ->
 
 
 def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
-    """Raises InputError where `--free` or `--prior` is wrong whatever the logs say: they may take seconds to read."""
+    """Raise InputError for errors in `--free` and `--prior` before the logs are read, which may take seconds."""
     from sonarhw_compare.fit.values.parameters import quantities_of
 
     free = [quantity.name for word in words for quantity in quantities_of(word)]
     for prior in priors:
         name, _, text = prior.partition("=")
         if free and re.split("[:@]", name)[0] not in free:
-            raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {', '.join(free)}")
+            raise InputError(f"--prior {prior}: expected NAME=… with a quantity of --free: {', '.join(free)}")
         if _range_of(text) is None and _normal_of(text) is None:
-            raise _unlike_a_prior(prior)
+            raise _malformed_prior(prior)
 
 
 def _open(file: Path) -> "Log":
     log = open_log(file)
     if not log.readings:
-        raise InputError(f"{file}: holds no readings; nothing can be fitted")
+        raise InputError(f"{file}: contains no readings; nothing to fit")
     return log
 
 
 def _common_room(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Room":
-    """The room inside the logs. Raises InputError where there is none, or they have different ones."""
+    """Return the room inside the logs. Raises InputError if there is none, or if they have different ones."""
     room = recorded_room(log_files[0], logs[0].metadata)
     for file, log in zip(log_files, logs, strict=True):
         if log.metadata.room_text not in ("", logs[0].metadata.room_text):
-            raise InputError(f"{log_files[0]} and {file} hold different rooms; give the one of both with --room")
+            raise InputError(f"{log_files[0]} and {file} contain different rooms; give one room for both with --room")
     return room
 
 
 def _common_board(log_files: Sequence[Path], logs: "Sequence[Log]") -> "Board":
-    """The board of the logs. Raises InputError where they have different ones."""
+    """Return the board of the logs. Raises InputError if they have different ones."""
     boards = [recorded_board(file, log.metadata) for file, log in zip(log_files, logs, strict=True)]
     for file, board in zip(log_files, boards, strict=True):
         if board != boards[0]:
             raise InputError(
-                f"{log_files[0]} and {file} were recorded with different boards; give the one of both with --board"
+                f"{log_files[0]} and {file} were recorded with different boards; give one for both with --board"
             )
     return boards[0]
 
@@ -233,7 +244,7 @@ def _names(log_files: Sequence[Path]) -> list[str]:
 
 
 def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "Place":
-    """Where a log was recorded. Raises InputError where that is not known, though some of it is held fixed."""
+    """Return the place of a log. Raises InputError if it is unknown although x or y is fixed."""
     from sonarhw_sim.room.model import Place
 
     recorded = recorded_place(log.metadata, room)
@@ -241,12 +252,12 @@ def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "P
         return chosen_place(room, recorded)
     held = [name for name in ("x", "y") if name not in free]
     if not held:
-        # where the whole room is searched nobody need say where the sensor stood
+        # the whole room is searched: the place need not be known
         return Place("", _middle(room))
     if len(room.places) == 1:
         return room.place(None)
-    fixed = f"{' and '.join(held)} {'is' if len(held) == 1 else 'are'} held fixed"
-    raise InputError(f"{file}: nobody knows where it was recorded, and {fixed}; give --place X,Y, or --free position")
+    fixed = f"{' and '.join(held)} {'is' if len(held) == 1 else 'are'} fixed"
+    raise InputError(f"{file}: its place is unknown, and {fixed}; give --place X,Y, or --free position")
 
 
 def _middle(room: "Room") -> tuple[float, float]:
@@ -263,14 +274,14 @@ def _near(parameter: "Parameter", scans: "Sequence[PlacedScan]") -> "Parameter":
 
 
 def with_priors(parameters: "Sequence[Parameter]", priors: Sequence[str]) -> "tuple[Parameter, ...]":
-    """The parameters with what `--prior` says of them. Raises InputError where it names none or makes no sense."""
+    """Return the parameters with their priors. Raises InputError for an unknown name or an invalid prior."""
     found = list(parameters)
     for prior in priors:
         name, _, text = prior.partition("=")
         rows = [k for k, parameter in enumerate(found) if name in (parameter.name, parameter.quantity.name)]
         if not rows:
             known = ", ".join(parameter.name for parameter in parameters)
-            raise InputError(f"--prior {prior}: expected NAME=… with one of what is free: {known}")
+            raise InputError(f"--prior {prior}: expected NAME=… with a free quantity: {known}")
         for k in rows:
             found[k] = _with_prior(found[k], prior, text)
     return tuple(found)
@@ -286,8 +297,8 @@ def _with_prior(parameter: "Parameter", prior: str, text: str) -> "Parameter":
             return replace(parameter, expected=value, deviation=deviation)
         bounded = math.isfinite(parameter.lower) and math.isfinite(parameter.upper)
         where = f" and a value from {parameter.lower / unit:g} to {parameter.upper / unit:g}" if bounded else ""
-        raise InputError(f"--prior {prior}: expected a deviation over 0{where}")
-    raise _unlike_a_prior(prior)
+        raise InputError(f"--prior {prior}: expected a deviation above 0{where}")
+    raise _malformed_prior(prior)
 
 
 def _range_of(text: str) -> tuple[float, float] | None:
@@ -302,5 +313,5 @@ def _normal_of(text: str) -> tuple[float, float] | None:
     return (float(match[1]), float(match[2])) if match else None
 
 
-def _unlike_a_prior(prior: str) -> InputError:
+def _malformed_prior(prior: str) -> InputError:
     return InputError(f"--prior {prior}: expected NAME=VALUE+-DEVIATION, or NAME=LOW..HIGH with LOW below HIGH")

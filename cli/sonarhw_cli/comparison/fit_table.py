@@ -1,4 +1,4 @@
-"""A fit told to a person, as a table, or to a program, as JSON; degrees, metres, and what the fit warns of."""
+"""The result of a fit as a table for people or as JSON for programs, in degrees and metres, with its warnings."""
 
 import math
 from collections.abc import Iterator
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, FitResult, Parameter
 
-_CORRELATED = 0.5  # from where on a correlation is told
-_DIGITS = 6  # of what has no error to speak of
+_CORRELATED = 0.5  # weaker correlations are not printed
+_DIGITS = 6  # decimals of a value whose deviation is 0 or nearly so
 
 
 def fit_figures(result: "FitResult") -> dict[str, Any]:
-    """The figures of a fit: the keys of `fit --json`; headings in degrees."""
+    """Return the result of a fit under the keys of `fit --json`; headings in degrees."""
     return {
         "estimates": {
             parameter.name: {"unit": parameter.quantity.unit, **_scaled(parameter, result.estimates[parameter.name])}
@@ -36,19 +36,19 @@ def fit_figures(result: "FitResult") -> dict[str, Any]:
 
 
 def fit_lines(result: "FitResult") -> Iterator[str]:
-    """The table, how readings err, what is known only together, and warnings."""
+    """Yield the table, the agreement, the noise, strong correlations and the warnings of a fit."""
     width = max(len(parameter.name) for parameter in result.parameters)
-    yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % region"
+    yield f"{'':{width}}  {'value':>12}  {'±':>10}  95 % interval"
     for parameter in result.parameters:
         yield f"{parameter.name:{width}}  {_row(parameter, result.estimates[parameter.name])}"
     yield ""
-    yield f"{_agreement(result)} echoes within 5 cm of the prediction from there"
+    yield f"{_agreement(result)} echoes within 5 cm of the fitted prediction"
     yield _noise_line(result.noise)
     names = list(result.estimates)
     for i, name in enumerate(names):
         for j in range(i):
             if abs(result.correlations[i, j]) >= _CORRELATED:
-                yield f"{names[j]} and {name} go together: correlation {result.correlations[i, j]:+.2f}"
+                yield f"{names[j]} and {name} are correlated: {result.correlations[i, j]:+.2f}"
     for warning in result.warnings:
         yield f"warning: {warning}"
 
@@ -58,7 +58,7 @@ def _row(parameter: "Parameter", estimate: "Estimate") -> str:
     deviation = shown["deviation"]
     digits = min(_DIGITS, max(0, 1 - math.floor(math.log10(deviation)))) if deviation > 0 else _DIGITS
     unit = parameter.quantity.unit
-    # a heading that rounds to 360 is told as 0, and its region about that
+    # a heading that rounds to 360 is printed as 0, with its interval around 0
     turn = 360 if parameter.quantity.is_angle and round(shown["value"], digits) == 360 else 0
     value, lower, upper = (f"{shown[key] - turn:z.{digits}f}" for key in ("value", "lower", "upper"))
     error = f"{deviation:.{digits}f} {unit}".rstrip()
@@ -66,21 +66,21 @@ def _row(parameter: "Parameter", estimate: "Estimate") -> str:
 
 
 def _agreement(result: "FitResult") -> str:
-    """How many echoes of each scan, in the order of the logs."""
+    """Return the share of echoes within 5 cm for each scan, in the order of the logs."""
     return "; ".join(f"{one.within_5cm:.0%} of {one.n_echo}" for one in result.agreement if one.within_5cm is not None)
 
 
 def _noise_line(noise: dict[str, float]) -> str:
     return (
-        f"readings err by {noise['range_m'] * 1000:.1f} mm, levels by {noise['level_db']:.1f} dB; "
+        f"errors of readings {noise['range_m'] * 1000:.1f} mm, of levels {noise['level_db']:.1f} dB; "
         f"{noise['missed']:.0%} of loud echoes missed, {noise['lost']:.0%} of pings lost, "
         f"{noise['stray_per_m']:.2f} stray echoes a metre{_stretch(noise)}"
     )
 
 
 def _stretch(noise: dict[str, float]) -> str:
-    # where the air was free there is none
-    return f"; ranges {noise['stretch'] - 1:+z.2%} by the speed of sound" if "stretch" in noise else ""
+    # there is no stretch if temperature or speed is free
+    return f"; ranges {noise['stretch'] - 1:+z.2%} from the speed of sound" if "stretch" in noise else ""
 
 
 def _scaled(parameter: "Parameter", estimate: "Estimate") -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""`sonarhw locate`: where in a room a scan was taken, and which way the turntable pointed."""
+"""`sonarhw locate`: find the pose of a scan in a known room."""
 
 import json
 import math
@@ -18,9 +18,9 @@ from sonarhw_cli.console.progress import progress_of_share
 if TYPE_CHECKING:
     from sonarhw_compare.locate.poses import Located, Pose
 
-_FITS = 0.5  # of the echoes explained: under that the scan is of another room
-_ANY_HEADING = math.radians(90)  # standard deviation beyond which nothing is known of a heading
-_RIVAL = 0.25  # of the first answer's probability: what has less is told apart
+_FITS = 0.5  # share of explained echoes below which the scan does not fit the room
+_ANY_HEADING = math.radians(90)  # standard deviation above which the heading counts as unknown
+_RIVAL = 0.25  # a second pose with more than this share of the first's probability makes the answer ambiguous
 
 
 def locate(
@@ -29,16 +29,19 @@ def locate(
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     height: Annotated[
-        float | None, typer.Option(help="Of the transducer, metres; then floor and ceiling are heard.", metavar="M")
+        float | None,
+        typer.Option(
+            help="Height of the transducer, metres; the prediction then includes floor and ceiling.", metavar="M"
+        ),
     ] = None,
     near: Annotated[
-        float, typer.Option(help="How near to a place of the room a pose counts as that place, metres.", min=0)
+        float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
     ] = 0.1,
     out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar="FILE.png")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
     force: Force = False,
 ) -> None:
-    """Find where in a room a scan was taken and which way it pointed, with nothing known of either."""
+    """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
     if out is not None:
         checked_out(out, (".png",), force, log_file, room_file, board)
     located = locate_log(log_file, room_file, board, receiver, height)
@@ -51,7 +54,7 @@ def locate(
     if as_json:
         typer.echo(json.dumps(figures, indent=2))
     else:
-        _tell(figures)
+        _print(figures)
 
 
 def locate_log(
@@ -61,13 +64,16 @@ def locate_log(
     receiver: Receiver | None = None,
     height: float | None = None,
 ) -> "Located":
-    """Where a log was recorded; what is not given is taken from the log, InputError where that says nothing."""
+    """Locate a log in a room.
+
+    Room and board that are not given are taken from the log. Raises InputError if it does not contain them.
+    """
     from sonarhw_compare.locate.poses import locate_scan
     from sonarhw_sim.predict.prediction import PredictionOptions
 
     log, room, chosen = open_in_room(log_file, room_file, board)
     if not log.readings:
-        raise InputError(f"{log_file}: holds no readings; nothing can be located")
+        raise InputError(f"{log_file}: contains no readings; nothing to locate")
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
     with progress_of_share() as show:
         return locate_scan(
@@ -114,12 +120,12 @@ def _signed(millimetres: int) -> str:
 
 def _heading(heading: float, deviation: float | None) -> str:
     if deviation is None:
-        return "a heading that the scan does not tell"
+        return "an unknown heading"
     return f"{heading_text(math.radians(heading))} (± {_leading(deviation, 1)}°)"
 
 
 def _leading(deviation: float, digits: int) -> str:
-    """A deviation with so many digits behind the point, or with as many as show that it is not nought."""
+    """Format a deviation with `digits` decimals, or with as many as are needed to show that it is not zero."""
     if deviation > 0:
         digits = max(digits, -math.floor(math.log10(deviation)))
     return f"{deviation:.{digits}f}"
@@ -129,7 +135,7 @@ def _named(place: str | None) -> str:
     return "" if place is None else f"; {place}"
 
 
-def _tell(figures: dict[str, Any]) -> None:
+def _print(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
         along_x, along_y = (_leading(pose[key] * 1000, 0) for key in ("x_deviation_m", "y_deviation_m"))
         typer.echo(
@@ -138,12 +144,12 @@ def _tell(figures: dict[str, Any]) -> None:
             f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )
-    typer.echo(f"{figures['explained']:.0%} of the echoes lie within 5 cm of the room's, at the first of these")
+    typer.echo(f"{figures['explained']:.0%} of the echoes are within 5 cm of an echo predicted for the first pose")
     if not figures["fits_room"]:
-        typer.echo("warning: this scan does not fit this room; the room, the board or the scan is another")
+        typer.echo("warning: this scan does not fit this room; check the room, the board and the scan")
     probabilities = [pose["probability"] for pose in figures["poses"]]
     if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
-        typer.echo("the scan does not tell these apart: the room looks much the same from there")
+        typer.echo("the scan cannot distinguish these poses: the room looks nearly the same from them")
     if figures["place"] is not None:
         shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
-        typer.echo(f"if it was at one of the room's places: {shares}")
+        typer.echo(f"assuming one of the room's places: {shares}")

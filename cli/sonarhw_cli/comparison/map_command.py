@@ -1,4 +1,4 @@
-"""`sonarhw map`: what one or several scans say the room is."""
+"""`sonarhw map`: estimate a room from one or several scans."""
 
 import json
 import math
@@ -34,11 +34,11 @@ def map_logs(
     ] = None,
     poses: Annotated[
         list[str] | None,
-        typer.Option("--pose", help="Where and which way (turntable step 0); once for each log.", metavar="X,Y,DEG"),
+        typer.Option("--pose", help="Position, and heading of turntable step 0; once for each log.", metavar="X,Y,DEG"),
     ] = None,
     room_file: Annotated[
         Path | None,
-        typer.Option("--room", help="Follow sound round this room; default: the walls found.", metavar="ROOM"),
+        typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar="ROOM"),
     ] = None,
     board: BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
@@ -46,9 +46,10 @@ def map_logs(
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:
-    """Map the room from scans: a certainty grid, and walls, corners and edges on which regions of constant depth agree.
+    """Estimate a room from scans.
 
-    Beside it, the same without readings that came by several reflections, as sound is followed round the room.
+    A map has a certainty grid, and walls, corners and edges from regions of constant depth. It is made twice: from all
+    readings, and without the readings that came by several reflections. Sound is followed in the room to find those.
     """
     from sonarhw_compare.map import map_scans
     from sonarhw_sim.board.profile import load_board
@@ -70,7 +71,7 @@ def map_logs(
     if as_json:
         typer.echo(json.dumps(_figures(found), indent=2))
     else:
-        _tell(found)
+        _print(found)
 
 
 def _placed(
@@ -79,14 +80,14 @@ def _placed(
     from sonarhw_compare.fit import PlacedScan
 
     if places and poses:
-        raise InputError("--place, --pose: give one of them, once for each log")
+        raise InputError("--place, --pose: give only one of them, once for each log")
     for option, given in (("--place", places), ("--pose", poses)):
         if given and len(given) != len(files):
             raise InputError(f"{option}: expected one for each of {counted(len(files), 'log')}, got {len(given)}")
     scans = []
     for k, (file, log) in enumerate(zip(files, logs, strict=True)):
         if not log.readings:
-            raise InputError(f"{file}: holds no readings; nothing can be mapped")
+            raise InputError(f"{file}: contains no readings; nothing to map")
         place = _pose(poses[k]) if poses else _place(file, log, room, places[k] if places else None)
         scans.append(PlacedScan(log.readings, place, file.stem))
     return scans
@@ -105,13 +106,13 @@ def _pose(text: str) -> "Place":
 
 
 def _place(file: Path, log: "Log", room: "Room | None", wanted: str | None) -> "Place":
-    """The place that was asked for, else where the log says that it was recorded; never just the room's only one."""
+    """Return the place of --place, else the recorded one; never the only place of the room by default."""
     known = room or recorded_room(file, log.metadata)
     recorded = log.metadata.place
     if wanted is None and (recorded in known.places or ("," in recorded and log.metadata.room_text == known.text)):
         wanted = recorded
     if wanted is None:
-        raise InputError(f"{file}: does not say where in {known.name!r} it was recorded; give --place or --pose")
+        raise InputError(f"{file}: contains no place in room {known.name!r}; give --place or --pose")
     return known.place(wanted)
 
 
@@ -151,7 +152,7 @@ def _rounded(point: tuple[float, float]) -> list[float]:
     return [round(point[0], 6), round(point[1], 6)]
 
 
-def _tell(found: "RoomMap") -> None:
+def _print(found: "RoomMap") -> None:
     for title, layer in (("all readings", found.plain), ("direct readings", found.direct)):
         features = layer.features
         corners = sum(point.is_corner for point in features.points)
@@ -162,6 +163,6 @@ def _tell(found: "RoomMap") -> None:
         )
         typer.echo(
             f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
-            f"{len(features.alone)} that nothing found explains"
+            f"{counted(len(features.alone), 'region')} unexplained"
         )
-    typer.echo(f"{counted(found.rejected, 'reading')} given up: they came by several reflections")
+    typer.echo(f"{counted(found.rejected, 'reading')} removed: they came by several reflections")

@@ -1,4 +1,4 @@
-"""`sonarhw report`: one HTML file about a scan: room, scan, comparison, every reading, settings."""
+"""`sonarhw report`: write one HTML file about a scan: room, scan, comparison, every reading, settings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -32,7 +32,7 @@ def report(
     receiver: ReceiverChoice = None,
     force: Force = False,
 ) -> None:
-    """Write everything about a scan into one HTML file: pictures, figures, every reading, settings."""
+    """Write one HTML file about a scan. It has pictures, a summary, every reading and the settings."""
     from sonarhw_compare.report.html_report import report_html
 
     checked_out(out, (".html",), force, log_file, room_file, board)
@@ -44,7 +44,10 @@ def report(
 def report_on(
     log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: Receiver | None
 ) -> "Report":
-    """The report on a log; what is not given is taken from the log, InputError where that says nothing."""
+    """Return the report on a log.
+
+    Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
+    """
     from sonarhw_compare.report.html_report import report_of
     from sonarhw_sim.predict.prediction import PredictionOptions
 

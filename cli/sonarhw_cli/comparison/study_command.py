@@ -1,4 +1,4 @@
-"""`sonarhw study`: thousands of predicted scans over grids and random draws, into a folder of Parquet."""
+"""`sonarhw study`: predict thousands of scans over grids and random draws, into a folder of Parquet files."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,31 +14,34 @@ from sonarhw_cli.console.progress import progress
 def study(
     spec: Annotated[Path, typer.Argument(help="Study file (*.toml).", metavar="SPEC")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder to make; default: the study file's name, here.", show_default=False)
+        Path | None,
+        typer.Option(help="Folder to create; default: the study file's name, in this folder.", show_default=False),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Processes that predict; default: one a core.", metavar="N")
+        int | None, typer.Option(min=1, max=1024, help="Number of processes; default: one for each core.", metavar="N")
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Let the Dask cluster of this scheduler predict instead.", metavar="tcp://HOST:PORT"),
+        typer.Option(help="Predict on the Dask cluster of this scheduler.", metavar="tcp://HOST:PORT"),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where an interrupted study stopped.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted study.")] = False,
 ) -> None:
-    """Predict every scan of a study; the results are the same whatever the number of workers."""
+    """Predict every scan of a study. The results do not depend on the number of workers."""
     from sonarhw_compare.study import load_study, run_study
     from sonarhw_compare.study.parts import part_count, unfinished_of
 
     if workers is not None and scheduler is not None:
-        raise InputError("--workers: a cluster has its own; leave it out, or --scheduler")
+        raise InputError("--workers, --scheduler: a cluster has its own workers; give only one of them")
     folder = Path(spec.stem) if out is None else out
-    wanted = load_study(spec)
-    with sigterm_raises(), progress(part_count(wanted), lambda: "Predicting") as advance:
+    plan = load_study(spec)
+    with sigterm_raises(), progress(part_count(plan), lambda: "Predicting") as advance:
         try:
-            run_study(wanted, folder, workers=workers, scheduler=scheduler, resume=resume, progress=advance)
+            run_study(plan, folder, workers=workers, scheduler=scheduler, resume=resume, progress=advance)
         except KeyboardInterrupt:
             unfinished = unfinished_of(folder)
             if unfinished.exists():
-                typer.echo(f"sonarhw: interrupted; what is done is in {unfinished}: go on with --resume", err=True)
+                typer.echo(
+                    f"sonarhw: interrupted; finished parts are in {unfinished}: continue with --resume", err=True
+                )
             raise
-    typer.echo(f"{counted(wanted.scans, 'scan')} in {folder}")
+    typer.echo(f"{counted(plan.scans, 'scan')} in {folder}")

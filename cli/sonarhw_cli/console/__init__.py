@@ -1,1 +1,1 @@
-"""What the commands share: options, inputs, outputs, progress bars and interruption."""
+"""Options, inputs, outputs, progress bars and interruption, shared by the commands."""

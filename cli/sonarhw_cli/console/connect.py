@@ -1,7 +1,4 @@
-"""What a URL on the command line leads to: a port, a fake scanner in this process, or a log that plays as one.
-
-Takes the URL as it was typed; hands on one that pyserial opens, or the opened scanner, for as long as the block lasts.
-"""
+"""URLs on the command line: a port, a fake scanner in this process, or a log that is replayed as a scanner."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,9 +33,9 @@ _FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
 
 @contextmanager
 def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
-    """The scanner at `url`, greeted; lost, it may come back within `reconnect` s.
+    """Yield the connected scanner at `url`; after a lost connection the driver reconnects for up to `reconnect` s.
 
-    Raises InputError for a URL that says nothing, LinkError, DeviceError.
+    Raises InputError for an invalid URL, LinkError, DeviceError.
     """
     from sonarhw.host.scanner import Scanner
 
@@ -48,9 +45,10 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
 
 @contextmanager
 def resolve(url: str) -> Iterator[Find]:
-    """What tells the URL that pyserial is to open now; what `fake:` and log files need runs in this process meanwhile.
+    """Yield a function that returns the URL to open with pyserial now.
 
-    A device may come back under another name: ask again before each opening.
+    `fake:` URLs and log files are served by this process while the block lasts. A device may return under another
+    name: call the function before each opening.
     """
     from sonarhw.link.ports import Whereabouts
 
@@ -65,21 +63,21 @@ def resolve(url: str) -> Iterator[Find]:
 
 
 def read_pace(text: str) -> "Pace":
-    """The pace that `real`, `max` or a factor above 0 stands for. Raises InputError for anything else."""
+    """Return the pace for `real`, `max` or a factor above 0. Raises InputError for anything else."""
     from sonarhw.device.endpoint import check_pace
 
     try:
         return check_pace(float(text))
     except ValueError:
-        return check_pace(text)  # type: ignore[arg-type]  # whether it is one of the two words is what is checked
+        return check_pace(text)  # type: ignore[arg-type]  # check_pace accepts the two words only
 
 
 def fake_device(
     room_file: Path, place: str | None, board: str, seed: int, faults: "Faults"
 ) -> "tuple[Device, RoomEchoes]":
-    """A fake board that hears the room in `room_file`, and its ears, on which `prepare` is to be called.
+    """Return a fake board in the room of `room_file`, and the source of its echoes; call `prepare` on the latter.
 
-    Raises InputError where room, place or board is wrong.
+    Raises InputError for an invalid room, place or board.
     """
     from sonarhw_sim.board.profile import load_board
 
@@ -94,16 +92,16 @@ def fake_device(
     echoes = RoomEchoes(room, here, profile, seed)
     identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
 
-    def switched_on(boots: int) -> FakeBoard:
-        me = replace(identity, boot=1 + boots)
-        return FakeBoard(echoes, seed, profile.listens_from, me, ready=lambda: echoes.ready)
+    def started(boots: int) -> FakeBoard:
+        counted_identity = replace(identity, boot=1 + boots)
+        return FakeBoard(echoes, seed, profile.listens_from, counted_identity, ready=lambda: echoes.ready)
 
-    return switched_on(0) if faults == NO_FAULTS else FaultyDevice(switched_on, faults, seed), echoes
+    return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
 
 
 @dataclass(frozen=True)
 class FakeUrl:
-    """What a `fake:` URL asks for."""
+    """The settings in a `fake:` URL."""
 
     room_file: Path
     place: str | None
@@ -114,22 +112,22 @@ class FakeUrl:
 
 
 def read_fake_url(url: str) -> FakeUrl:
-    """The wishes in `fake:ROOM?place=NAME&seed=1`. Raises InputError for one that is not known or makes no sense."""
+    """Return the settings in `fake:ROOM?place=NAME&seed=1`. Raises InputError for unknown keys or invalid values."""
     from sonarhw.device.fault_schedule import read_faults
 
     room_file, _, query = url.removeprefix(FAKE).partition("?")
     if not room_file:
-        raise InputError(f"{url}: names no room; expected fake:ROOM.toml?place=NAME")
-    wishes = dict(parse_qsl(query, keep_blank_values=True))
-    if unknown := sorted(set(wishes) - set(_FAKE_KEYS)):
-        raise InputError(f"{url}: does not know {', '.join(unknown)}; known: {', '.join(_FAKE_KEYS)}")
+        raise InputError(f"{url}: room file missing; expected fake:ROOM.toml?place=NAME")
+    values = dict(parse_qsl(query, keep_blank_values=True))
+    if unknown := sorted(set(values) - set(_FAKE_KEYS)):
+        raise InputError(f"{url}: unknown key {', '.join(unknown)}; known: {', '.join(_FAKE_KEYS)}")
     return FakeUrl(
         room_file=Path(room_file),
-        place=wishes.get("place"),
-        board=wishes.get("board", DEFAULT_BOARD),
-        seed=read_seed(wishes.get("seed", "0")),
-        pace=read_pace(wishes.get("pace", "real")),
-        faults=read_faults(wishes.get("faults", "")),
+        place=values.get("place"),
+        board=values.get("board", DEFAULT_BOARD),
+        seed=read_seed(values.get("seed", "0")),
+        pace=read_pace(values.get("pace", "real")),
+        faults=read_faults(values.get("faults", "")),
     )
 
 
@@ -137,26 +135,26 @@ def read_fake_url(url: str) -> FakeUrl:
 def _fake(url: str) -> Iterator[Find]:
     from sonarhw.device.endpoint import serve
 
-    wish = read_fake_url(url)
-    _check_place(url, wish)
-    device, echoes = fake_device(wish.room_file, wish.place, wish.board, wish.seed, wish.faults)
+    settings = read_fake_url(url)
+    _check_place(url, settings)
+    device, echoes = fake_device(settings.room_file, settings.place, settings.board, settings.seed, settings.faults)
     echoes.prepare()
-    with serve(device, tcp=LOOPBACK, pace=wish.pace) as endpoint:
+    with serve(device, tcp=LOOPBACK, pace=settings.pace) as endpoint:
         yield lambda: endpoint.url
 
 
-def _check_place(url: str, wish: FakeUrl) -> None:
+def _check_place(url: str, settings: FakeUrl) -> None:
     from sonarhw_sim.room.model import load_room
 
-    places = load_room(wish.room_file).places
-    if wish.place is None and len(places) > 1:
+    places = load_room(settings.room_file).places
+    if settings.place is None and len(places) > 1:
         raise InputError(f"{url}: the room has several places; add ?place=NAME, one of {', '.join(places)}")
 
 
 def read_seed(text: str) -> int:
-    """The seed in a text. Raises InputError where it is no whole number from 0 up."""
+    """Return the seed in a text. Raises InputError unless it is a whole number, 0 or more."""
     if not text.isdecimal():
-        raise InputError(f"seed {text!r}: expected a whole number from 0 up")
+        raise InputError(f"seed {text!r}: expected a whole number, 0 or more")
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""The room of the demo, which ships with the product, and the fake scanner in it."""
+"""The room of the demo, which is installed with the product, and the URL of the fake scanner in it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ _SEED = 1
 
 @contextmanager
 def demo_room() -> Iterator[Path]:
-    """The demo's room file, for as long as the block lasts."""
+    """Yield the demo's room file, which is valid while the block lasts."""
     from importlib.resources import as_file, files
 
     with as_file(files("sonarhw_rooms") / "laboratory.toml") as path:
@@ -18,5 +18,5 @@ def demo_room() -> Iterator[Path]:
 
 
 def demo_url(room_file: Path, pace: str = "real") -> str:
-    """The URL of the fake scanner in the demo room."""
+    """Return the URL of the fake scanner in the demo room."""
     return f"fake:{room_file}?place={PLACE}&seed={_SEED}&pace={pace}"

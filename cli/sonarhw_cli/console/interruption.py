@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP while something must be ended whole: noticed between two steps, not amid one."""
+"""Handling of Ctrl-C, SIGTERM and SIGHUP during work that must end in order, for example a recording."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, *ENDINGS)
 
 
 class Interruption:
-    """What a signal does: the first asks for an end through `stop`, the second is a KeyboardInterrupt at once."""
+    """Signal handler: the first signal calls `stop`, the second raises KeyboardInterrupt at once."""
 
     def __init__(self, stop: Callable[[], None]) -> None:
         self.wanted = False
@@ -20,7 +20,7 @@ class Interruption:
         self._at_once = False
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Take a signal."""
+        """Handle a signal."""
         if self.wanted or self._at_once:
             self.wanted = True
             raise KeyboardInterrupt
@@ -29,7 +29,7 @@ class Interruption:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """While this lasts a signal is a KeyboardInterrupt: for what may block and leaves nothing half done."""
+        """Let every signal raise KeyboardInterrupt: for code that may block and leaves nothing incomplete."""
         self._at_once = True
         try:
             yield
@@ -39,20 +39,20 @@ class Interruption:
 
 @contextmanager
 def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
-    """Let any of SIGNALS call `stop`; KeyboardInterrupt at the end where one came."""
+    """Let any of SIGNALS call `stop`, and raise KeyboardInterrupt at the end of the block if one came."""
     handler = Interruption(stop)
     with handled_by(handler):
         try:
             yield handler
         finally:
             if handler.wanted:
-                # whatever else went wrong on the way out, the person asked for the end
+                # errors on the way out are consequences of the interruption
                 raise KeyboardInterrupt from None
 
 
 @contextmanager
 def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the program like Ctrl-C does; with SystemExit it ends with status 0."""
+    """Let SIGTERM and SIGHUP unwind the program as Ctrl-C does; with SystemExit its exit status is 0."""
 
     def unwind(_number: int, _frame: FrameType | None) -> None:
         raise error
@@ -63,7 +63,7 @@ def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[N
 
 @contextmanager
 def handled_by(handler: Callable[[int, FrameType | None], Any], signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
-    """Install `handler` for `signals` and put back what was there before; a SIGHUP ignored by nohup stays ignored."""
+    """Install `handler` for `signals` while the block lasts; a SIGHUP that nohup has ignored stays ignored."""
     hangup = getattr(signal, "SIGHUP", None)
     taken = [number for number in signals if number != hangup or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in taken}

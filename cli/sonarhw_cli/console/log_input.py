@@ -1,4 +1,4 @@
-"""The log that a command reads: opened, with a line of warning where it is torn, damaged or its angles are in doubt."""
+"""The log that a command reads, with a warning if it is torn or damaged, or if its angles are in doubt."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,10 +21,10 @@ LogFiles = Annotated[list[Path], typer.Argument(help="Logs (*.mcap), whole or to
 
 
 def open_log(path: Path) -> "Log":
-    """The log in a file, with warnings on standard error. Raises InputError where there is none."""
+    """Return the log in a file, with warnings on standard error. Raises InputError if the file is not a log."""
     log = load_log(path)
     if log.torn:
-        read = f"{counted(len(log.readings), 'whole reading')} {'is' if len(log.readings) == 1 else 'are'} read"
+        read = f"{counted(len(log.readings), 'whole reading')} read"
         warn(f"{path}: {log.condition}; {read}; {log.torn}")
     for number, scan in enumerate(log.scans, 1):
         if scan.angle_warning:
@@ -34,17 +34,17 @@ def open_log(path: Path) -> "Log":
 
 
 def load_log(path: Path) -> "Log":
-    """The log in a file, without a warning. Raises InputError where there is none."""
+    """Return the log in a file, without warnings. Raises InputError if the file is not a log."""
     from sonarhw.log import read_log
 
     if not path.is_file():
-        what = "is a folder" if path.is_dir() else "is no file" if path.exists() else "there is no such file"
+        what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "no such file"
         raise InputError(f"{path}: {what}; give the name of a log (*.mcap)")
     return read_log(path)
 
 
 def open_in_room(log_file: Path, room_file: Path | None, board: str | None) -> "tuple[Log, Room, Board]":
-    """The log with its room and board: those given, else those recorded in it. Raises InputError if it has none."""
+    """Return a log, and the given or else its recorded room and board. Raises InputError if there is no room."""
     from sonarhw_sim.board.profile import load_board
 
     room = None if room_file is None else open_room(room_file)
@@ -54,23 +54,23 @@ def open_in_room(log_file: Path, room_file: Path | None, board: str | None) -> "
 
 
 def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
-    """The room inside a log. Raises InputError where it holds none."""
+    """Return the room inside a log. Raises InputError if it contains none."""
     from sonarhw_sim.room.model import parse_room
 
     if not metadata.room_text:
-        raise InputError(f"{log_file}: holds no room; give one with --room")
+        raise InputError(f"{log_file}: contains no room; give one with --room")
     return parse_room(metadata.room_text, f"room inside {log_file}")
 
 
 def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
-    """The board that a log was recorded with; where it says of none, the default, with a line of warning."""
+    """Return the board that a log was recorded with; if it names none, the default board, with a warning."""
     from sonarhw_compare.imports.recorded_board import DEFAULT_BOARD, board_of_log
 
     if not metadata.board_text and not metadata.board:
-        warn(f"{log_file}: names no board, taken for {DEFAULT_BOARD}; give --board")
+        warn(f"{log_file}: names no board, {DEFAULT_BOARD} is assumed; give the right one with --board")
     return board_of_log(metadata)
 
 
 def recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
-    """The place a log was recorded at, by a name that this room knows or as X,Y; None where it says neither."""
+    """Return the place of a log, as X,Y or as a name in this room; None if it contains neither."""
     return metadata.place if metadata.place in room.places or "," in metadata.place else None

@@ -1,4 +1,4 @@
-"""Options that several commands share, and what they are made into: degrees and names in, SI values out."""
+"""Options that several commands share, and their conversion from degrees and names to SI values and objects."""
 
 import math
 from collections.abc import Sequence
@@ -30,37 +30,43 @@ BoardOfLog = Annotated[
     typer.Option("--board", help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml"),
 ]
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
-ToDegrees = Annotated[float, typer.Option("--to", help="Headings lie below this, degrees.")]
-StepDegrees = Annotated[float, typer.Option("--step", help="From one heading to the next, degrees.")]
+ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; itself excluded.")]
+StepDegrees = Annotated[float, typer.Option("--step", help="Step from one heading to the next, degrees.")]
 
 EdgeStrengthChoice = Annotated[
     EdgeStrength,
-    typer.Option("--edge-strength", help="paper: alike in all directions; keller: by the angles to the edge's faces."),
+    typer.Option(
+        "--edge-strength",
+        help="Diffraction at edges. paper: equal in all directions; keller: depends on the angles to the edge's faces.",
+    ),
 ]
 
 ReceiverChoice = Annotated[
     Receiver | None,
     typer.Option(
         "--receiver",
-        help="first-echo: the paper's; board: the ranging board's own. Default: the board profile's, else first-echo.",
+        help="first-echo: the paper's receiver; board: the ranging board's own. Default: the board profile's, "
+        "else first-echo.",
         show_default=False,
     ),
 ]
-ModelChoice = Annotated[Model, typer.Option("--model", help="Model that predicts.")]
+ModelChoice = Annotated[Model, typer.Option("--model", help="Prediction model.")]
 PtyLink = Annotated[
-    Path | None, typer.Option("--pty", help="Serve on a pseudo-terminal behind this link.", metavar="LINK")
+    Path | None, typer.Option("--pty", help="Serve on a pseudo-terminal; LINK becomes a link to it.", metavar="LINK")
 ]
-TcpAddress = Annotated[str | None, typer.Option("--tcp", help="Serve on TCP; port 0 picks one.", metavar="HOST:PORT")]
+TcpAddress = Annotated[
+    str | None, typer.Option("--tcp", help="Serve on TCP; port 0 selects a free port.", metavar="HOST:PORT")
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 DEFAULT_BOARD = "polaroid-6500"
 STDOUT = "-"
 LOG = ".mcap"
-MOST_DEGREES = 2147.0  # what the angle of a frame can carry
-MOST_HEADINGS = 65535  # what the order of a scan can carry
+MOST_DEGREES = 2147.0  # largest angle that fits into a frame
+MOST_HEADINGS = 65535  # largest number that fits into the scan command
 
 
 def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
-    """The scan from `start` to below `stop` (degrees). Raises InputError where there is no heading between them."""
+    """Return the scan from `start` up to, without, `stop` (degrees). Raises InputError if it has no heading."""
     for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
         if not abs(degrees) <= MOST_DEGREES:
             raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
@@ -68,38 +74,38 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
         headings = headings_between(start, stop, step)
     except ValueError as error:
         raise InputError(
-            f"--from, --to, --step: {error} degrees; give a step that leads from one to the other"
+            f"--from, --to, --step: {error} degrees; give a step in the direction from --from to --to"
         ) from error
     if headings > MOST_HEADINGS:
         raise InputError(
-            f"--step {step:g}: makes {headings:.6g} headings of a sweep, more than {MOST_HEADINGS}; take wider steps"
+            f"--step {step:g}: a sweep has {headings:.6g} headings, at most {MOST_HEADINGS} are possible; "
+            "give a larger step"
         )
     return ScanOrder(math.radians(start), math.radians(step), headings, sweeps, pings)
 
 
 def chosen_place(room: "Room", wanted: str | None) -> "Place":
-    """The place of a room that --place names, with a warning where it lies outside. Raises InputError."""
+    """Return the place of a room that --place names, with a warning if it is outside. Raises InputError."""
     place = room.place(wanted)
     if room.is_outside(place.position) or room.is_far_from(place.position):
         x, y = place.position
-        warn(f"place {place.name!r} at {x:g}, {y:g} m lies outside room {room.name!r}")
+        warn(f"place {place.name!r} at {x:g}, {y:g} m is outside room {room.name!r}")
     return place
 
 
 def chosen_receiver(name: Receiver | None, board: "Board") -> Receiver:
-    """The receiver that --receiver names, else the board's own choice."""
-
+    """Return the receiver that --receiver names, else that of the board profile."""
     return board.receiver if name is None else name
 
 
 def check_one_line(pty: Path | None, tcp: str | None) -> None:
     """Raise InputError if both --pty and --tcp are given."""
     if pty is not None and tcp is not None:
-        raise InputError("--pty and --tcp: a scanner has one line; give one of them")
+        raise InputError("--pty, --tcp: a scanner has one line; give only one of them")
 
 
 def check_temperature(temperature: float | None) -> None:
-    """Raises InputError where --temperature (°C) is none that air has in a room."""
+    """Raise InputError if --temperature is not between -40 and 60 °C."""
     if temperature is not None and not -40 <= temperature <= 60:
         raise InputError(f"--temperature {temperature:g}: expected -40 to 60 °C")
 
@@ -107,10 +113,10 @@ def check_temperature(temperature: float | None) -> None:
 def checked_out(
     out: str | Path, endings: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
 ) -> str:
-    """The format that a name asks for: the one of `endings` it has; `-`, where that is one, is standard output.
+    """Return the one of `endings` that the name `out` has; `-`, if it is among them, is standard output.
 
-    Raises InputError where the name has another ending, names a folder, a file that may not be overwritten or one of
-    the `inputs`, or lies in no folder. A device or pipe has no ending and takes the first.
+    A device or pipe has no ending: the first is returned. Raises InputError if the name has another ending, is a
+    folder, an existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
     """
     if str(out) == STDOUT and STDOUT in endings:
         return STDOUT
@@ -129,23 +135,23 @@ def checked_out(
 
 
 def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
-    """Raise InputError where `path` exists and may not be overwritten, or its folder is missing."""
+    """Raise InputError if `path` exists and may not be overwritten, or if its folder is missing."""
     if path.is_dir():
         raise InputError(f"{option} {path}: is a folder; give the name of a file in it")
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; choose another {option} or add --force")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; make it first")
+        raise InputError(f"{path}: no such folder: {path.parent}; create it first")
 
 
 def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
-    """Raise InputError where `out` is one of the files that the command reads, by whatever name.
+    """Raise InputError if `out` is one of the files that the command reads, also under another name.
 
-    An input may also be None, a URL, or the name of something that ships: what is no file cannot be overwritten.
+    An input may be None, a URL, or the name of a shipped profile; only files are compared.
     """
     for given in inputs:
         text = "" if given is None else str(given)
-        # this URL reads a room file: fake:ROOM?place=NAME
+        # fake:ROOM?place=NAME reads the room file ROOM
         read = Path(text.removeprefix("fake:").partition("?")[0] if text.startswith("fake:") else text)
         if text and read.exists() and out.exists() and out.samefile(read):
-            raise InputError(f"{option} {out}: is {read}, which this command reads; choose another name")
+            raise InputError(f"{option} {out}: is the input file {read}; choose another name")

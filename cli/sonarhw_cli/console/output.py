@@ -1,7 +1,7 @@
-"""What commands write: standard output, and files that are whole or not there at all.
+"""Output of the commands: standard output, and files that are written completely or not at all.
 
-Takes a name that `options.checked_out` has let pass; hands on a file to write into. Logs are not written through
-here: they grow on disk reading by reading and are readable however they end.
+File names must have passed `options.checked_out`. Logs are written elsewhere: they grow on disk reading by reading, and
+are readable wherever they end.
 """
 
 import sys
@@ -18,7 +18,7 @@ from sonarhw_cli.console.options import STDOUT
 
 @contextmanager
 def text_output(out: str) -> Iterator[TextIO]:
-    """Standard output for `-`, else text that becomes the file `out` when the block has ended well.
+    """Yield standard output for `-`, else a text that is written to the file `out` if the block succeeds.
 
     Raises OutputError.
     """
@@ -34,7 +34,7 @@ def text_output(out: str) -> Iterator[TextIO]:
 
 @contextmanager
 def binary_output(out: str) -> Iterator[BinaryIO]:
-    """Standard output for `-`, else the file `out`, written when the block has ended well. Raises OutputError."""
+    """Yield standard output for `-`, else the file `out`, kept only if the block succeeds. Raises OutputError."""
     if out != STDOUT:
         with atomic_file(Path(out)) as file:
             yield file
@@ -44,7 +44,7 @@ def binary_output(out: str) -> Iterator[BinaryIO]:
 
 
 def standard_output() -> TextIO:
-    """Standard output. Raises OutputError where it was closed before the command began."""
+    """Return standard output. Raises OutputError if it was closed before the command started."""
     if sys.stdout is None:
         raise OutputError("standard output: is closed; leave it open, or name a file with --out")
     return sys.stdout
@@ -63,7 +63,7 @@ def _flushed(text: TextIO) -> Iterator[TextIO]:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """A folder for several files, made if it is not there; where the block ends badly none is left that is empty.
+    """Create a folder for several files if it is missing, and remove it again if the block fails and it is empty.
 
     Raises InputError.
     """
@@ -71,7 +71,7 @@ def made_folder(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror}; give another folder") from error
+        raise InputError(f"{folder}: cannot be created: {error.strerror}; give another folder") from error
     try:
         yield
     except BaseException:

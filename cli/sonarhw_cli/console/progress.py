@@ -1,15 +1,15 @@
-"""The progress bar of long work: on a terminal there is one, in a pipe none."""
+"""The progress bar of long work, shown only if standard error is a terminal."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_PARTS = 100  # of the bar of what tells its share
+_PARTS = 100  # of the bar of work that reports its share
 
 
 @contextmanager
 def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None]]:
-    """What is to be called `total` times, once for each part that is done; `doing` says in a word what goes on."""
+    """Yield a function to call once for each of `total` parts; `doing` returns a word for the work in progress."""
     if not sys.stderr.isatty():
         yield lambda: None
         return
@@ -18,7 +18,7 @@ def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None
     from rich.text import Text
 
     class Doing(ProgressColumn):
-        """Asked anew each time the bar is drawn."""
+        """The word for the work in progress, updated each time the bar is drawn."""
 
         def render(self, task: Task) -> Text:
             return Text(doing())
@@ -31,7 +31,7 @@ def progress(total: int, doing: Callable[[], str]) -> Iterator[Callable[[], None
 
 @contextmanager
 def progress_of_share() -> Iterator[Callable[[float, str], None]]:
-    """What is to be called with the share that is done, 0 to 1, and in a word what goes on."""
+    """Yield a function to call with the completed share, 0 to 1, and a word for the work in progress."""
     now, done = "", 0
     with progress(_PARTS, lambda: now) as tick:
 

@@ -1,4 +1,4 @@
-"""The room that a command reads: opened, with a line of warning for a round thing that is drawn of flat walls."""
+"""The room that a command reads, with a warning for a round object that consists of flat walls."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def open_room(path: Path) -> "Room":
-    """The room in a file, with warnings on standard error. Raises InputError where there is none."""
+    """Return the room in a file, with warnings on standard error. Raises InputError if the file is not a room."""
     from sonarhw_sim.room.facets import facets_of
     from sonarhw_sim.room.model import load_room
 
@@ -19,7 +19,7 @@ def open_room(path: Path) -> "Room":
         first, last = room.names[found.walls[0]], room.names[found.walls[-1]]
         x, y = (round(at, 4) + 0.0 for at in found.middle)
         warn(
-            f"{path}: walls {first!r} to {last!r} draw a circle, and flat walls hardly send sound "
-            f"back; a pillar is [[posts]] with center = [{x:g}, {y:g}] and radius = {found.radius:.4g}"
+            f"{path}: walls {first!r} to {last!r} approximate a circle, but flat walls return almost no sound; "
+            f"use [[posts]] with center = [{x:g}, {y:g}] and radius = {found.radius:.4g}"
         )
     return room

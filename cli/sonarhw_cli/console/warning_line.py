@@ -1,4 +1,4 @@
-"""Warnings: one line on standard error, after which the command goes on."""
+"""Warnings: one line on standard error; the command continues."""
 
 import typer
 

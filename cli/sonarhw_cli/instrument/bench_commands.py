@@ -1,4 +1,4 @@
-"""Bench work: `sonarhw home`, `turn`, `stop` and `monitor`."""
+"""Manual control of a scanner: `sonarhw home`, `turn`, `stop` and `monitor`."""
 
 import math
 import time
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
     from sonarhw.wire.frames import Frame, Rejected
 
-_SHOWN = 24  # bytes of a rejected stretch
+_SHOWN = 24  # bytes of a rejected block
 
 
 def home(url: ScannerUrl) -> None:
@@ -26,9 +26,9 @@ def home(url: ScannerUrl) -> None:
 
 def turn(
     url: ScannerUrl,
-    degrees: Annotated[float, typer.Argument(help="Turntable angle, counter-clockwise.", metavar="DEG")],
+    degrees: Annotated[float, typer.Argument(help="Turntable angle, degrees, counter-clockwise.", metavar="DEG")],
 ) -> None:
-    """Turn to an angle, finding the zero first where the turntable does not know it."""
+    """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
     with sigterm_raises(), connect(url) as scanner:
@@ -42,7 +42,7 @@ def stop(url: ScannerUrl) -> None:
 
 
 def monitor(url: ScannerUrl) -> None:
-    """Greet the scanner, which stops it, and show decoded frames and rejected bytes as they come, until Ctrl-C."""
+    """Print frames and rejected bytes as they arrive, until Ctrl-C. The scanner is stopped first."""
     from sonarhw.link.serial_link import Link
 
     with sigterm_raises(), resolve(url) as find, Link(find()) as link:
@@ -56,14 +56,14 @@ def _show(link: "Link") -> NoReturn:
     from sonarhw.wire.messages import AskStatistics, Hello, Info, Message
 
     decoder, began = FrameDecoder(), time.monotonic()
-    sequence, next_word, greeted = 0, began + link.quiet, False
+    sequence, next_message, greeted = 0, began + link.quiet, False
     while True:
         now = time.monotonic()
-        if now >= next_word:
-            # a scanner that hears nothing lets go of its motor and falls silent
-            word: Message = AskStatistics() if greeted else Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR)
-            link.write(DELIMITER + encode_frame(Frame(word.TYPE, sequence, 0, word.pack())))
-            sequence, next_word = (sequence + 1) % 0x10000, now + SIGN_OF_LIFE
+        if now >= next_message:
+            # a scanner that receives nothing releases its motor and stops sending
+            message: Message = AskStatistics() if greeted else Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR)
+            link.write(DELIMITER + encode_frame(Frame(message.TYPE, sequence, 0, message.pack())))
+            sequence, next_message = (sequence + 1) % 0x10000, now + SIGN_OF_LIFE
         for item in decoder.feed(link.read()):
             greeted = greeted or (isinstance(item, Frame) and item.type == Info.TYPE)
             seconds = time.monotonic() - began

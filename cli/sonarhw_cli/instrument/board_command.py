@@ -1,6 +1,6 @@
 """`sonarhw board`, behind `make board`: the real firmware on an emulated board in the demo room.
 
-The command is not in the list of --help: it needs a checkout and its compilers.
+The command is not listed by --help, because it needs a checkout and compilers.
 """
 
 from typing import Annotated
@@ -16,9 +16,9 @@ from sonarhw_cli.console.options import DEFAULT_BOARD, PtyLink
 def board(
     pty: PtyLink = None,
     pace: Annotated[str, typer.Option(help="Real time, or N times faster.", metavar="real|N")] = "real",
-    seed: Annotated[int, typer.Option(help="Seed of everything random in the room.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all random values in the room.", min=0)] = 0,
 ) -> None:
-    """Run the firmware on a board that is not there; the first line of standard output is its URL."""
+    """Run the firmware on an emulated board. The first line of standard output is its URL."""
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.room_echoes import RoomEchoes
     from sonarhw_sim.room.model import load_room
@@ -28,7 +28,7 @@ def board(
     with demo_room() as room_file:
         room = load_room(room_file)
     echoes = RoomEchoes(room, room.place(PLACE), load_board(DEFAULT_BOARD), seed)
-    # before anyone connects: a ping waits for its echoes, and with it the whole board
+    # before a client can connect: the whole board waits while a ping waits for its echoes
     echoes.prepare()
     with sigterm_raises(SystemExit), emulated_board(echoes, pty, read_pace(pace)) as running:
         typer.echo(running.url)

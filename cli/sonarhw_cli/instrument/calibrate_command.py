@@ -1,4 +1,4 @@
-"""`sonarhw calibrate`: range offset and home angle against a plate at a known distance, into a board profile."""
+"""`sonarhw calibrate`: measure range offset and home angle with a plate at a known distance; write a board profile."""
 
 import math
 import re
@@ -35,16 +35,18 @@ def calibrate_scanner(
     distance: Annotated[float, typer.Option(help="From the transducer's face to the plate, metres.", metavar="M")],
     out: Annotated[Path, typer.Option(help="Board profile to write.", metavar="BOARD.toml")],
     direction: Annotated[
-        float, typer.Option(help="Turntable angle at which it should face the plate, degrees.", metavar="DEG")
+        float, typer.Option(help="Turntable angle that should face the plate, degrees.", metavar="DEG")
     ] = 0.0,
     board: BoardName = DEFAULT_BOARD,
-    width: Annotated[float, typer.Option(help="Sector to scan round the plate, degrees.", min=2, max=180)] = 60.0,
-    step: Annotated[float, typer.Option(help="From one heading to the next, degrees.", min=0.05, max=10)] = 0.5,
+    width: Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)] = 60.0,
+    step: Annotated[float, typer.Option(help="Step from one heading to the next, degrees.", min=0.05, max=10)] = 0.5,
     pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 3,
-    temperature: Annotated[float | None, typer.Option(help="Air, °C; default: the scanner's own, else 20.")] = None,
+    temperature: Annotated[
+        float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
+    ] = None,
     force: Force = False,
 ) -> None:
-    """Scan a flat plate at a known distance; write a board profile with range offset and home angle."""
+    """Measure range offset and home angle with a flat plate. The plate is scanned, and a board profile written."""
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import load_board
 
@@ -53,7 +55,9 @@ def calibrate_scanner(
     profile = load_board(board)
     nearest = profile.blanked_range(Air())
     if not nearest < distance < profile.max_range:
-        raise InputError(f"--distance {distance:g}: this board hears from {nearest:.2g} to {profile.max_range:g} m")
+        raise InputError(
+            f"--distance {distance:g}: expected {nearest:.2g} to {profile.max_range:g} m, this board's range"
+        )
     order = order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
     _check_sector(order, width, step)
     with sigterm_raises(), connect(url) as scanner:
@@ -62,7 +66,7 @@ def calibrate_scanner(
 
     found = calibrate(readings, distance, math.radians(direction))
     _write(out, _with_calibration(profile.text, out.stem, found))
-    typer.echo(_told(found, distance))
+    typer.echo(_result_line(found, distance))
 
 
 def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
@@ -72,7 +76,7 @@ def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
     if order.headings < needed:
         raise InputError(
             f"--width {width:g}, --step {step:g}: {counted(order.headings, 'heading')}; expected at least {needed}, "
-            f"{FEWEST} that hear the plate and one on either side that does not: widen the sector or take smaller steps"
+            f"{FEWEST} with an echo of the plate and one without on each side; widen the sector or give smaller steps"
         )
 
 
@@ -88,11 +92,11 @@ def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: f
 
 
 def _with_calibration(text: str, name: str, found: "Calibration") -> str:
-    """The profile with its name and these two keys, everything else as it was."""
+    """Return the text of the profile with a new name and the two measured keys, otherwise unchanged."""
     values = {
         "name": f'"{name}"',
         "range_offset": f"{found.range_offset:.5f}       # m, measured minus true",
-        "home_angle_deg": f"{math.degrees(found.home_angle):.3f}     # where the turntable's zero points",
+        "home_angle_deg": f"{math.degrees(found.home_angle):.3f}     # direction of the turntable's zero",
     }
     for key, value in values.items():
         line = f"{key} = {value}"
@@ -108,10 +112,10 @@ def _write(out: Path, text: str) -> None:
         raise OutputError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
-def _told(found: "Calibration", distance: float) -> str:
+def _result_line(found: "Calibration", distance: float) -> str:
     return (
         f"plate at {distance:g} m: range offset {found.range_offset * 1000:+.1f} mm "
         f"(spread {found.range_spread * 1000:.1f} mm), home angle {math.degrees(found.home_angle):+.2f} degrees "
-        f"(± {math.degrees(found.home_uncertainty):.2f}); heard over {math.degrees(found.arc):.1f} degrees, "
+        f"(± {math.degrees(found.home_uncertainty):.2f}); echo over {math.degrees(found.arc):.1f} degrees, "
         f"{counted(found.headings, 'heading')}"
     )

@@ -1,4 +1,4 @@
-"""`sonarhw fake`: a scanner that is not there, on a pseudo-terminal or a TCP port."""
+"""`sonarhw fake`: serve a fake scanner on a pseudo-terminal or a TCP port."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -26,18 +26,20 @@ def fake(
     board: BoardName = DEFAULT_BOARD,
     pty: PtyLink = None,
     tcp: TcpAddress = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
-    pace: Annotated[str, typer.Option(help="Real time, N times faster, or at once.", metavar="real|N|max")] = "real",
+    seed: Annotated[int, typer.Option(help="Seed of all random values.", min=0)] = 0,
+    pace: Annotated[
+        str, typer.Option(help="Real time, N times faster, or without waiting.", metavar="real|N|max")
+    ] = "real",
     faults: Annotated[
         str,
         typer.Option(help="Faults, such as drop=1/5000,reset@r20; see docs/how_to/faults.md.", metavar="SPEC"),
     ] = "",
 ) -> None:
-    """Serve a scanner that is not there; the first line of standard output is its URL.
+    """Serve a fake scanner. The first line of standard output is its URL.
 
     --faults: drop, flip, insert=SHARE of the bytes; drift=PPM; protocol=0.9; stall, deaf, mute, reset, nonsense,
-    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable; each of these with @SECONDS, @rPINGS or
-    @~SECONDS (again and again). A cable that comes back under another name prints its new URL.
+    unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS start
+    @SECONDS, @rPINGS or, repeatedly, @~SECONDS. After `move` the new URL is printed.
     """
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.room.model import load_room
@@ -52,18 +54,18 @@ def fake(
     load_board(board)
     load_room(room_file).place(place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
-    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
-        typer.echo(port.url)
-        # clients may connect from here on; the slow part comes behind the URL
+    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
+        typer.echo(door.url)
+        # clients can connect from here on, while the slow preparation runs
         device, echoes = fake_device(room_file, place, board, seed, schedule)
-        endpoint = Endpoint(device, port, chosen_pace, moved=typer.echo)
-        with _prepared_behind(echoes.prepare, endpoint.stop):
+        endpoint = Endpoint(device, door, chosen_pace, moved=typer.echo)
+        with _prepared_meanwhile(echoes.prepare, endpoint.stop):
             endpoint.run()
 
 
 @contextmanager
-def _prepared_behind(prepare: Callable[[], None], stop: Callable[[], None]) -> Iterator[None]:
-    """Run `prepare` in a thread; where it fails, `stop` is called and its error raised at the end."""
+def _prepared_meanwhile(prepare: Callable[[], None], stop: Callable[[], None]) -> Iterator[None]:
+    """Run `prepare` in a thread; if it fails, call `stop`, and raise its error at the end of the block."""
     failures: list[BaseException] = []
 
     def run() -> None:
@@ -73,7 +75,7 @@ def _prepared_behind(prepare: Callable[[], None], stop: Callable[[], None]) -> I
             failures.append(failure)
             stop()
 
-    # a daemon: a compiler at work must not keep the process from ending
+    # a daemon, so that a running compilation does not delay the end of the process
     threading.Thread(target=run, name="prepare", daemon=True).start()
     yield
     if failures:

@@ -1,4 +1,4 @@
-"""`sonarhw import`: other people's scans, as CSV, become logs."""
+"""`sonarhw import`: convert CSV scans of other programs to logs."""
 
 import math
 import time
@@ -17,11 +17,11 @@ from sonarhw_cli.console.warning_line import warn
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
 
-_FAR = 20.0  # m; farther than any of these boards hears
+_FAR = 20.0  # m; beyond the range of all these boards
 
 
 class TurnDirection(StrEnum):
-    """Which way the headings of a file count."""
+    """The direction in which the headings of a file increase."""
 
     CCW = "ccw"
     CW = "cw"
@@ -32,22 +32,22 @@ def import_csv(
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     heading: Annotated[str, typer.Option("--heading", help="Column of the heading, degrees.", metavar="COL")],
     distance: Annotated[
-        str, typer.Option("--range", help="Column of the range; an empty field is no echo.", metavar="COL")
+        str, typer.Option("--range", help="Column of the range; an empty field means no echo.", metavar="COL")
     ],
-    scale: Annotated[float, typer.Option(help="Metres in one unit of the range column.")] = 1.0,
-    turn: Annotated[TurnDirection, typer.Option(help="Which way the headings count.")] = TurnDirection.CCW,
+    scale: Annotated[float, typer.Option(help="Metres per unit of the range column.")] = 1.0,
+    turn: Annotated[TurnDirection, typer.Option(help="Direction in which the headings increase.")] = TurnDirection.CCW,
     heading_zero: Annotated[
-        float, typer.Option("--heading-zero", help="Turntable angle where the column says 0, degrees.")
+        float, typer.Option("--heading-zero", help="Turntable angle for the value 0 in the column, degrees.")
     ] = 0.0,
     no_echo: Annotated[
-        float | None, typer.Option("--no-echo", help="Value of the range column that means: no echo.")
+        float | None, typer.Option("--no-echo", help="Value in the range column that means no echo.")
     ] = None,
     time_column: Annotated[
-        str | None, typer.Option("--time", help="Column of the time, s; without it readings are 0.1 s apart.")
+        str | None, typer.Option("--time", help="Column of the time, s; default: readings 0.1 s apart.")
     ] = None,
     force: Force = False,
 ) -> None:
-    """Make a log of a scan that others recorded as CSV."""
+    """Convert a CSV scan of another program to a log."""
     from sonarhw_compare.imports.foreign_csv import Columns, Meaning, likely_silence, read_foreign_scan
 
     from sonarhw.export.encoded_log import write_scan
@@ -64,15 +64,15 @@ def import_csv(
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
     _warn_of_far_ranges(readings, scale)
     if no_echo is None and (likely := likely_silence(file, Columns(heading, distance))):
-        warn(f"{likely[1]} ranges are {likely[0]:g}: no echo? --no-echo {likely[0]:g}")
+        warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
 
 
 def _warn_of_far_ranges(readings: "list[Reading]", scale: float) -> None:
     ranges = [reading.range for reading in readings if reading.range is not None]
     if ranges and (middle := median(ranges)) > _FAR:
         warn(
-            f"half of the ranges are over {middle:.4g} m, farther than such a board hears; "
-            f"are they centimetres? --scale {scale / 100:g}"
+            f"half of the ranges are over {middle:.4g} m, beyond the range of such a board; "
+            f"if they are centimetres, use --scale {scale / 100:g}"
         )
 
 

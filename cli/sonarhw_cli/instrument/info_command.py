@@ -1,4 +1,4 @@
-"""`sonarhw info`: who answers at a URL, what it can, and how good the link is."""
+"""`sonarhw info`: print identity, capabilities and link quality of a scanner."""
 
 import math
 import time
@@ -17,32 +17,34 @@ if TYPE_CHECKING:
     from sonarhw.link.link_statistics import LinkStatistics
     from sonarhw.wire.messages import Statistics
 
-_QUESTIONS = 20  # there and back, for the statistics
+_EXCHANGES = 20  # commands sent for the link statistics
 
 
 def info(
     url: ScannerUrl,
-    watch: Annotated[bool, typer.Option("--watch", help="Show the link once a second, until Ctrl-C.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Also print the link statistics once a second, until Ctrl-C.")
+    ] = False,
 ) -> None:
-    """Tell who answers: firmware, protocol, serial number, capabilities, temperature, link statistics."""
+    """Print identity, capabilities and link quality of a scanner."""
     with sigterm_raises(), connect(url) as scanner:
-        device = _try_the_link(scanner)
-        facts = [*_who(scanner.info), *_abilities(scanner.info), *_link(scanner, device)]
+        device = _exercise_link(scanner)
+        facts = [*_identity(scanner.info), *_capabilities(scanner.info), *_link(scanner, device)]
         for name, value in facts:
             typer.echo(f"{name:<14}{value}")
         while watch:
             time.sleep(1.0)
             device = _device_statistics(scanner)
-            clock = f"; its clock differs by {scanner.clock_drift * 1e6:+.0f} millionths"
-            typer.echo(f"{scanner.state:<14}{_books(scanner.statistics)}{_device_books(device)}{clock}")
+            clock = f"; clock drift {scanner.clock_drift * 1e6:+.0f} ppm"
+            typer.echo(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
 
 
-def _try_the_link(scanner: "Scanner") -> "Statistics | None":
+def _exercise_link(scanner: "Scanner") -> "Statistics | None":
     device = None
-    for _ in range(_QUESTIONS):
+    for _ in range(_EXCHANGES):
         device = _device_statistics(scanner)
         if device is None:
-            scanner.stop()  # older firmware answers this
+            scanner.stop()  # older firmware answers this command
     return device
 
 
@@ -55,23 +57,23 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
         return None
 
 
-def _who(who: "DeviceInfo") -> list[tuple[str, str]]:
+def _identity(device: "DeviceInfo") -> list[tuple[str, str]]:
     return [
-        ("firmware", who.firmware),
-        ("protocol", f"{who.protocol[0]}.{who.protocol[1]}"),
-        ("serial", who.serial or "none"),
-        ("started", counted(who.boot, "time") if who.boot else "not counted"),
-        ("board", who.board or "not stated"),
-        ("traces", f"{who.trace_rate / 1000:g} kHz" if who.trace_rate else "none"),
-        ("turntable", f"{360 / who.microsteps:.4g} degrees a microstep" if who.microsteps else "not stated"),
-        ("temperature", "no thermometer" if who.temperature_c is None else f"{who.temperature_c:.1f} °C"),
+        ("firmware", device.firmware),
+        ("protocol", f"{device.protocol[0]}.{device.protocol[1]}"),
+        ("serial", device.serial or "none"),
+        ("started", counted(device.boot, "time") if device.boot else "not counted"),
+        ("board", device.board or "not stated"),
+        ("traces", f"{device.trace_rate / 1000:g} kHz" if device.trace_rate else "none"),
+        ("turntable", f"{360 / device.microsteps:.4g} degrees a microstep" if device.microsteps else "not stated"),
+        ("temperature", "no thermometer" if device.temperature_c is None else f"{device.temperature_c:.1f} °C"),
     ]
 
 
-def _abilities(who: "DeviceInfo") -> list[tuple[str, str]]:
+def _capabilities(device: "DeviceInfo") -> list[tuple[str, str]]:
     from sonarhw.wire.messages import Feature
 
-    can = who.capabilities
+    can = device.capabilities
     if can is None:
         return [("capabilities", "not stated")]
     features = [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
@@ -80,25 +82,25 @@ def _abilities(who: "DeviceInfo") -> list[tuple[str, str]]:
         ("capabilities", ", ".join(features) or "none"),
         ("turns", f"{low:.6g} to {high:.6g} degrees, at most {math.degrees(can.fastest):.4g} degrees a second"),
         ("listens", f"{can.longest_listen * 1000:.4g} ms, a ping every {can.ping_period * 1000:.4g} ms"),
-        ("line", f"up to {can.fastest_baud} baud" if can.fastest_baud else "has no speed of its own"),
+        ("line", f"up to {can.fastest_baud} baud" if can.fastest_baud else "no baud rate"),
     ]
 
 
 def _link(scanner: "Scanner", device: "Statistics | None") -> list[tuple[str, str]]:
     can = scanner.info.capabilities
     speed = f", {scanner.baud} baud" if scanner.baud and can and can.fastest_baud else ""
-    return [("link", f"{_books(scanner.statistics)}{speed}{_device_books(device)}")]
+    return [("link", f"{_host_counts(scanner.statistics)}{speed}{_device_counts(device)}")]
 
 
-def _books(link: "LinkStatistics") -> str:
-    trip = "" if link.round_trip is None else f", {link.round_trip * 1000:.1f} ms there and back"
+def _host_counts(link: "LinkStatistics") -> str:
+    trip = "" if link.round_trip is None else f", round trip {link.round_trip * 1000:.1f} ms"
     return (
         f"{link.frames_received} frames, {link.missing_frames} missing, {link.rejected_blocks} rejected, "
         f"{link.repeated_commands} commands repeated, lost {counted(link.losses, 'time')}{trip}"
     )
 
 
-def _device_books(device: "Statistics | None") -> str:
+def _device_counts(device: "Statistics | None") -> str:
     if device is None:
         return ""
     return f"; the scanner: {device.frames} frames, {device.rejected} rejected, {device.overruns} bytes overrun"

@@ -1,4 +1,4 @@
-"""`sonarhw log`: look into a log, export its readings, mend a torn one."""
+"""`sonarhw log`: describe a log, export its readings, or recover a torn one."""
 
 import math
 from datetime import UTC, datetime
@@ -16,12 +16,12 @@ from sonarhw_cli.console.output import binary_output
 if TYPE_CHECKING:
     from sonarhw.log import Log, RecordedScan
 
-app = typer.Typer(help="Look into a log, export its readings, mend a torn one.", no_args_is_help=True)
+app = typer.Typer(help="Describe, export or recover a log.", no_args_is_help=True)
 
 
 @app.command("info")
 def log_info(log: LogFile) -> None:
-    """Say what a log holds: where it comes from, which device spoke, and its scans."""
+    """Describe a log: its origin, its device and its scans."""
     for name, text in _described(open_log(log)):
         typer.echo(f"{name:<9} {text}")
 
@@ -29,10 +29,10 @@ def log_info(log: LogFile) -> None:
 _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
 
 
-@app.command("export", help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (The log anew).")
+@app.command("export", help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (Copy of the log).")
 def log_export(
     log: LogFile,
-    out: Annotated[str, typer.Option("--out", help=f"File to write; - is {FORMATS[0].suffix} on standard output.")],
+    out: Annotated[str, typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.")],
     force: Force = False,
 ) -> None:
     """Write a log to a file in the format of its suffix."""
@@ -54,21 +54,21 @@ def log_recover(
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     force: Force = False,
 ) -> None:
-    """Write a whole log with everything that can be read of a torn one, and say what was lost."""
+    """Repair a torn log. Everything readable is written to a new log, and what was lost is printed."""
     from sonarhw.log import copy_log
 
     checked_out(out, (LOG,), force, log)
     recorded = load_log(log)
     copy_log(recorded, out, overwrite=force)
     kept = f"{out}: {counted(len(recorded.readings), 'reading')} in {counted(len(recorded.scans), 'scan')}"
-    lost = f"nothing is lost, {log} was whole"
+    lost = f"nothing was lost, {log} was whole"
     if recorded.torn:
         lost = f"{_lost(recorded)}; {log} was {recorded.condition}: {recorded.torn}"
     typer.echo(f"{kept}; {lost}")
 
 
 def _lost(log: "Log") -> str:
-    # a scan that was stopped has not lost what it never made
+    # a stopped scan has not lost the readings that it did not make
     made = [scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans]
     missing = sum(max(0, count - len(scan.readings)) for count, scan in zip(made, log.scans, strict=True))
     if not missing:

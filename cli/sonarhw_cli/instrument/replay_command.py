@@ -1,4 +1,4 @@
-"""`sonarhw replay`: a log as a live scanner, on a pseudo-terminal or a TCP port."""
+"""`sonarhw replay`: serve a log as a live scanner, on a pseudo-terminal or a TCP port."""
 
 import math
 from typing import Annotated
@@ -13,14 +13,14 @@ from sonarhw_cli.console.options import PtyLink, TcpAddress, check_one_line
 def replay(
     log: LogFile,
     speed: Annotated[
-        float, typer.Option(help="Times faster than recorded; inf: as fast as the client reads.", metavar="F")
+        float, typer.Option(help="Factor on the recorded speed; inf: as fast as the client reads.", metavar="F")
     ] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Start over until the scan ordered is full.")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Repeat the log until the requested scan is complete.")] = False,
     pty: PtyLink = None,
     tcp: TcpAddress = None,
 ) -> None:
-    """Serve a log as a live scanner, which plays at each scan command; the first line of output is its URL."""
-    from sonarhw.device.endpoint import Endpoint, open_server_port
+    """Serve a log as a live scanner. Each scan command replays it. The first line of standard output is its URL."""
+    from sonarhw.device.endpoint import Endpoint, open_door
     from sonarhw.replay.replayed_log import ReplayDevice
     from sonarhw_cli.console.interruption import sigterm_raises
 
@@ -29,8 +29,8 @@ def replay(
         raise InputError(f"--speed {speed:g}: expected a factor above 0, such as 2, or inf")
     recorded = open_log(log)
     if not recorded.readings:
-        raise InputError(f"{log}: holds no readings; there is nothing to replay")
-    # without a limit the device's own time is skipped, so that the recorded spacing stays in the readings
+        raise InputError(f"{log}: contains no readings; nothing to replay")
+    # for inf the endpoint skips the waiting; the readings keep their recorded times
     at_once = math.isinf(speed)
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
     with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:

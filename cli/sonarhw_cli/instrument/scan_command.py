@@ -1,4 +1,4 @@
-"""`sonarhw scan`: scan and record."""
+"""`sonarhw scan`: scan, and record a log."""
 
 import math
 import sys
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _Wish:
-    """What the person asked for."""
+class _Request:
+    """The options of a scan."""
 
     order: ScanOrder
     out: Path
@@ -61,53 +61,54 @@ class _Wish:
 def scan(
     url: ScannerUrl,
     out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
-    room: Annotated[Path | None, typer.Option(help="Room file, kept in the log.", metavar="ROOM")] = None,
+    room: Annotated[Path | None, typer.Option(help="Room file, stored in the log.", metavar="ROOM")] = None,
     place: PlaceName = None,
     board: Annotated[
-        str | None, typer.Option(help="Board profile; default: what the scanner says.", metavar="NAME|FILE.toml")
+        str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
     ] = None,
     start: FromDegrees = 0.0,
     stop: ToDegrees = 360.0,
     step: StepDegrees = 5.0,
-    sweeps: Annotated[int, typer.Option(help="Sweeps, to and fro.", min=1, max=65535)] = 1,
+    sweeps: Annotated[int, typer.Option(help="Number of sweeps, forwards and backwards.", min=1, max=65535)] = 1,
     pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 1,
-    max_range: Annotated[float | None, typer.Option(help="Listen no further than this, metres.")] = None,
+    max_range: Annotated[float | None, typer.Option(help="Largest range, metres; default: the board's.")] = None,
     temperature: Annotated[
-        float | None, typer.Option(help="Air, °C; default: the scanner's own, else the room's, else 20.")
+        float | None,
+        typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
     ] = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
     show: Annotated[bool, typer.Option("--print", help="Write each reading to standard output as CSV.")] = False,
     reconnect: Annotated[
-        float, typer.Option(help="Wait this long for a lost scanner to come back, seconds.", metavar="S", min=0)
+        float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
     ] = RECONNECT,
     force: Force = False,
 ) -> None:
-    """Scan and record a log; with --print each reading is also written out as it arrives."""
-    wish = _Wish(
+    """Scan and record a log. With --print, each reading is also written to standard output as it arrives."""
+    request = _Request(
         order_in_degrees(start, stop, step, sweeps, pings), out, force, board, max_range, temperature, traces, show
     )
     checked_out(out, (LOG,), force, url, room, board)
-    _check(wish)
+    _check(request)
     metadata, air = _room(room, place)
     with sigterm_raises(), connect(url, reconnect) as scanner:
-        _record(scanner, wish, metadata, air)
+        _record(scanner, request, metadata, air)
 
 
-def _check(wish: _Wish) -> None:
+def _check(request: _Request) -> None:
     from sonarhw_sim.board.profile import load_board
 
-    _check_order(wish.order)
-    if wish.show:
+    _check_order(request.order)
+    if request.show:
         standard_output()
-    if wish.board is not None:
-        load_board(wish.board)
-    if wish.max_range is not None and not 0 < wish.max_range < math.inf:
-        raise InputError(f"--max-range {wish.max_range:g}: expected metres above 0")
-    check_temperature(wish.temperature)
+    if request.board is not None:
+        load_board(request.board)
+    if request.max_range is not None and not 0 < request.max_range < math.inf:
+        raise InputError(f"--max-range {request.max_range:g}: expected metres above 0")
+    check_temperature(request.temperature)
 
 
 def _check_order(order: ScanOrder) -> None:
-    """Raise InputError for an order that no frame carries; whether the turntable goes there only the scanner knows."""
+    """Raise InputError for an order that does not fit into a frame; the limits of the turntable are checked later."""
     from sonarhw.wire.limits import MOST_READINGS
     from sonarhw.wire.units import microdegrees_of
 
@@ -116,12 +117,12 @@ def _check_order(order: ScanOrder) -> None:
     if order.readings > MOST_READINGS:
         raise InputError(
             f"--sweeps {order.sweeps}, --pings {order.pings}: {order.readings} readings of {order.headings} headings, "
-            f"more than {MOST_READINGS}; make fewer"
+            f"at most {MOST_READINGS} are possible; reduce one of them"
         )
 
 
 def _room(room_file: Path | None, place: str | None) -> "tuple[LogMetadata, Air]":
-    """What the log will say about the room, and the air in it."""
+    """Return the metadata of the log with its room, and the air in the room."""
     from sonarhw_sim.air import Air
 
     from sonarhw.log import LogMetadata
@@ -138,54 +139,54 @@ def _room(room_file: Path | None, place: str | None) -> "tuple[LogMetadata, Air]
     return metadata, room.air
 
 
-def _record(scanner: "Scanner", wish: _Wish, metadata: "LogMetadata", air: "Air") -> None:
+def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air: "Air") -> None:
     from sonarhw.log import LogWriter
     from sonarhw.scan_recording import record_scan
 
-    board = _board(scanner, wish)
+    board = _board(scanner, request)
     metadata = replace(metadata, board=board.name, board_text=board.text)
-    if wish.traces and not scanner.info.trace_rate:
-        warn(f"{scanner.url}: sends no traces; only echo times are recorded")
+    if request.traces and not scanner.info.trace_rate:
+        warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
     with ExitStack() as during:
-        terminal = _Terminal(scanner, wish, during)
-        during.enter_context(_interruption_reported(wish, terminal))
+        terminal = _Terminal(scanner, request, during)
+        during.enter_context(_interruption_reported(request, terminal))
         terminal.interrupted = during.enter_context(interruption(scanner.stop))
-        log = LogWriter(wish.out, metadata, overwrite=wish.force, warn=warn)
-        record_scan(scanner, _plan(wish, board, air), log, terminal)
-    typer.echo(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {wish.out}", err=True)
-    _warn_of_another_count(terminal.count, wish)
+        log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
+        record_scan(scanner, _plan(request, board, air), log, terminal)
+    typer.echo(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}", err=True)
+    _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
 
 
-def _board(scanner: "Scanner", wish: _Wish) -> "Board":
+def _board(scanner: "Scanner", request: _Request) -> "Board":
     from sonarhw_sim.board.profile import board_names, load_board
 
     named = scanner.info.board
-    return load_board(wish.board or (named if named in board_names() else DEFAULT_BOARD))
+    return load_board(request.board or (named if named in board_names() else DEFAULT_BOARD))
 
 
-def _plan(wish: _Wish, board: "Board", air: "Air") -> "ScanPlan":
+def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
     from sonarhw.scan_recording import ScanAir, ScanPlan
 
     return ScanPlan(
-        wish.order,
-        reach=board.max_range if wish.max_range is None else wish.max_range,
+        request.order,
+        reach=board.max_range if request.max_range is None else request.max_range,
         blanking=board.listens_from,
-        air=ScanAir(air.speed_at, air.temperature_c, wish.temperature),
-        traces=wish.traces,
+        air=ScanAir(air.speed_at, air.temperature_c, request.temperature),
+        traces=request.traces,
     )
 
 
 class _Terminal:
-    """Shows the progress of a scan: the bar, the lines of --print, warnings; and counts the readings."""
+    """Shows the progress of a scan: the bar, the lines of --print and warnings. Counts the readings."""
 
-    def __init__(self, scanner: "Scanner", wish: _Wish, during: ExitStack) -> None:
-        """The bar is closed with `during`."""
+    def __init__(self, scanner: "Scanner", request: _Request, during: ExitStack) -> None:
+        """Show the progress of a scan with `scanner`; `during` closes the bar."""
         self.count = 0
-        self.echoes = 0  # readings that have one
+        self.echoes = 0  # readings with an echo
         self.interrupted: Interruption
         self._scanner = scanner
-        self._wish = wish
+        self._wish = request
         self._during = during
         self._advance: Callable[[], None]
         self._began: float | None = None
@@ -195,7 +196,7 @@ class _Terminal:
         return self.interrupted.wanted
 
     def homed(self) -> None:
-        # the bar names the state of the scanner: "lost" while it waits for it
+        # the bar shows the state of the scanner: "lost" while the driver reconnects
         bar = progress(self._wish.order.readings, lambda: self._scanner.state.value)
         self._advance = self._during.enter_context(bar)
         if self._wish.show:
@@ -214,36 +215,36 @@ class _Terminal:
         warn(message)
 
     def _print(self, line: str) -> None:
-        # a pipe that nothing reads blocks here; no part of the log is half written meanwhile
+        # a pipe without a reader blocks here; at this moment no part of the log is incomplete
         with self.interrupted.at_once():
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
 
 
 @contextmanager
-def _interruption_reported(wish: _Wish, terminal: _Terminal) -> Iterator[None]:
-    """Print what an interrupted scan has left, once its log is closed."""
+def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[None]:
+    """After an interruption, print what was recorded, once the log is closed."""
     try:
         yield
     except KeyboardInterrupt:
         count = terminal.count
         are = "is" if count == 1 else "are"
-        kept = f"{counted(count, 'reading')} {are} kept in {wish.out}" if count else "nothing is recorded"
+        kept = f"{counted(count, 'reading')} {are} kept in {request.out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be gone
             typer.echo(f"sonarhw: interrupted; {kept}", err=True)
         raise
 
 
-def _warn_of_another_count(count: int, wish: _Wish) -> None:
-    """A replayed log plays all its readings, whatever is ordered."""
-    if count != wish.order.readings:
-        more = "no more" if count < wish.order.readings else "so many, and a replay plays them all"
-        warn(f"{count} of {counted(wish.order.readings, 'reading')} came: the log holds {more}")
+def _warn_of_another_count(count: int, request: _Request) -> None:
+    """Warn if a replayed log had fewer or more readings than requested: a replay plays all its readings."""
+    if count != request.order.readings:
+        asked = counted(request.order.readings, "reading")
+        warn(f"{asked} requested, {count} received: a replay plays all readings of its log, and no others")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:
     link = scanner.statistics
-    if link.reopened or link.resets:  # a moment's silence alone does not matter
-        warn(f"the scanner was lost {counted(link.losses, 'time')} on the way and came back; is the cable sound?")
+    if link.reopened or link.resets:  # a short silence alone does not matter
+        warn(f"the connection was lost {counted(link.losses, 'time')} and restored; check the cable")
     elif link.lost_readings:
-        warn(f"measured again, for the link had lost them: {counted(link.lost_readings, 'reading')}")
+        warn(f"the link lost {counted(link.lost_readings, 'reading')}, measured again; check the cable")

@@ -1,4 +1,4 @@
-"""`sonarhw figures`: draw every figure of the paper, and say of each whether it shows what the paper says."""
+"""`sonarhw figures`: draw every figure of the paper, and check that it shows what the paper says."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +16,7 @@ def figures(
     folder: Annotated[Path, typer.Argument(help="Folder for the pictures and figures.md.", metavar="DIR")],
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of these names.")] = False,
 ) -> None:
-    """Draw the figures of the paper into DIR, and write figures.md: what each should show, and whether it does."""
+    """Draw the paper's figures again and check each. DIR/figures.md says what each should show, and if it does."""
     from sonarhw_compare.paper.page import EXHIBITS, PAGE, claims, page, picture, picture_name
 
     text = folder / PAGE

@@ -1,4 +1,4 @@
-"""`sonarhw paths`: every path of a place, whatever the heading."""
+"""`sonarhw paths`: list every path of sound from a place back to it, for all headings."""
 
 from typing import Annotated
 
@@ -26,24 +26,24 @@ HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 def paths(
     room_file: RoomFile,
     place: PlaceName = None,
-    max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="At most so many reflections.")] = 64,
+    max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="Largest number of reflections.")] = 64,
     max_range: Annotated[
         float | None,
-        typer.Option(min=0, max=1000, help="Paths of length up to twice this, metres; default: the board's range."),
+        typer.Option(min=0, max=1000, help="List paths up to twice this length, metres; default: the board's range."),
     ] = None,
-    no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Leave out edges.")] = False,
+    no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Omit paths around edges.")] = False,
     edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
     faintest: Annotated[
         float,
         typer.Option(
             max=0,
-            help="Leave out what an edge leaves fainter than this, dB; each 10 dB less take several times as long.",
+            help="Omit paths that are fainter than this after an edge, dB; each 10 dB less takes several times longer.",
         ),
     ] = -60.0,
     out: Annotated[str, typer.Option(help="FILE.csv, or - for standard output.")] = "-",
     force: Force = False,
 ) -> None:
-    """List every path of sound from a place back to it, shortest first."""
+    """List every path of sound from a place back to it. The shortest is first."""
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.rays.paths import PathSearch
     from sonarhw_sim.vertical.sections import paths_from

@@ -34,9 +34,9 @@ from sonarhw_cli.console.warning_line import warn
 from sonarhw_cli.prediction.predicted_files import (
     HEADER,
     TraceForm,
-    TraceWish,
+    TraceSettings,
     prediction_rows,
-    trace_wish,
+    trace_settings,
     write_predicted_log,
     write_predicted_npz,
     write_predicted_picture,
@@ -62,59 +62,65 @@ def simulate(
     step: StepDegrees = WHOLE_CIRCLE[2],
     board: BoardName = DEFAULT_BOARD,
     receiver: ReceiverChoice = None,
-    unit: Annotated[Unit, typer.Option(help="What the transducer's face does to sound that passes it.")] = (Unit.PASS),
+    unit: Annotated[Unit, typer.Option(help="Effect of the transducer's face on sound that passes it.")] = (Unit.PASS),
     edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
     sections: Annotated[
         int,
-        typer.Option(min=1, max=99, help="Horizontal sections across the face, where the place has a height."),
+        typer.Option(min=1, max=99, help="Horizontal sections across the face, for a place with a height."),
     ] = 1,
     model: ModelChoice = Model.RAY_FOLLOWING,
     traces: Annotated[
         TraceForm | None,
         typer.Option(
-            help="Keep what the receiver has: rf with its carrier (.npz); sampled, the same by an 8-bit converter at "
+            help="Write the receive signals: rf, with the carrier (.npz); sampled, as by an 8-bit converter at "
             "76.9 kHz, 128 is full scale (.npz); envelope (.npz, .mcap)."
         ),
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(help="Of traces, Hz, up to 1000000. Default: rf 1000000, envelope 50000.")
+        float | None,
+        typer.Option(
+            help="Sampling rate of traces, Hz, 1000 to 1000000. Default: rf 1000000, sampled 76923, envelope 50000."
+        ),
     ] = None,
     noise: Annotated[
-        float, typer.Option(help="Of the receiver, rms, 0 to 1: full scale. For --traces and --receiver board.")
+        float, typer.Option(help="Receiver noise, rms, 0 to 1 (full scale). Needs --traces or --receiver board.")
     ] = 0.0,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of what is random; without one, nearest makes no errors.")
+        int | None,
+        typer.Option(min=0, help="Seed of random values; without one, --model nearest has no random errors."),
     ] = None,
     out: Annotated[str, typer.Option(help="FILE.csv, .npz, .png, .mcap, or - for CSV on standard output.")] = "-",
     force: Force = False,
 ) -> None:
-    """Predict a scan: what the board would report at each heading of the room, and by which path.
+    """Predict a scan as CSV, NPZ, picture or log.
 
-    A board whose profile has a [mount] turns its face about an axis at the place. One with a [ring] has a row for each
-    sensor, at the heading along which that sensor points; --from, --to and --step are not for it.
+    The prediction is the range that the board would report at each heading, and the path of the sound.
+
+    If the board profile has a [mount], the face turns about an axis at the place. If it has a [ring], there is one row
+    for each sensor, at the heading of that sensor, and --from, --to and --step are refused.
     """
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.models import predict_with
 
     kind = checked_out(out, _FORMATS, force, room_file, board)
-    wish = trace_wish(traces, rate, kind)
+    settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
     room = open_room(room_file)
     here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
-    _check_noise(options, wish)
-    _check_meaning(model, options, here)
+    _check_noise(options, settings)
+    _check_effect(model, options, here)
     scan = predict_with(model, room, here, chosen, _headings(order, chosen, here), options)
     if model.follows_sound:
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
     match kind:
         case ".npz":
-            write_predicted_npz(scan, wish, Path(out))
+            write_predicted_npz(scan, settings, Path(out))
         case ".png":
             write_predicted_picture(scan, Path(out))
         case ".mcap":
-            write_predicted_log(scan, wish, room_file.name, Path(out), force)
+            write_predicted_log(scan, settings, room_file.name, Path(out), force)
         case _:
             with text_output(out) as file:
                 write_rows(file, HEADER, prediction_rows(scan))
@@ -139,25 +145,23 @@ def _options(
     )
 
 
-def _check_noise(options: "PredictionOptions", wish: TraceWish | None) -> None:
-
+def _check_noise(options: "PredictionOptions", traces: TraceSettings | None) -> None:
     if not 0 <= options.noise <= 1:
         raise InputError(f"--noise {options.noise:g}: expected 0 to 1, which is full scale")
-    if options.noise and wish is None and options.receiver is Receiver.FIRST_ECHO:
-        raise InputError(f"--noise {options.noise:g}: nobody would hear it; add --traces or --receiver board")
+    if options.noise and traces is None and options.receiver is Receiver.FIRST_ECHO:
+        raise InputError(f"--noise {options.noise:g}: has no effect without --traces or --receiver board; add one")
 
 
-def _check_meaning(model: Model, options: "PredictionOptions", place: "Place") -> None:
-    """Refuse what would make no difference: whoever gives it believes that it does."""
-
+def _check_effect(model: Model, options: "PredictionOptions", place: "Place") -> None:
+    """Raise InputError for options that would have no effect."""
     if options.sections > 1 and place.height is None:
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
     if not model.follows_sound and options.unit is not Unit.PASS:
-        raise InputError(f"--unit {options.unit}: --model {model} knows no sound that passes the unit; leave it out")
+        raise InputError(f"--unit {options.unit}: has no effect with --model {model}; leave it out")
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:
-    """One line where readings lie so near that the transducer's law does not hold."""
+    """Warn if readings are so near that the directivity of the far field does not hold."""
     import numpy as np
     from sonarhw_sim.board.transducer import far_field
 
@@ -166,29 +170,29 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
     if near:
         warn(
             f"{counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
-            "transducer begins: what the beam takes of them is rough"
+            "transducer begins: their beam loss is approximate"
         )
 
 
 def _warn_of_face_outside(scan: "PredictedScan") -> None:
-    """One line where the place lies in the room, but what carries the face holds it out of it."""
+    """Warn if the place is inside the room, but the mount or ring puts the face outside."""
     if scan.board.carrier.turns_about_face or scan.room.is_outside(scan.place.position):
         return
     outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
     if outside:
         warn(
             f"at {counted(outside, 'heading')} of {len(scan.headings)} board {scan.board.name!r} "
-            f"holds the face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]"
+            f"has its face outside room {scan.room.name!r}; move the place, or check [mount] or [ring]"
         )
 
 
 def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray":
-    """The headings of an order, or those of a ring's sensors. Raises InputError where the order would turn a ring."""
+    """Return the headings of an order, or those of a ring's sensors. Raises InputError for an order for a ring."""
     if board.ring is None:
         return order.angles()
     if order != order_in_degrees(*WHOLE_CIRCLE):
         raise InputError(
-            f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which stands still: "
+            f"board {board.name!r} is a ring of {board.ring.sensors} sensors, which does not turn; "
             "leave out --from, --to and --step"
         )
     return board.ring.headings(place)

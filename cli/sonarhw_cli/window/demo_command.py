@@ -1,4 +1,4 @@
-"""`sonarhw demo`: the main job with no hardware: a fake scanner's scan of the demo room lands on its prediction."""
+"""`sonarhw demo`: scan the demo room with a fake scanner, and show the scan over its prediction."""
 
 import json
 from dataclasses import asdict
@@ -11,24 +11,26 @@ from sonarhw_cli.console.demo_room import PLACE, demo_room, demo_url
 from sonarhw_cli.console.output import atomic_file, made_folder
 from sonarhw_cli.window.gui_command import show_demo
 
-RESULT = Path("demo-result")  # where the demo leaves its files when it finds no display
+RESULT = Path("demo-result")  # folder of the demo's files when there is no display
 STEP_DEGREES = 3.0
 
 
 def demo(
     headless: Annotated[
-        Path | None, typer.Option(help="No window: leave scan.mcap, overlay.png and summary.json here.", metavar="DIR")
+        Path | None,
+        typer.Option(help="Without a window: write scan.mcap, overlay.png and summary.json to DIR.", metavar="DIR"),
     ] = None,
 ) -> int:
-    """Scan the demo room with a fake scanner and see the scan over its prediction.
+    """Scan the demo room with a fake scanner and show the overlay.
 
-    Its own files of an earlier run are written anew: the demo is seeded and gives the same again.
+    The overlay is the scan drawn over its prediction. Files of an earlier demo are overwritten. The random values are
+    seeded: each run gives the same result.
     """
     if headless is None and _has_display():
         return show_demo()
     folder = headless or RESULT
     with demo_room() as room_file, made_folder(folder):
-        _without_a_window(room_file, folder)
+        _write_result(room_file, folder)
     return 0
 
 
@@ -38,12 +40,12 @@ def _has_display() -> bool:
     try:
         check_display()
     except NoDisplay:
-        typer.echo("No window can be opened here: the demo runs without one.")
+        typer.echo("There is no display: the demo runs without a window.")
         return False
     return True
 
 
-def _without_a_window(room_file: Path, folder: Path) -> None:
+def _write_result(room_file: Path, folder: Path) -> None:
     from sonarhw_cli.comparison.compare_command import compare_log, draw_comparison, summary_lines
     from sonarhw_cli.instrument.scan_command import scan
 
@@ -56,4 +58,4 @@ def _without_a_window(room_file: Path, folder: Path) -> None:
         file.write((json.dumps(asdict(comparison.summary()), indent=2) + "\n").encode())
     for line in summary_lines(comparison.summary()):
         typer.echo(line)
-    typer.echo(f"The picture lies in {picture}, the scan in {log}, the figures in {figures}.")
+    typer.echo(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")

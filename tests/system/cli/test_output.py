@@ -53,7 +53,7 @@ def test_no_command_overwrites_what_it_reads(
     }.get(command, ["log", command, read, "--out", out])
     assert run([*map(str, arguments), "--force"]) == 2
     error = capsys.readouterr().err
-    assert "which this command reads" in error
+    assert "is the input file" in error
     assert error.count("\n") == 1
     assert read.read_bytes() == before
 
@@ -249,14 +249,14 @@ def test_standard_output_that_takes_nothing_is_one_line(
 def test_a_url_that_reads_a_file_is_known_to(tmp_path: Path, given: str) -> None:
     room = tmp_path / "own.mcap"
     room.write_text("name = 'own'")
-    with pytest.raises(InputError, match="which this command reads"):
+    with pytest.raises(InputError, match="is the input file"):
         checked_out(room, (LOG,), True, None, "paper", "socket://127.0.0.1:4000", given.format(room))
 
 
 def test_a_file_with_a_question_mark_is_known_to_be_read(tmp_path: Path) -> None:
     log = tmp_path / "why?.mcap"
     log.write_text("mine")
-    with pytest.raises(InputError, match="which this command reads"):
+    with pytest.raises(InputError, match="is the input file"):
         checked_out(log, (LOG,), True, log)
 
 

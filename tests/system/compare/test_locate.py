@@ -109,7 +109,7 @@ def test_a_scan_of_another_room_is_not_told_as_if_it_were_of_this_one(
     told = capsys.readouterr().out
     assert "does not fit" not in told
     assert "; p3\n" in told
-    assert told.splitlines()[-1].startswith("if it was at one of the room's places: p3 ")
+    assert told.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
 
 
 def test_a_heading_that_a_scan_does_not_tell_has_no_deviation() -> None:

@@ -151,7 +151,7 @@ def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
     assert run(["map", *logs, "--pose", "0.8,0.3,0", "--json"]) == 2
     assert "--pose: expected one for each of 2 logs, got 1" in capsys.readouterr().err
     assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--json"]) == 2
-    assert "does not say where" in capsys.readouterr().err
+    assert "contains no place in room" in capsys.readouterr().err
     assert run(["map", *logs]) == 0
     assert "direct readings: " in capsys.readouterr().out
 

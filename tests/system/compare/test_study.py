@@ -181,7 +181,7 @@ def test_ctrl_c_while_workers_start_is_one_line_and_the_study_goes_on(tmp_path: 
     os.killpg(study.pid, signal.SIGINT)
     told = study.communicate(timeout=HANG)
     assert study.returncode == 130
-    assert told == ("", f"sonarhw: interrupted; what is done is in {out}.unfinished: go on with --resume\n")
+    assert told == ("", f"sonarhw: interrupted; finished parts are in {out}.unfinished: continue with --resume\n")
 
 
 def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_added(tmp_path: Path) -> None:

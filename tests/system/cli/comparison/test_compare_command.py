@@ -42,7 +42,7 @@ def test_explained_json_adds_every_reading_to_the_figures(log: str, capsys: pyte
 def test_explain_without_json_is_refused(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert run(["compare", log, "--room", ROOM, "--place", "figure9", "--explain"]) == 2
-    assert capsys.readouterr().err.startswith("sonarhw: --explain: goes with --json")
+    assert capsys.readouterr().err.startswith("sonarhw: --explain: needs --json")
 
 
 HERE = ("--place", "figure9")
@@ -55,7 +55,7 @@ def test_a_log_that_names_no_board_is_not_silently_taken_for_one(
     log: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *options = command
-    warning = f"sonarhw: warning: {log}: names no board, taken for polaroid-6500; give --board\n"
+    warning = f"sonarhw: warning: {log}: names no board, polaroid-6500 is assumed; give the right one with --board\n"
     capsys.readouterr()
     assert run([name, log, "--room", ROOM, *options]) == 0
     assert capsys.readouterr().err == warning

@@ -42,10 +42,10 @@ def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.Captu
 def test_the_table_has_a_row_for_everything_free(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
     out = capsys.readouterr().out
-    assert "95 % region" in out
+    assert "95 % interval" in out
     for name, unit in (("x", " m "), ("y", " m "), ("heading", " ° "), ("offset", " m ")):
         assert any(line.startswith(f"{name} ") and unit in line for line in out.splitlines())
-    assert "readings err by" in out
+    assert "errors of readings" in out
 
 
 def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,7 +98,7 @@ def test_a_place_beyond_the_room_is_warned_of_and_no_heading_errs_by_more_than_h
 ) -> None:
     assert run(["fit", log, "--place", "9,9", "--json", "--samples", "100"]) == 0
     told = capsys.readouterr()
-    assert "9, 9 m lies outside room 'Arena'" in told.err
+    assert "9, 9 m is outside room 'Arena'" in told.err
     heading = json.loads(told.out)["estimates"]["heading"]
     assert heading["deviation"] <= 180
     assert heading["value"] - 180 <= heading["lower"] <= heading["upper"] <= heading["value"] + 180
@@ -116,7 +116,7 @@ def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.Capt
         (["--free", "wind"], "--free wind: expected some of x, y"),
         (["--free", ""], "nothing is free"),
         (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
-        (["--prior", "wind=1..2"], "what is free: x, y, heading"),
+        (["--prior", "wind=1..2"], "a quantity of --free: x, y, heading"),
         (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
         (["--prior", "x=9+-1"], "a value from"),
         (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation over 0\n"),
@@ -215,8 +215,8 @@ def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
     ("arguments", "complaint"),
     [
         (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
-        (["--board-out", "mine.toml"], "nothing of it is free; --free has none of offset"),
-        (["--free", "offset", "--out", "found.toml"], "nothing of it is free; --free has none of x, y"),
+        (["--board-out", "mine.toml"], "would contain no fitted value; add one of these to --free: offset"),
+        (["--free", "offset", "--out", "found.toml"], "would contain no fitted value; add one of these to --free: x, y"),
         (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
     ],
 )

@@ -58,7 +58,7 @@ def test_a_range_that_many_readings_have_is_warned_of_unless_it_is_said_what_it_
 ) -> None:
     text = "\n".join(["deg,cm", *(f"{k},{value if k % 4 == 0 else 100 + k}" for k in range(20))])
     assert imported(tmp_path, text, "--scale", "0.01")[0].range == pytest.approx(float(value) / 100, abs=2e-7)
-    assert f"5 ranges are {value}: no echo? --no-echo {value}" in capsys.readouterr().err
+    assert f"5 ranges are {value}; if this means no echo, add --no-echo {value}" in capsys.readouterr().err
     assert imported(tmp_path, text, "--scale", "0.01", "--force", "--no-echo", value)[0].range is None
     assert capsys.readouterr().err == ""
 
@@ -72,7 +72,7 @@ def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) 
 @pytest.mark.parametrize(
     ("text", "options", "warned"),
     [
-        ("deg,cm\n0,80\n5,95\n10,120\n", [], "over 95 m, farther than such a board hears; are they centimetres?"),
+        ("deg,cm\n0,80\n5,95\n10,120\n", [], "over 95 m, beyond the range of such a board; if they are centimetres, use"),
         ("deg,cm\n0,80\n5,95\n10,120\n", ["--scale", "0.01"], ""),
         ("deg,cm\n0,1\n5,2\n10,120\n", [], ""),
         ("deg,cm\n0,\n", [], ""),

@@ -60,7 +60,7 @@ def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
     assert out == "".join(GOLDEN.splitlines(keepends=True)[:4])
     assert err.count("\n") == 1
     size = torn.stat().st_size
-    told = f"sonarhw: warning: {torn}: torn; 3 whole readings are read; the file ends too early at byte {size}"
+    told = f"sonarhw: warning: {torn}: torn; 3 whole readings read; the file ends too early at byte {size}"
     assert err.startswith(told)
 
 
@@ -101,7 +101,7 @@ def test_an_existing_file_is_refused_without_force(
 def test_a_log_is_never_written_over_itself(log: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
     before = log.read_bytes()
     assert run(["log", command, str(log), "--out", str(log), "--force"]) == 2
-    assert "which this command reads" in capsys.readouterr().err
+    assert "is the input file" in capsys.readouterr().err
     assert log.read_bytes() == before
 
 
@@ -117,7 +117,7 @@ def test_recover_mends_a_torn_log_and_says_what_was_lost(
     assert read_log(mended).torn is None
     assert len(read_log(mended).readings) == 3
     assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
-    assert f"; nothing is lost, {mended} was whole" in capsys.readouterr().out
+    assert f"; nothing was lost, {mended} was whole" in capsys.readouterr().out
 
 
 def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -140,7 +140,7 @@ def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.Capt
     out, err = capsys.readouterr()
     assert "file      damaged: the record" in out
     assert f"scan 1    {50 - missing} of 50 readings" in out
-    assert err.startswith(f"sonarhw: warning: {damaged}: damaged; {50 - missing} whole readings are read; ")
+    assert err.startswith(f"sonarhw: warning: {damaged}: damaged; {50 - missing} whole readings read; ")
 
 
 def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -213,9 +213,9 @@ def another_programs_mcap(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda path: None, "there is no such file"),
+        (lambda path: None, "no such file"),
         (Path.mkdir, "is a folder"),
-        (os.mkfifo, "is no file"),
+        (os.mkfifo, "is not a file"),
         (lambda path: path.write_bytes(b""), "is empty"),
         (lambda path: path.write_bytes(b"time_s\n"), "is not an MCAP file"),
         (another_programs_mcap, "is an MCAP file, but not a log of this project"),

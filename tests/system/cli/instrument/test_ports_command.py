@@ -24,7 +24,7 @@ def test_ports_with_known_usb_ids_are_asked_and_others_only_where_wanted(
         assert run(["ports"]) == 0
         asked, left = capsys.readouterr().out.splitlines()
         assert asked == f"{known}  Arduino Mega 2560  scanner FAKE-0003, sonarhw-fake 0.1.0"
-        assert left == f"{unknown}  16550  not asked; --ask asks all"
+        assert left == f"{unknown}  16550  not checked; --ask checks all"
         assert run(["ports", "--ask"]) == 0
         assert "scanner FAKE-0004" in capsys.readouterr().out
 

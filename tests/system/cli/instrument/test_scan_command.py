@@ -143,8 +143,8 @@ def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Fa
 @pytest.mark.parametrize(
     ("stop", "told"),
     [
-        ("360", "4 of 72 readings came: the log holds no more"),
-        ("15", "4 of 3 readings came: the log holds so many, and a replay plays them all"),
+        ("360", "72 readings requested, 4 received: a replay plays all readings of its log, and no others"),
+        ("15", "3 readings requested, 4 received: a replay plays all readings of its log, and no others"),
     ],
 )
 def test_a_replay_of_another_length_than_ordered_is_a_warning(
@@ -322,7 +322,7 @@ def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> No
         done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
     assert done.returncode == 0
     warning, summary = done.stderr.splitlines()
-    assert re.fullmatch(r"sonarhw: warning: socket://.*: sends no traces; only echo times are recorded", warning)
+    assert re.fullmatch(r"sonarhw: warning: socket://.*: the scanner sends no traces; only echo times are recorded", warning)
     assert summary == f"4 readings, 4 with an echo, in {log}"
 
 

@@ -57,7 +57,7 @@ def test_face_beyond_a_wall_is_told_with_the_headings_at_which_it_is(
     # figure9 lies 85 mm from the bottom and 154 mm from the right
     board = profile(tmp_path, "[mount]\nahead = 0.1\n")
     assert run(["simulate", ROOM, "--place", "figure9", "--board", board, "--step", "90"]) == 0
-    assert "at 1 heading of 4 board 'mine' holds the face outside room" in capsys.readouterr().err
+    assert "at 1 heading of 4 board 'mine' has its face outside room" in capsys.readouterr().err
     assert run(["simulate", ROOM, "--place", "figure9", "--board", board, "--to", "200", "--step", "90"]) == 0
     assert "outside" not in capsys.readouterr().err
 

@@ -64,5 +64,5 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path, capsys
     (tmp_path / "file").write_text("")
     assert run(["figures", str(tmp_path / "file" / "below")]) == 2
     message = capsys.readouterr().err
-    assert "cannot be made" in message
+    assert "cannot be created" in message
     assert message.count("\n") == 1

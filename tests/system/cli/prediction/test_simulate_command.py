@@ -243,7 +243,7 @@ def test_a_place_outside_the_room_is_answered_with_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
-    warning = "sonarhw: warning: place '5,5' at 5, 5 m lies outside room 'Simple room'\n"
+    warning = "sonarhw: warning: place '5,5' at 5, 5 m is outside room 'Simple room'\n"
     assert run(["simulate", room, "--place", "0.5,0.5", "--step", "90", "--out", log]) == 0
     assert capsys.readouterr().err == ""
     for command in (["simulate", room, "--step", "90"], ["paths", room], ["compare", log, "--room", room]):

@@ -63,7 +63,7 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nowhere.mcap"], "nowhere.mcap: there is no such file"),
+        (["nowhere.mcap"], "nowhere.mcap: no such file"),
         (["fake:nowhere.toml"], "nowhere.toml"),
         ([f"fake:{ROOM}?place=nowhere"], "no place 'nowhere'"),
         ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
@@ -73,7 +73,7 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
         (["nowhere.toml"], "nowhere.toml"),
         (
             [__file__],
-            "test_application.py: expected a log (*.mcap), a scan as *.csv, a room (*.toml) or the URL of a scanner",
+            "test_application.py: expected a log (*.mcap), a scan (*.csv), a room (*.toml) or the URL of a scanner",
         ),
         (["a.mcap", "b.csv"], "a.mcap b.csv: expected one log, scan or scanner at a time"),
         (["a.toml", "b.toml", "/dev/ttyNONE"], "a.toml b.toml: expected one room"),

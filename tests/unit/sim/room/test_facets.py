@@ -111,7 +111,7 @@ def test_the_command_warns_in_one_line_that_says_what_to_write(
         assert run([command, str(file), *(["--step", "90"] if command == "simulate" else [])]) == 0
         told = capsys.readouterr()
         assert told.err == (
-            f"sonarhw: warning: {file}: walls 'w1[0]' to 'w1[63]' draw a circle, and flat walls hardly send sound "
-            "back; a pillar is [[posts]] with center = [2, 1.5] and radius = 0.15\n"
+            f"sonarhw: warning: {file}: walls 'w1[0]' to 'w1[63]' approximate a circle, but flat walls return almost "
+            "no sound; use [[posts]] with center = [2, 1.5] and radius = 0.15\n"
         )
         assert "warning" not in told.out
