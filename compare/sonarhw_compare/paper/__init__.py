@@ -1,5 +1,4 @@
-"""The paper's figures, drawn by the model, and what the paper says of each held against it.
+"""The paper's figures, drawn by the model and checked against the text of the paper.
 
-One file an experiment (`plates`, `laboratory`, `beam`, `single_reflections`, `simple_room`, `corners`, `rays`,
-`corridor`) hands on its exhibits; `page` lists them all in the order of the paper.
+There is one module for each experiment; `page` lists all exhibits in the order of the paper.
 """

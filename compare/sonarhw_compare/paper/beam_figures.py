@@ -1,6 +1,6 @@
-"""Figure 5: the impulse response h_R convolved with the pulse, and what it leaves at each angle.
+"""Figure 5: the impulse response h_R convolved with the pulse, and the loss at each angle.
 
-The convolution is done here in time, sample by sample, as the formula is printed; everywhere else the product works in
+The convolution is computed here in time, sample by sample, as in the paper's formula. The rest of the product uses
 spectra (`sonarhw_sim.board.transducer`).
 """
 
@@ -26,36 +26,36 @@ _CHECKED = (-36.0, -20.0, -28.0)  # dB at that angle: carrier, peak, energy
 
 @dataclass(frozen=True)
 class Loss:
-    """What a burst keeps, both ways together, dB."""
+    """The loss of a burst in both directions together, dB."""
 
     carrier: float
     peak: float
     energy: float
 
 
-def burst_at_a_slant(degrees: float = _SLANT, radius: float = 0.0192) -> Claim:
-    """What is left at one angle, by three measures."""
+def burst_off_the_axis(degrees: float = _SLANT, radius: float = 0.0192) -> Claim:
+    """Check three measures of the loss at one angle."""
     loss = _loss(degrees, radius)
     found = (loss.carrier, loss.peak, loss.energy)
     return Claim(
-        "h_R convolved with the pulse gives the loss by angle, on leaving and again on arriving (by how much the paper "
-        "draws, and does not say; -36, -20 and -28 dB were worked out apart from this code)",
-        f"at {degrees:g}°, both ways: carrier {loss.carrier:.1f} dB, peak of the burst {loss.peak:.1f} dB, its energy "
-        f"{loss.energy:.1f} dB",
+        "h_R convolved with the pulse gives the loss by angle, once on transmission and once on reception (the paper "
+        "draws the loss but does not state values; -36, -20 and -28 dB were computed independently of this code)",
+        f"at {degrees:g}°, both directions: carrier {loss.carrier:.1f} dB, peak of the burst {loss.peak:.1f} dB, its "
+        f"energy {loss.energy:.1f} dB",
         all(abs(value - expected) < 0.6 for value, expected in zip(found, _CHECKED, strict=True)),
     )
 
 
 def loss_grows_to_the_first_null(radius: float = 0.0192) -> Claim:
-    """The main lobe."""
+    """Check the width of the main lobe."""
     angles = np.radians(np.arange(0, 30, 0.05))
     gains = beam_gain(angles, math.tau * _FREQUENCY / _SPEED * radius)
     rising = np.flatnonzero(np.diff(gains) > 0)
     null = math.degrees(angles[rising[0]]) if len(rising) else math.inf
     expected = math.degrees(math.asin(3.8317 / (math.tau * _FREQUENCY / _SPEED * 0.0192)))
     return Claim(
-        "the more off the axis the less is left, until the rims of the face cancel each other",
-        f"the carrier's first null lies at {null:.1f}°; a disc of 19.2 mm has it at {expected:.1f}°",
+        "the farther from the axis, the larger the loss, until the contributions of the face cancel each other",
+        f"the carrier's first null is at {null:.1f}°; that of a disc of 19.2 mm is at {expected:.1f}°",
         abs(null - expected) < 0.1,
     )
 
@@ -69,11 +69,11 @@ def _loss(degrees: float, radius: float) -> Loss:
 
 
 def _convolved(burst: ComplexArray, angle: float, radius: float, ways: int) -> ComplexArray:
-    """The burst as the face smears it at an angle (rad), summed in time."""
+    """Return the burst convolved with the response of the face at an angle (rad), once for each of `ways`."""
     half = math.ceil(radius * math.sin(angle) / _SPEED * _RATE) + 1
     times = np.arange(-half, half + 1) / _RATE
     response = impulse_response(times, angle, radius, _SPEED)
-    # what the samples miss of the steep rims is given back: the integral is known
+    # the samples miss part of the steep edges; the integral is known, so normalise it
     response *= math.cos(angle) / response.sum()
     for _ in range(ways):
         burst = np.convolve(burst, response)
@@ -90,7 +90,7 @@ def _draw() -> Figure:
         times = (np.arange(len(pulse)) - len(pulse) / 2) / _RATE
         left.plot(times * 1e6, np.real(pulse) - 2.2 * row, color=PREDICTED, lw=0.8)
         left.text(-305, -2.2 * row, f"{degrees:g}°", fontsize=9, va="center")
-    left.set(xlabel="time (µs)", ylabel="pulse at the face, one way (all to one scale)", xlim=(-320, 320))
+    left.set(xlabel="time (µs)", ylabel="pulse at the face, one direction (common scale)", xlim=(-320, 320))
     left.set_yticks([])
     left.set_title("the pulse convolved with h_R", fontsize=11)
     _draw_losses(right)
@@ -103,14 +103,14 @@ def _draw_losses(axes: Axes) -> None:
     carrier = beam_gain(angles, math.tau * _FREQUENCY / _SPEED * 0.0192) ** 2
     loss = burst_loss(angles, square_burst(_FREQUENCY, _CYCLES, _RATE / 4), _RATE / 4, 0.0192, _SPEED, ways=2)
     for values, colour, style, label in (
-        (carrier, PREDICTED, "-", "carrier: what weighs a path"),
+        (carrier, PREDICTED, "-", "carrier: used for the level of a path"),
         (loss.peak, MEASURED, "--", "peak of a square 16-cycle burst"),
         (loss.energy, GREEN, "-.", "energy of that burst"),
     ):
         axes.plot(degrees, _decibels(values), style, color=colour, label=label)
     axes.axvline(_SLANT, color="black", lw=0.8, ls=":")
     axes.text(_SLANT + 0.4, -4, f"{_SLANT}°", fontsize=9)
-    axes.set(xlabel="angle from the axis (degrees)", ylabel="loss, both ways (dB)", ylim=(-80, 2), xlim=(0, 40))
+    axes.set(xlabel="angle from the axis (degrees)", ylabel="loss, both directions (dB)", ylim=(-80, 2), xlim=(0, 40))
     axes.set_title("loss by angle, a = 19.2 mm, 49.4 kHz", fontsize=11)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8, loc="upper right")
@@ -125,10 +125,10 @@ EXHIBITS = (
         "figure5",
         "Figure 5: the impulse response and the pulse",
         "A circular face of 19.2 mm radius and a square burst of 16 cycles of 49.4 kHz, at 20 °C and 50 % "
-        "humidity. Left: Kuc and Siegel's h_R convolved with the burst, summed in time. Right: what is "
-        "left at each angle after both ways.",
+        "humidity. Left: Kuc and Siegel's h_R convolved with the burst, summed in time. Right: the loss at "
+        "each angle in both directions together.",
         (),
         _draw,
-        (burst_at_a_slant, loss_grows_to_the_first_null),
+        (burst_off_the_axis, loss_grows_to_the_first_null),
     ),
 )

@@ -1,4 +1,4 @@
-"""Figures 10 to 13: the corner of two boxes in the open, at an obtuse angle and at a right one, a reading every 3°."""
+"""Figures 10 to 13: the corner of two boxes in open space, with an obtuse and with a right angle."""
 
 import math
 from dataclasses import dataclass, replace
@@ -23,10 +23,10 @@ RIGHT_NEARER = replace(RIGHT, place="figure13")
 
 
 def walls_do_not_meet(scene: PaperScene = OBLIQUE) -> Claim:
-    """A gap of headings, and of ranges."""
-    lower, upper = scene.heard("lower"), scene.heard("upper")
+    """Check that there is a gap of headings and of ranges between the walls."""
+    lower, upper = scene.answers_via("lower"), scene.answers_via("upper")
     if not (lower and upper):
-        return Claim(_APART, "one of the walls is not heard", False)
+        return Claim(_APART, "one of the walls is not detected", False)
     between = [answer for answer in scene.answers if lower[-1].degrees < answer.degrees < upper[0].degrees]
     jump = ranges(lower)[-1] - ranges(upper)[0]
     return Claim(
@@ -41,29 +41,31 @@ _APART = "an oblique corner looks like two walls that do not meet"
 
 
 def lower_is_seen_behind_upper(scene: PaperScene = OBLIQUE) -> Claim:
-    """The arc of the lower wall, beyond where the upper one stands."""
+    """Check that the arc of the lower wall extends behind the upper wall."""
     truly = replace(scene, model=Model.NEAREST)
     behind = [
         answer.range - wall.range
         for answer, wall in zip(scene.answers, truly.answers, strict=True)
         if answer.via == ("lower",) and wall.via == ("upper",) and answer.range and wall.range
     ]
-    nearer = min(ranges(scene.heard("upper")), default=math.inf) < min(ranges(scene.heard("lower")), default=math.inf)
+    nearer = min(ranges(scene.answers_via("upper")), default=math.inf) < min(
+        ranges(scene.answers_via("lower")), default=math.inf
+    )
     deepest = max(behind, default=0.0)
     return Claim(
         "the lower wall is seen behind the true position of the nearer, upper wall",
-        f"{len(behind)} readings of `lower` lie behind `upper`, by up to {deepest * 1000:.0f} mm",
+        f"{len(behind)} readings of `lower` are behind `upper`, by up to {deepest * 1000:.0f} mm",
         nearer and len(behind) >= 2 and deepest > 0.02,
     )
 
 
-def oblique_walls_are_lost_at_a_slant(scene: PaperScene = OBLIQUE) -> Claim:
-    """Nothing answers beyond the critical angle."""
+def oblique_walls_are_lost_off_the_axis(scene: PaperScene = OBLIQUE) -> Claim:
+    """Check that no wall returns an echo beyond the critical angle."""
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("lower",)))
 
 
 def corner_is_a_tangential_wall(scene: PaperScene = RIGHT) -> Claim:
-    """One range, that of the vertex."""
+    """Check that the corner has one range, that of its vertex."""
     corner = _corner(scene)
     away = math.dist(scene.scan.place.position, _vertex(scene))
     off = max((abs(distance - away) for distance in ranges(corner)), default=math.inf)
@@ -76,14 +78,14 @@ def corner_is_a_tangential_wall(scene: PaperScene = RIGHT) -> Claim:
 
 
 def hole_at_each_side(scene: PaperScene = RIGHT) -> Claim:
-    """Silence between the corner and each wall."""
+    """Check that there is silence between the corner and each wall."""
     seen = _shape(scene)
-    told = f"{seen.before} silent headings before it, {seen.after} behind" if seen else "no corner between two walls"
-    return Claim("with one hole at each side", told, seen is not None)
+    found = f"{seen.before} silent headings before it, {seen.after} after it" if seen else "no corner between two walls"
+    return Claim("with one hole on each side", found, seen is not None)
 
 
-def almost_unchanged_as_it_nears(scene: PaperScene = RIGHT, nearer: PaperScene = RIGHT_NEARER) -> Claim:
-    """The same picture from nearer by."""
+def almost_unchanged_from_nearer(scene: PaperScene = RIGHT, nearer: PaperScene = RIGHT_NEARER) -> Claim:
+    """Check that the picture is almost the same from a nearer place."""
     first, second = _shape(scene), _shape(nearer)
     if first is None or second is None:
         return Claim(_UNCHANGED, "no corner between two walls", False)
@@ -103,8 +105,8 @@ def almost_unchanged_as_it_nears(scene: PaperScene = RIGHT, nearer: PaperScene =
 _UNCHANGED = "almost unchanged as the robot moves towards it"
 
 
-def right_walls_are_lost_at_a_slant(scene: PaperScene = RIGHT) -> Claim:
-    """Nothing answers beyond the critical angle."""
+def right_walls_are_lost_off_the_axis(scene: PaperScene = RIGHT) -> Claim:
+    """Check that no wall returns an echo beyond the critical angle."""
     return _lost_beyond_the_critical_angle(scene, (("upper",), ("right",), ("upper", "right")))
 
 
@@ -117,50 +119,50 @@ class _Shape:
     after: int
 
     def differs_from(self, other: "_Shape") -> int:
-        """The largest difference of its three parts."""
+        """Return the largest difference of the three parts."""
         return max(abs(self.before - other.before), abs(self.corner - other.corner), abs(self.after - other.after))
 
 
 def _shape(scene: PaperScene) -> _Shape | None:
-    """Wall, one hole, corner, one hole, wall; None where it is anything else."""
+    """Return the sizes of hole, corner, hole between two walls; None if the answers have another shape."""
     runs = [(via, len(list(run))) for via, run in groupby(answer.via for answer in scene.answers)]
     while runs and runs[0][0] == ():
         runs.pop(0)
     while runs and runs[-1][0] == ():
         runs.pop()
-    ways = [via for via, _ in runs]
-    if ways != [("right",), (), ("upper", "right"), (), ("upper",)]:
+    paths = [via for via, _ in runs]
+    if paths != [("right",), (), ("upper", "right"), (), ("upper",)]:
         return None
     return _Shape(runs[1][1], runs[2][1], runs[3][1])
 
 
 def _corner(scene: PaperScene) -> list[Answer]:
-    return scene.heard("upper", "right")
+    return scene.answers_via("upper", "right")
 
 
 def _vertex(scene: PaperScene) -> tuple[float, float]:
-    """Where the two boxes meet."""
+    """Return the point where the two boxes meet, m."""
     x, y = scene.scan.room.walls[0][2:]
     return float(x), float(y)
 
 
-def _lost_beyond_the_critical_angle(scene: PaperScene, ways: tuple[tuple[str, ...], ...]) -> Claim:
-    """Whether every way is heard up to the angle at which its echo sinks under the threshold, and no farther."""
+def _lost_beyond_the_critical_angle(scene: PaperScene, paths: tuple[tuple[str, ...], ...]) -> Claim:
+    """Check that each path is detected up to the angle at which its level falls below the threshold, and no farther."""
     scan = scene.scan
-    heard_to = max((_slant(scene, answer) for via in ways for answer in scene.heard(*via)), default=math.nan)
-    others = [answer for answer in scene.answers if answer.via not in ((), *ways)]
+    largest = max((_off_axis(scene, answer) for via in paths for answer in scene.answers_via(*via)), default=math.nan)
+    others = [answer for answer in scene.answers if answer.via not in ((), *paths)]
     critical = _critical_degrees(scene)
     return Claim(
         "beyond the critical angle a wall in the open is lost",
-        f"answers up to {heard_to:.0f}° from straight on; a perfect wall sinks under the threshold of "
+        f"echoes up to {largest:.0f}° from normal incidence; a perfect wall falls below the threshold of "
         f"{scan.board.threshold_db:g} dB at {critical:.1f}°; {np.isnan(scan.ranges).sum()} of {len(scan.headings)} "
         "headings are silent",
-        critical - 2 * scene.degrees[2] < heard_to < critical and not others and bool(np.isnan(scan.ranges).any()),
+        critical - 2 * scene.degrees[2] < largest < critical and not others and bool(np.isnan(scan.ranges).any()),
     )
 
 
-def _slant(scene: PaperScene, answer: Answer) -> float:
-    """How far off the axis the sound of an answer left, degrees."""
+def _off_axis(scene: PaperScene, answer: Answer) -> float:
+    """Return the angle between the axis and the departing sound of an answer, degrees."""
     scan = scene.scan
     row = next(k for k, other in enumerate(scene.answers) if other is answer)
     departure = scan.paths.departures[scan.winners[row]]
@@ -168,7 +170,7 @@ def _slant(scene: PaperScene, answer: Answer) -> float:
 
 
 def _critical_degrees(scene: PaperScene) -> float:
-    """Where the main lobe, both ways, meets the threshold."""
+    """Return the angle at which the main lobe, in both directions, falls to the threshold, degrees."""
     board = scene.scan.board
     ka = board.wavenumber(scene.scan.room.air) * board.aperture_radius
     null = math.asin(3.8317 / ka)
@@ -182,10 +184,10 @@ def _critical_degrees(scene: PaperScene) -> float:
 def _draw_oblique() -> Figure:
     figure = sheet(11, 6)
     bounds = (-0.5, 1.3, -1.05, 0.75)
-    places = ((OBLIQUE, "near"), (OBLIQUE_FAR, "half as far again"))
+    places = ((OBLIQUE, "near"), (OBLIQUE_FAR, "1.5 times as far"))
     for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):
         _draw_corner(axes, scene, f"oblique corner, {title}", bounds, ("upper", "lower"))
-        _note_at(axes, scene, scene.heard("lower")[-1], "lower,\nbehind upper", (0.3, 0.12))
+        _note_at(axes, scene, scene.answers_via("lower")[-1], "lower,\nbehind upper", (0.3, 0.12))
     return figure
 
 
@@ -206,7 +208,7 @@ def _draw_corner(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, wall
 
 
 def _note_at(axes: Axes, scene: PaperScene, answer: Answer, text: str, aside: tuple[float, float]) -> None:
-    """Words beside the point of one answer."""
+    """Write text beside the point of one answer."""
     headings, distances = np.radians([answer.degrees]), np.array(ranges([answer]))
     x, y = points_at(scene.scan.place.position, headings, distances)[0]
     note(axes, text, (x, y), (x + aside[0], y + aside[1]))
@@ -216,25 +218,25 @@ EXHIBITS = (
     Exhibit(
         "figure10_11",
         "Figures 10 and 11: an oblique corner",
-        "Two boxes at an obtuse angle, open otherwise, a reading every 3°. The measures are ours: the "
-        "upper box stands 120 mm nearer, and the corner lies near the foot of the lower one, so that the "
-        "lower box's arc reaches behind the upper.",
+        "Two boxes at an obtuse angle in open space, one reading every 3°. The dimensions are ours: the upper box is "
+        "120 mm nearer, and the corner is near the perpendicular foot on the lower box, so that the arc of the lower "
+        "box extends behind the upper one.",
         (OBLIQUE, OBLIQUE_FAR),
         _draw_oblique,
-        (walls_do_not_meet, lower_is_seen_behind_upper, oblique_walls_are_lost_at_a_slant),
+        (walls_do_not_meet, lower_is_seen_behind_upper, oblique_walls_are_lost_off_the_axis),
     ),
     Exhibit(
         "figure12_13",
         "Figures 12 and 13: a right-angle corner",
-        "Two boxes at a right angle, open otherwise, a reading every 3°; then from nearer to the corner. The measures "
-        "are ours.",
+        "Two boxes at a right angle in open space, one reading every 3°, from two places; the second is nearer to the "
+        "corner. The dimensions are ours.",
         (RIGHT, RIGHT_NEARER),
         _draw_right,
         (
             corner_is_a_tangential_wall,
             hole_at_each_side,
-            almost_unchanged_as_it_nears,
-            right_walls_are_lost_at_a_slant,
+            almost_unchanged_from_nearer,
+            right_walls_are_lost_off_the_axis,
         ),
     ),
 )

@@ -1,6 +1,6 @@
-"""Section 3 of the paper: a sensor moved along one wall of a long corridor, and how its errors hang together.
+"""Section 3 of the paper: a sensor is moved along one wall of a long corridor, and its errors are correlated.
 
-An error is the range less the distance of the nearest wall along the axis.
+An error is the range minus the distance of the nearest wall along the axis.
 """
 
 from dataclasses import replace
@@ -25,31 +25,31 @@ _ALIKE = 0.8  # correlation
 
 
 def right_at_right_angles(walk: tuple[PaperScene, ...] = WALK) -> Claim:
-    """Straight across the corridor."""
+    """Check the readings across the corridor."""
     worst = float(np.abs([errors(scene)[_row(scene, degrees)] for scene in walk for degrees in _ACROSS]).max())
     return Claim(
-        "parts at right angles are right",
+        "parts at right angles are correct",
         f"at 90 and 270° the largest error of {2 * len(walk)} readings is {worst * 1000:.1f} mm",
         worst < 1e-3,
     )
 
 
 def long_ahead_and_behind(walk: tuple[PaperScene, ...] = WALK) -> Claim:
-    """Along the corridor."""
+    """Check the readings along the corridor."""
     off = _all_errors(walk)
     long = np.nan_to_num(off) > _LONG
     from_axis = np.abs((np.degrees(walk[0].scan.headings) + 90) % 180 - 90)
     widest = float(from_axis[long.any(axis=0)].max(initial=0.0))
     return Claim(
         "ahead and behind there are reflections and long readings",
-        f"{long.sum()} of {np.isfinite(off).sum()} readings are over {_LONG:g} m long, the longest by "
+        f"{long.sum()} of {np.isfinite(off).sum()} readings are too long by over {_LONG:g} m, the longest by "
         f"{np.nanmax(off):.1f} m; all within {widest:.0f}° of the corridor's direction",
         bool(long.sum() > len(walk)) and 0 < widest <= 60,
     )
 
 
-def errors_go_on_to_the_next_heading(walk: tuple[PaperScene, ...] = WALK) -> Claim:
-    """Neighbouring headings err alike."""
+def errors_are_correlated_between_headings(walk: tuple[PaperScene, ...] = WALK) -> Claim:
+    """Check that neighbouring headings have similar errors."""
     off = _all_errors(walk)
     found, pairs = correlation(off, np.roll(off, -1, axis=1))
     return Claim(
@@ -59,36 +59,35 @@ def errors_go_on_to_the_next_heading(walk: tuple[PaperScene, ...] = WALK) -> Cla
     )
 
 
-def errors_go_on_to_the_next_place(walk: tuple[PaperScene, ...] = WALK) -> Claim:
-    """Neighbouring places err alike, also beyond what a heading always errs by."""
+def errors_are_correlated_between_places(walk: tuple[PaperScene, ...] = WALK) -> Claim:
+    """Check that neighbouring places have similar errors, also after the mean error of each heading is removed."""
     off = _all_errors(walk)
     found, pairs = correlation(off[:-1], off[1:])
-    # what is left when the mean error of each heading is taken off
     masked = np.ma.masked_invalid(off)
     rest = np.ma.filled(masked - masked.mean(axis=0), np.nan)
     left, _ = correlation(rest[:-1], rest[1:])
     return Claim(
         "and from one position to the next",
-        f"coefficient {found:.2f}, over {pairs} pairs of readings {_STEP:g} m apart; {left:.2f} when each heading's "
-        "mean error is taken off first",
+        f"coefficient {found:.2f}, over {pairs} pairs of readings {_STEP:g} m apart; {left:.2f} after the mean error "
+        "of each heading is subtracted",
         min(found, left) > _ALIKE,
     )
 
 
 def errors(scene: PaperScene) -> FloatArray:
-    """Error of every reading, (n,) m; NaN where there is no echo."""
-    truly = replace(scene, model=Model.NEAREST, seed=None)
-    return np.asarray(scene.scan.ranges - truly.scan.ranges)
+    """Return the error of every reading, `(n,)` float, m; NaN without an echo."""
+    truth = replace(scene, model=Model.NEAREST, seed=None)
+    return np.asarray(scene.scan.ranges - truth.scan.ranges)
 
 
 def correlation(first: FloatArray, second: FloatArray) -> tuple[float, int]:
-    """Correlation coefficient of two arrays where both are numbers, and how many pairs that is."""
+    """Return the correlation coefficient of two arrays and the number of pairs used; pairs with NaN are ignored."""
     both = np.isfinite(first) & np.isfinite(second)
     return float(np.corrcoef(first[both], second[both])[0, 1]), int(both.sum())
 
 
 def _all_errors(walk: tuple[PaperScene, ...]) -> FloatArray:
-    """(places, headings), m."""
+    """Return the errors of all scans, `(places, headings)` float, m."""
     return np.array([errors(scene) for scene in walk])
 
 
@@ -101,8 +100,8 @@ def _draw() -> Figure:
     top, bottom = figure.subplots(2, 1, height_ratios=(1, 1.35))
     middle = WALK[len(WALK) // 2]
     draw_room(top, middle.scan.room)
-    top.plot((-2, 2), (0.5, 0.5), "-", color=MEASURED, lw=2.5, label="the sensor's way")
-    points(top, middle, "predicted from the middle of it")
+    top.plot((-2, 2), (0.5, 0.5), "-", color=MEASURED, lw=2.5, label="positions of the sensor")
+    points(top, middle, "predicted from the middle position")
     mark_sensor(top, middle)
     finish_plan(top, "a corridor 20 m long and 1.8 m wide", (-11.2, 11.2, -4.6, 5.4), "upper center")
     _draw_errors(bottom, figure)
@@ -116,24 +115,24 @@ def _draw_errors(axes: Axes, figure: Figure) -> None:
     extent = (-step / 2, 360 - step / 2, places[0] - _STEP / 2, places[-1] + _STEP / 2)
     axes.set_facecolor("#EEEEEE")
     image = axes.imshow(off, origin="lower", aspect="auto", extent=extent, cmap="cividis", interpolation="nearest")
-    figure.colorbar(image, ax=axes, label="range less distance of the wall (m)")
-    axes.set(xlabel="heading (degrees)", ylabel="place along the corridor (m)", xticks=range(0, 360, 30))
-    axes.set_title("error of every reading; no echo is light grey", fontsize=11)
+    figure.colorbar(image, ax=axes, label="range minus distance of the wall (m)")
+    axes.set(xlabel="heading (degrees)", ylabel="position along the corridor (m)", xticks=range(0, 360, 30))
+    axes.set_title("error of every reading; light grey: no echo", fontsize=11)
 
 
 EXHIBITS = (
     Exhibit(
         "corridor",
         "Section 3: along a corridor",
-        f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, a reading every "
-        f"{WALK[0].degrees[2]:g}°. The measures are ours. The command is that of the first place.",
+        f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, one reading every "
+        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command is that of the first place.",
         WALK[:1],
         _draw,
         (
             right_at_right_angles,
             long_ahead_and_behind,
-            errors_go_on_to_the_next_heading,
-            errors_go_on_to_the_next_place,
+            errors_are_correlated_between_headings,
+            errors_are_correlated_between_places,
         ),
     ),
 )

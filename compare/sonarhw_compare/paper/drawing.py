@@ -1,6 +1,6 @@
-"""What the pictures have in common: sheets, colours, and a scan in the plan of its room.
+"""Drawing functions that the pictures share: figures, colours, and a scan in the plan of its room.
 
-Takes scenes; draws into matplotlib axes. Colours are those of every other picture: Okabe and Ito's.
+The colours are those of all other pictures, by Okabe and Ito.
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,14 @@ __all__ = ["GREEN", "MEASURED", "ORANGE", "PREDICTED", "WALL"]
 
 
 def sheet(width: float, height: float) -> Figure:
-    """An empty figure, inches."""
+    """Return an empty figure; width and height in inches."""
     figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def plan(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, legend: Corner = "upper left") -> None:
-    """The room within `bounds` (left, right, bottom, top; m), the sensor, and the scan over it."""
+    """Draw the room within `bounds` (left, right, bottom, top; m), the sensor, and the scan over it."""
     draw_room(axes, scene.scan.room)
     points(axes, scene, "predicted")
     mark_sensor(axes, scene)
@@ -42,7 +42,7 @@ def plan(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, legend: Corn
 def points(
     axes: Axes, scene: PaperScene, label: str, colour: str = PREDICTED, marker: str = "o", size: float = 4.5
 ) -> None:
-    """What a scan reports, where a user would draw it; neighbours by the same way are joined."""
+    """Draw each reading at its range along its heading, and join neighbours with the same path."""
     scan = scene.scan
     where = points_at(scan.standpoints, scan.headings, scan.ranges)
     axes.plot(*where.T, marker, mfc="none", mec=colour, ms=size, label=label)
@@ -57,23 +57,23 @@ def _same_wall(scene: PaperScene, here: int, there: int) -> bool:
 
 
 def mark_sensor(axes: Axes, scene: PaperScene, label: str = "sensor") -> None:
-    """Where the sensor stands, or the axis it turns about."""
+    """Mark the position of the sensor, or of its turning axis."""
     axes.plot(*scene.scan.place.position, "^", color="black", mec="white", ms=8, label=label, zorder=5)
 
 
 def mark_silence(axes: Axes, scene: PaperScene, radius: float) -> None:
-    """Headings without echo, as ticks round the sensor at `radius` (m)."""
+    """Mark headings without an echo by ticks around the sensor at `radius` (m)."""
     scan = scene.scan
     silent = scan.headings[np.isnan(scan.ranges)]
     away = np.full(len(silent), radius)
     ends = [points_at(scan.place.position, silent, away * part) for part in (0.85, 1.0)]
     for k, (inner, outer) in enumerate(zip(*ends, strict=True)):
-        label = "heading without echo" if k == 0 else None
+        label = "heading without an echo" if k == 0 else None
         axes.plot(*np.array([inner, outer]).T, "-", color=MEASURED, lw=1.2, label=label)
 
 
 def finish_plan(axes: Axes, title: str, bounds: Bounds, legend: Corner) -> None:
-    """Scale, labels and legend of a plan; `legend` is a place of matplotlib's."""
+    """Set scale, labels and legend of a plan; `legend` is a location in matplotlib's terms."""
     left, right, bottom, top = bounds
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(left, right), ylim=(bottom, top))
     axes.set_title(title, fontsize=11)
@@ -83,7 +83,7 @@ def finish_plan(axes: Axes, title: str, bounds: Bounds, legend: Corner) -> None:
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], beside: tuple[float, float]) -> None:
-    """Words beside a point of a picture, with a line to it; data units."""
+    """Write text beside a point of a picture, with a line to the point; data units."""
     axes.annotate(
         text,
         at,
@@ -98,7 +98,7 @@ def note(axes: Axes, text: str, at: tuple[float, float], beside: tuple[float, fl
 
 
 def label_walls(axes: Axes, scene: PaperScene, names: Sequence[str], with_reflectance: bool = False) -> None:
-    """Names along walls, on the side away from the sensor."""
+    """Write names along walls, on the side away from the sensor."""
     room, sensor = scene.scan.room, np.array(scene.scan.place.position)
     for name in names:
         row = room.names.index(name)

@@ -1,7 +1,7 @@
-"""An exhibit: one figure of the paper, drawn again, and the claims that its text makes.
+"""An exhibit: one figure of the paper, drawn again, with the claims of its text.
 
-A claim is a function of the scenes it speaks of, with the figure's own as defaults; what it returns says what was
-measured and whether the claim holds. Given another scene (another unit, another place) it can fail.
+A claim is checked by a function of scenes; the scenes of the figure are its defaults. It returns what the model shows
+and whether the claim holds. With other scenes (another unit, another place) the claim can fail, which the tests check.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from sonarhw_compare.paper.setting import PaperScene
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says should be seen, and whether it is."""
+    """A statement of the paper, what the model shows, and whether they agree."""
 
     says: str
     measured: str
@@ -25,9 +25,9 @@ class Claim:
 class Exhibit:
     """A figure of the paper."""
 
-    name: str  # of its picture, without the ending
+    name: str  # of its picture, without the suffix
     title: str
-    setting: str  # what of it is the paper's and what is ours
+    setting: str  # the setup, and which parts of it are from the paper
     scenes: tuple[PaperScene, ...]  # the scans in the picture
     draw: Callable[[], Figure]
     claims: tuple[Callable[[], Claim], ...]

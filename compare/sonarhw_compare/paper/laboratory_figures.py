@@ -1,4 +1,4 @@
-"""Figures 3 and 4: a laboratory scanned from a table top, a reading every 5°, several scans laid over each other."""
+"""Figures 3 and 4: three scans of a laboratory from a table top, drawn in one plan."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ _PROUD = 0.020  # m
 
 
 def near_wall_over_a_short_span(scenes: tuple[PaperScene, ...] = SCANS) -> Claim:
-    """The blackboard, and what is read beside it."""
+    """Check the readings of the blackboard and beside it."""
     answers = _together(scenes)
     middle = next(k for k, answer in enumerate(answers) if answer.degrees == _TO_THE_WALL)
     first = last = middle
@@ -38,65 +38,65 @@ def near_wall_over_a_short_span(scenes: tuple[PaperScene, ...] = SCANS) -> Claim
 
 
 def blackboard_moves_the_wall(before: PaperScene = SCANS[0], beside: PaperScene = BESIDE_THE_BLACKBOARD) -> Claim:
-    """Readings before the blackboard and before the bare wall."""
+    """Compare the readings in front of the blackboard and in front of the bare wall."""
     blackboard, bare = before.at(_TO_THE_WALL).range, beside.at(_TO_THE_WALL).range
     moved = math.nan if blackboard is None or bare is None else bare - blackboard
     return Claim(
-        "a blackboard 20 mm proud of its wall moves the wall",
-        f"{bare:.3f} m before the wall, {blackboard:.3f} m before the blackboard: {moved * 1000:.1f} mm",
+        "a blackboard that protrudes 20 mm from its wall moves the wall",
+        f"{bare:.3f} m in front of the wall, {blackboard:.3f} m in front of the blackboard: {moved * 1000:.1f} mm",
         abs(moved - _PROUD) < 1e-3,
     )
 
 
 def protruding_corner_is_strong(scenes: tuple[PaperScene, ...] = SCANS, corner: str = "closet-corner") -> Claim:
-    """The outer corner, a round bead."""
+    """Check the level of the outer corner, a round bead."""
     answers, level = _by(scenes, corner), _loudest(scenes, corner)
     return Claim(
-        "a protruding corner answers strongly",
+        "a protruding corner returns a strong echo",
         f"{len(answers)} readings over {span(answers)}, up to {level:.1f} dB, "
-        f"{level - scenes[0].scan.board.threshold_db:.0f} dB over the threshold",
+        f"{level - scenes[0].scan.board.threshold_db:.0f} dB above the threshold",
         len(answers) >= 5 and level > scenes[0].scan.board.threshold_db + 12,
     )
 
 
 def person_is_strong(scenes: tuple[PaperScene, ...] = SCANS, person: str = "person") -> Claim:
-    """The person, wider to the sonar than to the eye."""
+    """Check that the person is loud, and appears wider than its true angle."""
     answers, level, wide = _by(scenes, person), _loudest(scenes, person), _width(scenes[0], person)
     seen = 5.0 / len(scenes) * len(answers)
     return Claim(
-        "people are strong",
+        "people return strong echoes",
         f"{len(answers)} readings over {seen:.0f}°, up to {level:.1f} dB; the person is {wide:.0f}° wide",
         seen > 1.2 * wide and level > scenes[0].scan.board.threshold_db + 12,
     )
 
 
 def pillar_is_half_lost(scenes: tuple[PaperScene, ...] = SCANS, pillar: str = "pillar") -> Claim:
-    """The pillar beside the person."""
+    """Check at how many headings the pillar beside the person is read."""
     loud = sum(_loud_headings(scene, pillar) for scene in scenes)
     read = len(_by(scenes, pillar))
     return Claim(
         "a pillar is half lost",
-        f"its echo is over the threshold at {loud} headings, and the first of them at {read}; at the others the "
-        "nearer person is read",
+        f"its echo is above the threshold at {loud} headings and is the first echo at {read} of them; at the others "
+        "the nearer person is read",
         loud > 0 and 0.35 <= read / loud <= 0.65,
     )
 
 
 def _together(scenes: tuple[PaperScene, ...]) -> list[Answer]:
-    """All answers by heading, from 0 to 360°."""
+    """Return all answers sorted by heading, from 0 to 360°."""
     answers = [replace(answer, degrees=answer.degrees % 360) for scene in scenes for answer in scene.answers]
     return sorted(answers, key=lambda answer: answer.degrees)
 
 
 def _by(scenes: tuple[PaperScene, ...], name: str) -> list[Answer]:
-    """Answers straight from a thing, by heading from -180 to 180°."""
-    answers = [answer for scene in scenes for answer in scene.heard(name)]
+    """Return the answers by one reflection off an object, sorted by heading from -180 to 180°."""
+    answers = [answer for scene in scenes for answer in scene.answers_via(name)]
     turned = [replace(answer, degrees=(answer.degrees + 180) % 360 - 180) for answer in answers]
     return sorted(turned, key=lambda answer: answer.degrees)
 
 
 def _loudest(scenes: tuple[PaperScene, ...], name: str) -> float:
-    """Level of the echo straight from a thing at its best heading, dB."""
+    """Return the highest level of the echo by one reflection off an object, dB."""
     return max(float(level) for scene in scenes for level in _levels(scene, name))
 
 
@@ -105,7 +105,7 @@ def _loud_headings(scene: PaperScene, name: str) -> int:
 
 
 def _levels(scene: PaperScene, name: str) -> list[float]:
-    """Level at each heading of the echo straight from a thing, dB."""
+    """Return the level at each heading of the echo by one reflection off an object, dB."""
     scan = scene.scan
     path = _straight_from(scan.paths, scan.room, name)
     return [float(scan.levels_at(k)[path]) if path is not None else -math.inf for k in range(len(scan.headings))]
@@ -117,7 +117,7 @@ def _straight_from(paths: Paths, room: Room, name: str) -> int | None:
 
 
 def _width(scene: PaperScene, post: str) -> float:
-    """How wide a post looks from the sensor, degrees."""
+    """Return the angular width of a post as seen from the sensor, degrees."""
     room = scene.scan.room
     x, y, radius = room.posts[room.names.index(post) - len(room.walls)]
     away = np.hypot(*(np.array([x, y]) - scene.scan.place.position))
@@ -136,7 +136,7 @@ def _draw() -> Figure:
     note(axes, "outer corner", (3.6, 3.0), (2.9, 2.6))
     note(axes, "person", (3.7, 1.5), (3.2, 1.0))
     note(axes, "pillar", (4.5, 2.1), (4.3, 2.65))
-    finish_plan(axes, "Laboratory: three scans laid over each other", (-5.2, 8.8, -5.2, 6.8), "upper left")
+    finish_plan(axes, "Laboratory: three scans in one plan", (-5.2, 8.8, -5.2, 6.8), "upper left")
     return figure
 
 
@@ -144,10 +144,10 @@ EXHIBITS = (
     Exhibit(
         "figure3_4",
         "Figures 3 and 4: a laboratory from a table top",
-        "A reading every 5°, three scans laid over each other. The room is in the manner of the paper's; "
-        "its measures are ours. So are the round bead of the outer corner (a sharp one bends too little "
-        "sound to be heard at 2.3 m) and that the pillar stands beside the person, who is nearer: the "
-        "paper does not say what hid half of it.",
+        "Three scans in one plan, one reading every 5°. The room resembles the paper's; its dimensions are ours. Two "
+        "assumptions are ours as well: the outer corner is a round bead (a sharp edge diffracts too little sound to be "
+        "detected at 2.3 m), and the pillar is beside the person, who is nearer (the paper does not say what hid half "
+        "of the pillar).",
         SCANS,
         _draw,
         (

@@ -1,7 +1,4 @@
-"""The page of figures: every exhibit in the order of the paper, as a picture and as words.
-
-Takes nothing but the model; hands on PNGs and the text of `figures.md`.
-"""
+"""The page of figures: a PNG of every exhibit, and the text of `figures.md`, in the order of the paper."""
 
 from io import BytesIO
 from textwrap import fill
@@ -31,33 +28,33 @@ _HEAD = """\
 # The paper's figures
 
 Every figure of Dudek, Jenkin, Milios, Wilkes, *Reflections on modelling a sonar range sensor* (CIM-92-9), drawn
-again by the model, with what the paper says should be seen and whether it is. `sonarhw figures DIR` makes this page
-and its pictures, and the tests hold every line of it. With each figure stand the commands that predict the same. The
-paper's own pictures are not here, nor are readings taken off them: what is held is what its text and its measures say.
-Plans are cut where they would show little but far readings.
+again by the model. Each table lists what the paper says, what the model shows, and whether they agree.
+`sonarhw figures DIR` writes this page and its pictures; the tests check every line. The commands of each figure
+predict the same scans. The paper's own pictures are not included, and no readings were taken from them: only its text
+and its dimensions are compared. Plans are cropped where they would show only distant readings.
 """
 
 
 def picture_name(exhibit: Exhibit) -> str:
-    """Name of an exhibit's picture, beside the page."""
+    """Return the file name of an exhibit's picture."""
     return f"{exhibit.name}.png"
 
 
 def picture(exhibit: Exhibit) -> bytes:
-    """The exhibit as PNG."""
+    """Return the picture of an exhibit as PNG."""
     out = BytesIO()
-    # without the version of matplotlib in it the same picture is the same file
+    # the metadata omit the version of matplotlib, so that equal pictures are equal files
     exhibit.draw().savefig(out, format="png", bbox_inches="tight", metadata={"Software": None})
     return out.getvalue()
 
 
 def claims(exhibit: Exhibit) -> tuple[Claim, ...]:
-    """What the paper says of an exhibit, held against the model."""
+    """Return the paper's claims about an exhibit, checked against the model."""
     return tuple(claim() for claim in exhibit.claims)
 
 
 def page() -> str:
-    """The text of the page, Markdown."""
+    """Return the text of the page, Markdown."""
     return "\n".join((_HEAD, *(_section(exhibit) for exhibit in EXHIBITS)))
 
 

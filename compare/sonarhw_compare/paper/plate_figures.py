@@ -1,6 +1,7 @@
-"""Figures 1 and 2: a plate before the transducer, and the raw receive signal of one ping.
+"""Figures 1 and 2: a plate in front of the transducer, and the raw receive signal of one ping.
 
-Four scenes: no target, the plate tilted, parallel, and at 45° with a cabinet that only the plate shows.
+Four scenes: no target; the plate tilted; the plate parallel; the plate at 45°, with a cabinet that is detected only by
+reflection off the plate.
 """
 
 from dataclasses import replace
@@ -23,54 +24,54 @@ AT_45 = replace(NO_TARGET, room="figure2d")
 AT_45_TURNED = replace(AT_45, degrees=(7.0, 8.0, 1.0))
 _RATE = 500e3  # Hz
 _FARTHEST = 4.6  # m, in the picture
-_PLATE = (0.65, 1.2)  # m: where the plate at 45° itself may answer
-_CABINET = (1.9, 2.4)  # m: and the cabinet by way of it
+_PLATE = (0.65, 1.2)  # m: ranges of a direct echo of the plate at 45°
+_CABINET = (1.9, 2.4)  # m: ranges of the echo of the cabinet by reflection off the plate
 _MAGNIFIED = 50
 _SILENCE = 1e-5  # amplitude; -100 dB
 
 
 def nothing_returns(scene: PaperScene = NO_TARGET) -> Claim:
-    """Figure 2a."""
+    """Check figure 2a: no echo."""
     board, air = scene.scan.board, scene.scan.room.air
     loudest = _loudest(scene, board.blanked_range(air), board.max_range)
     return Claim(
         "(a) no target: only the tail of the chirp, at the left",
-        f"from the end of blanking to {board.max_range:g} m the trace stays {_level(loudest)}",
+        f"from the end of blanking to {board.max_range:g} m the trace is {_level(loudest)}",
         loudest < 10 ** (board.threshold_db / 20),
     )
 
 
 def one_echo(scene: PaperScene = TILTED) -> Claim:
-    """Figure 2b."""
+    """Check figure 2b: one echo."""
     echoes = scene.scan.echoes(0)
     return Claim(
         "(b) plate tilted: one clean echo",
-        f"over the threshold, echoes at {', '.join(f'{echo.range:.3f} m' for echo in echoes) or 'no range'}",
+        f"above the threshold: echoes at {', '.join(f'{echo.range:.3f} m' for echo in echoes) or 'no range'}",
         len(echoes) == 1,
     )
 
 
 def many_echoes(scene: PaperScene = PARALLEL) -> Claim:
-    """Figure 2c."""
+    """Check figure 2c: many evenly spaced echoes."""
     found = np.array([echo.range for echo in scene.scan.echoes(0)])
     apart = np.diff(found)
     even = len(found) > 1 and float(np.ptp(apart)) < 1e-3
     spacing = f", {apart.mean():.3f} m apart" if len(apart) else ""
     return Claim(
-        "(c) plate parallel: many echoes, to and fro between plate and transducer",
+        "(c) plate parallel: many echoes, back and forth between plate and transducer",
         f"echoes: {len(found)}{spacing}",
         even and len(found) >= 5,
     )
 
 
-def strongest_by_way_of_the_plate(scene: PaperScene = AT_45) -> Claim:
-    """Figure 2d, the large echo and the small one before it."""
+def strongest_is_reflected_by_the_plate(scene: PaperScene = AT_45) -> Claim:
+    """Check figure 2d: the large echo and the small one before it."""
     early, late = _loudest(scene, *_PLATE), _loudest(scene, *_CABINET)
     scan = scene.scan
     strongest = int(np.argmax(scan.levels_at(0)))
     via = scan.paths.via(strongest, scan.room)
     return Claim(
-        "(d) plate at 45°: the strongest echo goes plate, far object, plate; a small earlier one comes straight from "
+        "(d) plate at 45°: the strongest echo goes plate, far object, plate; a small earlier echo comes directly from "
         "the plate",
         f"strongest {' > '.join(via)} at {scan.paths.lengths[strongest] / 2:.3f} m, {_level(late)}; before it the "
         f"plate itself at {scan.paths.lengths[0] / 2:.3f} m, {_level(early)}",
@@ -78,12 +79,12 @@ def strongest_by_way_of_the_plate(scene: PaperScene = AT_45) -> Claim:
     )
 
 
-def small_one_vanishes(scene: PaperScene = AT_45, turned: PaperScene = AT_45_TURNED) -> Claim:
-    """Figure 2d, after a slight turn."""
+def small_echo_vanishes(scene: PaperScene = AT_45, turned: PaperScene = AT_45_TURNED) -> Claim:
+    """Check figure 2d after a small turn."""
     before, after = _loudest(scene, *_PLATE), _loudest(turned, *_PLATE)
     strong_before, strong_after = _loudest(scene, *_CABINET), _loudest(turned, *_CABINET)
     return Claim(
-        "(d) the small one vanishes with a slight turn",
+        "(d) the small echo disappears after a small turn",
         f"turned by {turned.degrees[0] - scene.degrees[0]:g}°: plate from {_level(before)} to {_level(after)}, "
         f"strongest from {_level(strong_before)} to {_level(strong_after)}",
         before > _SILENCE and after < before / 100 and strong_after > strong_before / 10,
@@ -91,7 +92,7 @@ def small_one_vanishes(scene: PaperScene = AT_45, turned: PaperScene = AT_45_TUR
 
 
 def _loudest(scene: PaperScene, nearest: float, farthest: float) -> float:
-    """Highest amplitude of the trace between two ranges (m)."""
+    """Return the highest amplitude of the trace between two ranges (m)."""
     ranges, samples = _envelope(scene, farthest + 0.1)
     return float(samples[(ranges > nearest) & (ranges < farthest)].max())
 
@@ -103,7 +104,7 @@ def _envelope(scene: PaperScene, farthest: float) -> tuple[FloatArray, FloatArra
 
 
 def _level(amplitude: float) -> str:
-    return "under -100 dB" if amplitude < _SILENCE else f"{20 * np.log10(amplitude):.1f} dB"
+    return "below -100 dB" if amplitude < _SILENCE else f"{20 * np.log10(amplitude):.1f} dB"
 
 
 def _draw() -> Figure:
@@ -113,7 +114,7 @@ def _draw() -> Figure:
         (NO_TARGET, "(a) no target"),
         (TILTED, "(b) plate 1 m away, tilted by 4°"),
         (PARALLEL, "(c) plate 1 m away, parallel"),
-        (AT_45, "(d) plate at 45°, cabinet seen in it"),
+        (AT_45, "(d) plate at 45°, cabinet reflected in it"),
     )
     for axes, (scene, title) in zip(rows, panels, strict=False):
         axes.plot(*_trace(scene, _FARTHEST), color=PREDICTED, lw=0.5)
@@ -154,12 +155,12 @@ EXHIBITS = (
     Exhibit(
         "figure2",
         "Figures 1 and 2: one plate, four raw traces",
-        "A plate on a stand before the transducer, which reflects what comes back to it. Distances, sizes "
-        "and angles are ours. The paper does not say what sends the small early echo of (d) straight back "
-        "from a plate at 45°; here it is the plate's near end, 4.6° off the axis, which bends sound. The "
-        "receiver's gain makes up for the way, so echoes fade only by what plate and face take.",
+        "A plate on a stand in front of the transducer, whose face reflects returning sound. Distances, "
+        "sizes and angles are ours. The paper does not explain the small early echo from the plate at 45° in (d); here "
+        "it is diffraction at the near edge of the plate, 4.6° off the axis. The receiver's gain compensates for the "
+        "distance, so echoes lose level only by reflection and by the directivity of the face.",
         (NO_TARGET, TILTED, PARALLEL, AT_45),
         _draw,
-        (nothing_returns, one_echo, many_echoes, strongest_by_way_of_the_plate, small_one_vanishes),
+        (nothing_returns, one_echo, many_echoes, strongest_is_reflected_by_the_plate, small_echo_vanishes),
     ),
 )

@@ -1,4 +1,4 @@
-"""Figure 14: the rays of one reading, between walls that carry their reflectances."""
+"""Figure 14: the rays of one reading, between walls that are labelled with their reflectances."""
 
 import math
 from dataclasses import replace
@@ -24,12 +24,12 @@ from sonarhw_compare.pictures.overlay_picture import draw_room
 
 READING = replace(FIGURE_9, degrees=(270.0, 271.0, 1.0))
 _LEGS = (0.085, 0.742, 0.742, 0.085)  # m
-_OTHERS = 3  # echoes beside the first that are drawn
-_DRIFT = 0.05  # m: rays that run to and fro on one line are drawn so far apart
+_OTHERS = 3  # echoes drawn after the first
+_DRIFT = 0.05  # m: total sideways shift of rays that run back and forth on one line
 
 
 def legs_of_the_reading(scene: PaperScene = READING) -> Claim:
-    """The false wall's path, leg by leg."""
+    """Check the path of the false wall, leg by leg."""
     legs = _legs(scene)
     expected = len(legs) == len(_LEGS) and bool(np.allclose(legs, _LEGS, atol=1e-6))
     return Claim(
@@ -40,14 +40,14 @@ def legs_of_the_reading(scene: PaperScene = READING) -> Claim:
     )
 
 
-def each_wall_takes_its_part(scene: PaperScene = READING) -> Claim:
-    """The level, from the reflectances on the walls."""
+def level_is_the_product_of_reflectances(scene: PaperScene = READING) -> Claim:
+    """Check that the level is the product of the reflectances."""
     scan, winner = scene.scan, int(scene.scan.winners[0])
     level = float(scan.levels_at(0)[winner])
     touched = [scan.room.reflectances[surface] for surface in scan.paths.surfaces[winner] if surface >= 0]
     expected = 20 * math.log10(math.prod(touched))
     return Claim(
-        "walls are labelled with their reflectances, and each takes its part",
+        "walls are labelled with their reflectances, and each reduces the level",
         f"{' × '.join(f'{part:g}' for part in touched)} is {expected:.2f} dB; the reading has {level:.2f} dB",
         len(touched) == 3 and abs(level - expected) < 0.01,
     )
@@ -59,11 +59,11 @@ def _legs(scene: PaperScene) -> FloatArray:
 
 
 def _drawn_apart(outline: FloatArray) -> FloatArray:
-    """An outline that drifts sideways as it goes on where all its legs lie on one line, upright."""
+    """Return an outline `(n, 2)` float, m, shifted sideways with its length if all legs are on one vertical line."""
     if np.ptp(outline[:, 0]) > 1e-9:
         return outline
-    gone = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(outline, axis=0).T))))
-    aside = _DRIFT * (gone / gone[-1] - 0.5)
+    travelled = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(outline, axis=0).T))))
+    aside = _DRIFT * (travelled / travelled[-1] - 0.5)
     return np.asarray(outline + np.column_stack((aside, np.zeros(len(outline)))))
 
 
@@ -90,11 +90,10 @@ EXHIBITS = (
     Exhibit(
         "figure14",
         "Figure 14: the rays of one reading",
-        "The reading of figure 9 at 270°, its rays thick; those of the three echoes that follow, thin. "
-        "Which reading the paper shows we do not know. Rays that run to and fro on one line are drawn "
-        "apart, 50 mm in all.",
+        "The reading of figure 9 at 270° with thick rays, and the next three echoes with thin rays. The paper does not "
+        "say which reading it shows. Rays that run back and forth on one line are shifted sideways, by 50 mm in all.",
         (READING,),
         _draw,
-        (legs_of_the_reading, each_wall_takes_its_part),
+        (legs_of_the_reading, level_is_the_product_of_reflectances),
     ),
 )

@@ -1,7 +1,6 @@
-"""A scene: one scan of one figure, as the command line would order it.
+"""A scene: one predicted scan of one figure, described by the options of the command line.
 
-Takes names: a room that ships, a place, a board; hands on the predicted scan, made once, and its answers heading by
-heading.
+A scene names a shipped room, a place and a board. Its scan is predicted once and cached.
 """
 
 import math
@@ -22,40 +21,40 @@ from sonarhw.readings import ScanOrder, headings_between
 
 @dataclass(frozen=True)
 class Answer:
-    """What the board says at one heading."""
+    """The reading of the board at one heading."""
 
     degrees: float
     range: float | None  # m; None: no echo
-    via: tuple[str, ...]  # what the sound touched on its way
+    via: tuple[str, ...]  # walls, posts and edges on the path of the sound
 
 
 @dataclass(frozen=True)
 class PaperScene:
-    """What is scanned, from where and by what."""
+    """The room, place, headings, board and options of one scan."""
 
-    room: str  # a file of rooms/, without its ending
-    place: str  # a name in it, or X,Y
+    room: str  # a file of rooms/, without its suffix
+    place: str  # a name in the room, or X,Y
     degrees: tuple[float, float, float]  # from, to, step
     board: str = "paper"
     unit: Unit = Unit.PASS
     receiver: Receiver = Receiver.FIRST_ECHO
     model: Model = Model.RAY_FOLLOWING
     seed: int | None = None
-    reach: float | None = None  # m: listen no farther; None: as far as the board does
+    reach: float | None = None  # largest range, m; None: that of the board
 
     @property
     def scan(self) -> PredictedScan:
-        """The prediction."""
+        """The predicted scan."""
         return _scan(self)
 
     @property
     def answers(self) -> tuple[Answer, ...]:
-        """The prediction heading by heading."""
+        """The predicted readings, in order of heading."""
         return _answers(self)
 
     @property
     def command(self) -> str:
-        """The command that predicts the same."""
+        """The command that predicts the same scan."""
         start, stop, step = self.degrees
         words = ["sonarhw simulate", f"rooms/{self.room}.toml", f"--place {self.place}", f"--board {self.board}"]
         words.append(f"--from {start:g} --to {stop:g} --step {step:g}")
@@ -72,11 +71,11 @@ class PaperScene:
         return " ".join(words)
 
     def at(self, degrees: float) -> Answer:
-        """The answer at one of its headings."""
+        """Return the answer at one of the headings."""
         return next(answer for answer in self.answers if math.isclose(answer.degrees, degrees, abs_tol=1e-6))
 
-    def heard(self, *via: str) -> list[Answer]:
-        """The answers by just this way."""
+    def answers_via(self, *via: str) -> list[Answer]:
+        """Return the answers whose path touches exactly these things in this order."""
         return [answer for answer in self.answers if answer.via == via]
 
 
@@ -107,17 +106,17 @@ def _answers(scene: PaperScene) -> tuple[Answer, ...]:
 
 @lru_cache(maxsize=32)
 def room_called(name: str) -> Room:
-    """The room that ships under this name."""
+    """Return the shipped room with this name."""
     return parse_room((files("sonarhw_rooms") / f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
 
 
 def ranges(answers: Iterable[Answer]) -> list[float]:
-    """Their ranges, m, without the silent ones."""
+    """Return the ranges of the answers that have an echo, m."""
     return [answer.range for answer in answers if answer.range is not None]
 
 
 def span(answers: Sequence[Answer]) -> str:
-    """Their headings from first to last, for people."""
+    """Return the first and last heading of the answers as text."""
     if not answers:
         return "no heading"
     first, last = answers[0].degrees, answers[-1].degrees

@@ -1,6 +1,6 @@
-"""Figures 7, 8 and 9: the room of shelving, as the unit read it and as the paper's simulation did.
+"""Figures 7, 8 and 9: the room of shelving, as the unit measured it and as the paper's simulation predicted it.
 
-And the robot of the text beside figure 9, whose body stands in the way of the false wall.
+Also the robot in the text about figure 9, whose body blocks the sound of the false wall.
 """
 
 import math
@@ -21,7 +21,7 @@ FIGURE_7 = PaperScene("simple", "figure7", _ROUND, unit=Unit.REFLECT)
 FIGURE_7_BOARD = replace(FIGURE_7, board="polaroid-6500", receiver=Receiver.BOARD)
 FIGURE_8 = replace(FIGURE_7, unit=Unit.BLOCK)
 FIGURE_9 = PaperScene("simple", "figure9", _ROUND)
-# its face 85 mm from the lower wall, as in figure 9; the longer the ways, the more of them a round body opens
+# the face is 85 mm from the lower wall, as in figure 9; the reach is limited, because a round body adds many long paths
 ROBOT = replace(FIGURE_9, place="0.574,0.237", board="paper-b12", reach=2.0)
 _HEIGHT = 0.742  # m, of the room
 _NEAR_CIRCLE = 0.005  # m beyond blanking
@@ -29,73 +29,77 @@ _VERY_CLOSE = 0.6  # m
 
 
 def very_close_at_the_right(scene: PaperScene = FIGURE_7) -> Claim:
-    """Sound that rings between the wall at the right and the face until blanking ends."""
+    """Check that sound travels between the right wall and the face until blanking ends."""
     answer = scene.at(0.0)
     wall, face = answer.via.count("right"), answer.via.count("unit")
     around = _within(scene, 15.0)
     close = [distance for distance in ranges(around) if distance < _VERY_CLOSE]
     return Claim(
-        'at the right the unit reads "very close", where the paper\'s simulation returned infinity',
+        'on the right the unit reads "very close", where the paper\'s simulation returned infinity',
         f"{_metres(answer)} at 0°: the wall, 94 mm away, {wall} times and the unit's face {face} times; very close at "
-        f"{len(close)} of the {len(around)} headings within 15° of it, for at a slant the face throws the sound aside",
+        f"{len(close)} of the {len(around)} headings within 15°, because an oblique face reflects the sound sideways",
         answer.range is not None and answer.range < _VERY_CLOSE and face > 0 and wall == face + 1,
     )
 
 
 def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
-    """Readings that stick at the end of blanking."""
+    """Check for readings at the end of blanking, in several directions."""
     blanked = scene.scan.board.blanked_range(scene.scan.room.air)
     close = [answer for answer in scene.answers if answer.range is not None and answer.range < blanked + _NEAR_CIRCLE]
     walls = {answer.via[0] for answer in close}
     found = ranges(close)
     extent = f", at {min(found):.3f} to {max(found):.3f} m, towards {', '.join(sorted(walls))}" if found else ""
     return Claim(
-        "round the unit lies a circle of readings of minimum range",
-        f"{len(close)} of {len(scene.answers)} readings within {_NEAR_CIRCLE * 1000:g} mm of where blanking "
-        f"ends{extent}",
+        "a circle of readings of minimum range surrounds the unit",
+        f"{len(close)} of {len(scene.answers)} readings within {_NEAR_CIRCLE * 1000:g} mm of the end of blanking"
+        f"{extent}",
         len(close) >= 12 and walls >= {"top", "bottom", "right"},
     )
 
 
 def far_wall_is_wavy(scene: PaperScene = FIGURE_8) -> Claim:
-    """Two corners and the wall between them."""
-    upper, wall, lower = scene.heard("top", "left"), scene.heard("left"), scene.heard("bottom", "left")
+    """Check for two corners and the wall between them."""
+    upper, wall, lower = (
+        scene.answers_via("top", "left"),
+        scene.answers_via("left"),
+        scene.answers_via("bottom", "left"),
+    )
     if not (upper and wall and lower):
-        return Claim(_WAVY, "one of its three parts is not heard at all", False)
+        return Claim(_WAVY, "one of its three parts is not detected", False)
     parts = [(part, ranges(part)[0]) for part in (upper, wall, lower)]
-    told = "; ".join(f"{distance:.3f} m over {span(part)}" for part, distance in parts)
+    found = "; ".join(f"{distance:.3f} m over {span(part)}" for part, distance in parts)
     in_order = upper[-1].degrees < wall[0].degrees and wall[-1].degrees < lower[0].degrees
-    return Claim(_WAVY, told, in_order and min(parts[0][1], parts[2][1]) > parts[1][1] + 0.05)
+    return Claim(_WAVY, found, in_order and min(parts[0][1], parts[2][1]) > parts[1][1] + 0.05)
 
 
 _WAVY = "the far wall is wavy: two corners, and the wall between them"
 
 
 def nothing_near_at_the_right(scene: PaperScene = FIGURE_8) -> Claim:
-    """The side on which the paper's simulation is silent."""
+    """Check the side on which the paper's simulation is silent."""
     nearest = min(ranges(_within(scene, 6.0)), default=math.inf)
     return Claim(
-        "at the right the simulation returns infinity (ours follows the sound for longer, and a closed room of "
-        "reflectance 0.95 is never silent: nothing near answers, and what does is far outside the room)",
-        f"nearest reading between -6 and 6°: {nearest:.3f} m, where the wall stands 0.094 m away",
+        "on the right the simulation returns infinity (ours follows the sound for longer, and a closed room of "
+        "reflectance 0.95 is never silent: no echo is near, and the echoes that exist appear far outside the room)",
+        f"nearest reading between -6 and 6°: {nearest:.3f} m; the wall is 0.094 m away",
         nearest > 1.5,
     )
 
 
 def upper_wall_is_true(scene: PaperScene = FIGURE_9) -> Claim:
-    """The far wall, straight."""
+    """Check the reading of the far wall by one reflection."""
     answer = scene.at(90.0)
     return Claim(
-        "the upper wall is where it is, 657 mm away",
+        "the upper wall is at its true distance, 657 mm",
         f"{_metres(answer)} at 90°, {_way(answer)}",
         answer.via == ("top",) and answer.range is not None and abs(answer.range - 0.657) < 1e-3,
     )
 
 
 def lower_wall_is_false(scene: PaperScene = FIGURE_9) -> Claim:
-    """The near wall by way of the far one."""
+    """Check the reading of the near wall, whose sound goes to the far wall and back."""
     answer = scene.at(270.0)
-    false = scene.heard("bottom", "top", "bottom")
+    false = scene.answers_via("bottom", "top", "bottom")
     return Claim(
         "the lower wall, 85 mm away, is false: sound goes to the lower wall, past the unit to the upper, past the unit "
         "to the lower wall and to the unit",
@@ -108,7 +112,7 @@ def lower_wall_is_false(scene: PaperScene = FIGURE_9) -> Claim:
 
 
 def corridor_of_twice_the_width(scene: PaperScene = FIGURE_9) -> Claim:
-    """Both walls together."""
+    """Check the sum of the readings of both walls."""
     up, down = scene.at(90.0).range, scene.at(270.0).range
     width = math.nan if up is None or down is None else up + down
     return Claim(
@@ -118,13 +122,13 @@ def corridor_of_twice_the_width(scene: PaperScene = FIGURE_9) -> Claim:
     )
 
 
-def body_takes_the_false_wall_away(scene: PaperScene = ROBOT) -> Claim:
-    """The robot before the same wall."""
+def body_removes_the_false_wall(scene: PaperScene = ROBOT) -> Claim:
+    """Check the reading of the robot in front of the same wall."""
     answer = scene.at(270.0)
     false = [other for other in scene.answers if other.range is not None and abs(other.range - 0.827) < 0.02]
     rattling = set(answer.via) == {"bottom", "body"}
     return Claim(
-        "on a B12 robot the body blocks the return, and the chirp rattles between body and wall until minimum range",
+        "on a B12 robot the body blocks the return, and the chirp travels between body and wall until minimum range",
         f"{_metres(answer)} at 270°, the wall {answer.via.count('bottom')} times and the body "
         f"{answer.via.count('body')} times; {len(false)} readings near 0.827 m",
         rattling and answer.range is not None and answer.range < 0.45 and not false,
@@ -132,7 +136,7 @@ def body_takes_the_false_wall_away(scene: PaperScene = ROBOT) -> Claim:
 
 
 def _within(scene: PaperScene, degrees: float) -> list[Answer]:
-    """The answers at headings so near to 0°."""
+    """Return the answers at headings within `degrees` of 0°."""
     return [answer for answer in scene.answers if abs((answer.degrees + 180) % 360 - 180) <= degrees]
 
 
@@ -160,7 +164,7 @@ def _draw_7() -> Figure:
 def _draw_8() -> Figure:
     figure = sheet(7.5, 6.5)
     axes = figure.add_subplot()
-    plan(axes, FIGURE_8, "Figure 8: as the paper's simulation has it", (-0.7, 1.7, -0.75, 1.5))
+    plan(axes, FIGURE_8, "Figure 8: as the paper's simulation predicts it", (-0.7, 1.7, -0.75, 1.5))
     note(axes, "wavy far wall", (-0.02, 0.2), (-0.42, -0.35))
     note(axes, "nothing near", (0.928, 0.345), (1.35, 0.345))
     return figure
@@ -180,42 +184,42 @@ def _draw_9() -> Figure:
 def _draw_robot(axes: Axes, bounds: Bounds) -> None:
     draw_room(axes, ROBOT.scan.room)
     points(axes, ROBOT, "predicted")
-    mark_sensor(axes, ROBOT, "middle of its body")
-    note(axes, "0.425 m: rattling", (0.574, 0.085 - 0.425), (0.574, -0.9))
-    finish_plan(axes, "the same wall before a B12 robot", bounds, "upper left")
+    mark_sensor(axes, ROBOT, "centre of its body")
+    note(axes, "0.425 m: multiple reflections", (0.574, 0.085 - 0.425), (0.574, -0.9))
+    finish_plan(axes, "the same wall in front of a B12 robot", bounds, "upper left")
 
 
-_MEASURES = (
-    "Room and places are the paper's: 928 × 742 mm of shelving. Its reflectance, 0.95, is ours. Readings every 3°."
+_SETUP = (
+    "Room and places are the paper's: 928 × 742 mm of shelving. The reflectance, 0.95, is ours. One reading every 3°."
 )
 
 EXHIBITS = (
     Exhibit(
         "figure7",
-        "Figure 7: the simple room, as the unit read it",
-        f"{_MEASURES} The sensor stands 397 mm from the top and 94 mm from the right. The unit's face "
-        "reflects. Left: first arrival over the threshold. Right: the ranging board's own receiver, which "
-        "integrates, so that whatever still sounds when blanking ends is read there.",
+        "Figure 7: the simple room, as the unit measured it",
+        f"{_SETUP} The sensor is 397 mm from the top and 94 mm from the right. The unit's face reflects. Left: the "
+        "first echo above the threshold. Right: the ranging board's own receiver, which integrates, so that sound that "
+        "arrives at the end of blanking is read there.",
         (FIGURE_7, FIGURE_7_BOARD),
         _draw_7,
         (very_close_at_the_right, circle_of_minimum_range),
     ),
     Exhibit(
         "figure8",
-        "Figure 8: the simple room, as the paper's simulation read it",
-        f"{_MEASURES} The same place; the unit blocks the sound that comes back to its face.",
+        "Figure 8: the simple room, as the paper's simulation predicts it",
+        f"{_SETUP} The place is that of figure 7. The unit blocks the sound that returns to its face.",
         (FIGURE_8,),
         _draw_8,
         (far_wall_is_wavy, nothing_near_at_the_right),
     ),
     Exhibit(
         "figure9",
-        "Figure 9: a false wall, and a robot that loses it",
-        f"{_MEASURES} The sensor stands 657 mm from the top and 154 mm from the right; sound passes it. "
-        "The robot of the text has a round body of 152 mm radius (its measure, and where along the wall "
-        "it stands, are ours), and its face, too, is 85 mm from the lower wall when it looks there.",
+        "Figure 9: a false wall, and a robot that does not detect it",
+        f"{_SETUP} The sensor is 657 mm from the top and 154 mm from the right; sound passes it. The robot of the "
+        "text has a round body of 152 mm radius (this radius and its position along the wall are ours). Its face is "
+        "also 85 mm from the lower wall when it points there.",
         (FIGURE_9, ROBOT),
         _draw_9,
-        (upper_wall_is_true, lower_wall_is_false, corridor_of_twice_the_width, body_takes_the_false_wall_away),
+        (upper_wall_is_true, lower_wall_is_false, corridor_of_twice_the_width, body_removes_the_false_wall),
     ),
 )

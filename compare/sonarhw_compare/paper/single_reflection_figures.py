@@ -1,4 +1,4 @@
-"""Figure 6: a room like Kuc and Siegel's, by their model of single reflections and by ray following."""
+"""Figure 6: a room like Kuc and Siegel's, predicted by their model of single reflections and by ray following."""
 
 from dataclasses import replace
 
@@ -15,24 +15,24 @@ KUC_SIEGEL = replace(RAY_FOLLOWING, model=Model.KUC_SIEGEL)
 
 
 def single_readings_are_theirs(followed: PaperScene = RAY_FOLLOWING, theirs: PaperScene = KUC_SIEGEL) -> Claim:
-    """Where one reflection makes the reading, both models agree."""
+    """Check that both models agree at headings with one reflection."""
     single = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) == 1]
-    apart = [abs(mine.range - his.range) for mine, his in single if mine.range and his.range]
+    apart = [abs(ours.range - other.range) for ours, other in single if ours.range and other.range]
     return Claim(
         "readings by a single reflection are those of Kuc and Siegel's model",
-        f"{len(single)} headings read by one reflection; their model answers at {len(apart)} of them, at most "
-        f"{max(apart, default=0.0) * 1000:.1f} mm off",
+        f"{len(single)} headings with one reflection; their model has an echo at {len(apart)} of them, and differs by "
+        f"at most {max(apart, default=0.0) * 1000:.1f} mm",
         len(apart) == len(single) > 0 and max(apart) < 1e-6,
     )
 
 
-def several_reflections_are_lacking(followed: PaperScene = RAY_FOLLOWING, theirs: PaperScene = KUC_SIEGEL) -> Claim:
-    """Where more than one makes it, theirs has nothing of the kind."""
+def several_reflections_are_missing(followed: PaperScene = RAY_FOLLOWING, theirs: PaperScene = KUC_SIEGEL) -> Claim:
+    """Check that their model has no readings by several reflections."""
     several = [pair for pair in _pairs(followed, theirs) if len(pair[0].via) > 1]
-    same = sum(mine.range == his.range for mine, his in several)
-    silent = sum(his.range is None for _, his in several)
+    same = sum(ours.range == other.range for ours, other in several)
+    silent = sum(other.range is None for _, other in several)
     return Claim(
-        "readings by several reflections, which their model lacks",
+        "there are readings by several reflections, which their model does not include",
         f"{len(several)} of {len(followed.answers)} headings; theirs is silent at {silent} of them and agrees at "
         f"{same}",
         len(several) > len(followed.answers) / 4 and same == 0,
@@ -58,10 +58,10 @@ EXHIBITS = (
     Exhibit(
         "figure6",
         "Figure 6: a room in the manner of Kuc and Siegel's",
-        "Walls, inner corners and an outer corner. The measures are ours. Points far outside the walls are readings by "
-        "several reflections.",
+        "Walls, inner corners and an outer corner. The dimensions are ours. Points far outside the walls are readings "
+        "by several reflections.",
         (RAY_FOLLOWING, KUC_SIEGEL),
         _draw,
-        (single_readings_are_theirs, several_reflections_are_lacking),
+        (single_readings_are_theirs, several_reflections_are_missing),
     ),
 )

@@ -45,7 +45,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
 def at_terminal(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """The command with a terminal as its standard error, and the end of that terminal where a person sits."""
     person, terminal = os.openpty()
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
+    environment = {**os.environ, "TERM": "xterm"}
     command = [sys.executable, "-c", AT_TERMINAL, *arguments]
     try:
         with subprocess.Popen(

@@ -31,20 +31,20 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(plates.nothing_returns, plates.TILTED),
     partial(plates.one_echo, plates.PARALLEL),
     partial(plates.many_echoes, replace(plates.PARALLEL, unit=Unit.PASS)),
-    partial(plates.strongest_by_way_of_the_plate, plates.AT_45_TURNED),
-    partial(plates.small_one_vanishes, plates.AT_45, replace(plates.AT_45, degrees=(-7.0, -6.0, 1.0))),
+    partial(plates.strongest_is_reflected_by_the_plate, plates.AT_45_TURNED),
+    partial(plates.small_echo_vanishes, plates.AT_45, replace(plates.AT_45, degrees=(-7.0, -6.0, 1.0))),
     partial(laboratory.near_wall_over_a_short_span, EMPTY_TABLE),
     partial(laboratory.blackboard_moves_the_wall, laboratory.BESIDE_THE_BLACKBOARD),
     partial(laboratory.protruding_corner_is_strong, corner="bead-back"),
     partial(laboratory.person_is_strong, TOO_CLOSE_TO_THE_PERSON),
     partial(laboratory.pillar_is_half_lost, pillar="person"),
-    partial(beam.burst_at_a_slant, radius=0.016),
+    partial(beam.burst_off_the_axis, radius=0.016),
     partial(beam.loss_grows_to_the_first_null, radius=0.016),
     partial(
         single_reflections.single_readings_are_theirs,
         theirs=replace(single_reflections.RAY_FOLLOWING, model=Model.NEAREST),
     ),
-    partial(single_reflections.several_reflections_are_lacking, theirs=single_reflections.RAY_FOLLOWING),
+    partial(single_reflections.several_reflections_are_missing, theirs=single_reflections.RAY_FOLLOWING),
     partial(simple_room.very_close_at_the_right, simple_room.FIGURE_8),
     partial(simple_room.circle_of_minimum_range, simple_room.FIGURE_8),
     partial(simple_room.far_wall_is_wavy, simple_room.FIGURE_9),
@@ -52,20 +52,20 @@ BROKEN: list[Callable[[], Claim]] = [
     partial(simple_room.upper_wall_is_true, simple_room.FIGURE_8),
     partial(simple_room.lower_wall_is_false, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
     partial(simple_room.corridor_of_twice_the_width, replace(simple_room.FIGURE_9, unit=Unit.BLOCK)),
-    partial(simple_room.body_takes_the_false_wall_away, simple_room.FIGURE_9),
+    partial(simple_room.body_removes_the_false_wall, simple_room.FIGURE_9),
     partial(corners.walls_do_not_meet, corners.RIGHT),
     partial(corners.lower_is_seen_behind_upper, replace(corners.OBLIQUE, place="0.3,-0.3")),
-    partial(corners.oblique_walls_are_lost_at_a_slant, replace(corners.OBLIQUE, model=Model.NEAREST)),
+    partial(corners.oblique_walls_are_lost_off_the_axis, replace(corners.OBLIQUE, model=Model.NEAREST)),
     partial(corners.corner_is_a_tangential_wall, replace(corners.RIGHT, model=Model.KUC_SIEGEL)),
     partial(corners.hole_at_each_side, replace(corners.RIGHT, board="hc-sr04")),
-    partial(corners.almost_unchanged_as_it_nears, nearer=replace(corners.RIGHT, place="0.6,0.2")),
-    partial(corners.right_walls_are_lost_at_a_slant, replace(corners.RIGHT, model=Model.NEAREST)),
+    partial(corners.almost_unchanged_from_nearer, nearer=replace(corners.RIGHT, place="0.6,0.2")),
+    partial(corners.right_walls_are_lost_off_the_axis, replace(corners.RIGHT, model=Model.NEAREST)),
     partial(rays.legs_of_the_reading, replace(rays.READING, unit=Unit.BLOCK)),
-    partial(rays.each_wall_takes_its_part, replace(rays.READING, degrees=(276.0, 277.0, 1.0))),
+    partial(rays.level_is_the_product_of_reflectances, replace(rays.READING, degrees=(276.0, 277.0, 1.0))),
     partial(corridor.right_at_right_angles, NEAREST_WITH_NOISE),
     partial(corridor.long_ahead_and_behind, SLANTED),
-    partial(corridor.errors_go_on_to_the_next_heading, NEAREST_WITH_NOISE),
-    partial(corridor.errors_go_on_to_the_next_place, NEAREST_WITH_NOISE),
+    partial(corridor.errors_are_correlated_between_headings, NEAREST_WITH_NOISE),
+    partial(corridor.errors_are_correlated_between_places, NEAREST_WITH_NOISE),
 ]
 
 
@@ -87,7 +87,7 @@ def test_every_claim_has_been_broken() -> None:
 
 def test_robot_hears_the_false_wall_again_without_its_body() -> None:
     bare = replace(simple_room.ROBOT, place="0.574,0.085", board="paper")
-    assert not simple_room.body_takes_the_false_wall_away(bare).holds
+    assert not simple_room.body_removes_the_false_wall(bare).holds
     assert simple_room.lower_wall_is_false(bare).holds
 
 

@@ -119,7 +119,7 @@ def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.Capt
         (["--prior", "wind=1..2"], "a quantity of --free: x, y, heading"),
         (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
         (["--prior", "x=9+-1"], "a value from"),
-        (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation over 0\n"),
+        (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation above 0\n"),
         (["--place", "p3", "--place", "p2"], "expected one for each of 1 log, got 2"),
     ],
 )

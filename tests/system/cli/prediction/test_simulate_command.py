@@ -157,7 +157,7 @@ def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.Capt
     out = tmp_path / "scan.mcap"
     few = ["simulate", *FIGURE_9, "--board", str(far), "--from", "90", "--to", "91"]
     assert run([*few, "--traces", "envelope", "--rate", "1e6", "--out", str(out)]) == 2
-    assert "a log carries 65535 samples of a trace" in capsys.readouterr().err
+    assert "a trace in a log has at most 65535 samples" in capsys.readouterr().err
     assert not out.exists()
 
 
