@@ -216,7 +216,10 @@ def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
     [
         (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
         (["--board-out", "mine.toml"], "would contain no fitted value; add one of these to --free: offset"),
-        (["--free", "offset", "--out", "found.toml"], "would contain no fitted value; add one of these to --free: x, y"),
+        (
+            ["--free", "offset", "--out", "found.toml"],
+            "would contain no fitted value; add one of these to --free: x, y",
+        ),
         (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
     ],
 )

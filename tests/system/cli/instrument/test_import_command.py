@@ -72,7 +72,11 @@ def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) 
 @pytest.mark.parametrize(
     ("text", "options", "warned"),
     [
-        ("deg,cm\n0,80\n5,95\n10,120\n", [], "over 95 m, beyond the range of such a board; if they are centimetres, use"),
+        (
+            "deg,cm\n0,80\n5,95\n10,120\n",
+            [],
+            "over 95 m, beyond the range of such a board; if they are centimetres, use",
+        ),
         ("deg,cm\n0,80\n5,95\n10,120\n", ["--scale", "0.01"], ""),
         ("deg,cm\n0,1\n5,2\n10,120\n", [], ""),
         ("deg,cm\n0,\n", [], ""),

@@ -322,7 +322,9 @@ def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> No
         done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
     assert done.returncode == 0
     warning, summary = done.stderr.splitlines()
-    assert re.fullmatch(r"sonarhw: warning: socket://.*: the scanner sends no traces; only echo times are recorded", warning)
+    assert re.fullmatch(
+        r"sonarhw: warning: socket://.*: the scanner sends no traces; only echo times are recorded", warning
+    )
     assert summary == f"4 readings, 4 with an echo, in {log}"
 
 
