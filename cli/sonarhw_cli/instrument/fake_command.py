@@ -54,11 +54,11 @@ def fake(
     load_board(board)
     load_room(room_file).place(place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
-    with sigterm_raises(SystemExit), open_door(pty, tcp) as door:
-        typer.echo(door.url)
+    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
+        typer.echo(port.url)
         # clients can connect from here on, while the slow preparation runs
         device, echoes = fake_device(room_file, place, board, seed, schedule)
-        endpoint = Endpoint(device, door, chosen_pace, moved=typer.echo)
+        endpoint = Endpoint(device, port, chosen_pace, moved=typer.echo)
         with _prepared_meanwhile(echoes.prepare, endpoint.stop):
             endpoint.run()
 

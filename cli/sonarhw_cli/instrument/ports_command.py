@@ -13,7 +13,7 @@ def ports(
     ] = False,
 ) -> None:
     """List serial ports and check them for a scanner. The check may reset the device at a port."""
-    from sonarhw.host.who_answers import who_answers
+    from sonarhw.host.port_probe import probe_port
     from sonarhw.link.ports import serial_ports
 
     found = serial_ports()
@@ -21,5 +21,5 @@ def ports(
         typer.echo("no serial ports", err=True)
     with sigterm_raises():
         for port in found:
-            answer = who_answers(port.device)[1] if ask or port.known else "not checked; --ask checks all"
+            answer = probe_port(port.device)[1] if ask or port.known else "not checked; --ask checks all"
             typer.echo(f"{port.device}  {port.known or port.description}  {answer}")

@@ -82,7 +82,7 @@ def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out
     if traces is not None:
         named |= {"trace": np.stack([_samples(scan, k, traces) for k in range(len(scan.headings))])}
         named |= {"trace_rate_hz": np.array(traces.rate)}
-    with whole_file(out) as file:
+    with atomic_file(out) as file:
         np.savez(file, allow_pickle=False, **named)
 
 

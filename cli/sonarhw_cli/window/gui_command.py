@@ -111,9 +111,9 @@ def _replay(path: Path, request: _Request) -> int:
     from sonarhw_gui.shell.application import WindowStart, run_window
 
     with ExitStack() as during:
-        ways = _Ways(during)
+        scanners = _Scanners(during)
         start = WindowStart(scene, log, source_name=path.name, source_file=path, used=_used(request.room, path))
-        return run_window(replace(start, find_way=ways.find, memory=memory_file()))
+        return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
 
 
 def _show_foreign(path: Path, request: _Request) -> int:
@@ -137,7 +137,7 @@ def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
     from sonarhw_gui.shell.application import WindowStart, run_window
 
     with ExitStack() as during:
-        find_scanner = _Ways(during).find
+        find_scanner = _Scanners(during).find
         start = WindowStart(scene, source_file=file, used=_used(room), find_scanner=find_scanner, memory=memory_file())
         return run_window(start)
 
@@ -156,21 +156,23 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_gui.shell.application import WindowStart, run_window
 
     with ExitStack() as during:
-        ways = _Ways(during)
+        scanners = _Scanners(during)
         # a fake scanner may start at once; a real turntable moves only on a command
-        start = WindowStart(scene, ways.opener(url), autostart=fake, url=url, find_way=ways.find, memory=memory_file())
+        start = WindowStart(
+            scene, scanners.opener(url), autostart=fake, url=url, find_scanner=scanners.find, memory=memory_file()
+        )
         return run_window(replace(start, resume=resume, used=_used(request.room)))
 
 
-class _Ways:
-    """Ways to scanners by URL. A fake takes seconds to prepare, so it is started by the first scan, not before."""
+class _Scanners:
+    """Scanners by URL. A fake takes seconds to prepare, so it is started by the first scan, not before."""
 
     def __init__(self, during: ExitStack) -> None:
         self._during = during
 
-    def find(self, url: str) -> "ScannerWay":
-        """Return the way to the scanner at `url` without opening it. Raises InputError for an invalid URL."""
-        from sonarhw_gui.session.scanner_choice import ScannerWay
+    def find(self, url: str) -> "ScannerTarget":
+        """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
+        from sonarhw_gui.session.scanner_choice import ScannerTarget
 
         scene = _fake_scene(url, _NOTHING) if url.startswith(FAKE) else None
         return ScannerTarget(url, self.opener(url), scene)
