@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from sonarhw_sim.board.profile import load_board
 from sonarhw_sim.board.traces import received
-from sonarhw_sim.rays.audible import everything
+from sonarhw_sim.rays.detectable import all_rays
 from sonarhw_sim.rays.kernel import follow_fan
 
 from benchmarks.cases.image_source_table import compare_with_image_sources
@@ -51,9 +51,9 @@ def rows() -> Iterator[Row]:
     longest = np.array([LONGEST])
 
     def every_arrival() -> set[tuple[int, int]]:
-        all_rays = everything(len(HALF_CIRCLE), len(targets))
+        no_limits = all_rays(len(HALF_CIRCLE), len(targets))
         _, candidates = follow_fan(
-            place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, all_rays
+            place, HALF_CIRCLE, small.surfaces, small.reflectances, targets, longest, BOUNCES, no_limits
         )
         return {(int(ray), int(bounces)) for ray, bounces, _ in candidates}
 

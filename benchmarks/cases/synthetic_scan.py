@@ -50,7 +50,7 @@ def synthetic_scan(
         if random.random() < LOST:
             times = ()
         if random.random() < ANYWHERE:
-            times = (float(random.uniform(board.listens_from, listen)),)
+            times = (float(random.uniform(board.blanking_end, listen)),)
         made.append(Reading(number, 0, 0, angle, 0.1 * number, times, speed))
     return made
 

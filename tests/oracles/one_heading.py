@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from sonarhw_sim.board.gain import NEAREST, lost_db
+from sonarhw_sim.board.gain import NEAREST, uncompensated_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam, beam_table
 from sonarhw_sim.compiled import compiled
@@ -73,7 +73,7 @@ def range_at(
     Sound that meets the transducer unheard passes, or ends where it is `blocking`.
     """
     ka = board.wavenumber(room.air) * board.aperture_radius
-    at_1_m, at_2_m = lost_db(np.array([1.0, 2.0]), board, room.air).tolist()
+    at_1_m, at_2_m = uncompensated_db(np.array([1.0, 2.0]), board, room.air).tolist()
     per_metre = at_2_m - at_1_m - 20 * math.log10(2.0) if board.fixed_gain else at_1_m
     limits = _Limits(
         2 * board.blanked_range(room.air),

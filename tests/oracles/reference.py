@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sonarhw_sim.board.gain import lost_db
+from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, ON_AXIS, with_faces
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import beam_gain
@@ -86,7 +86,7 @@ class _Setting:
 
     def over_threshold(self, ray: Ray, arriving: float = 1.0) -> bool:
         """Whether a ray is still loud enough, losing `arriving` at the receiver."""
-        loss = float(lost_db(np.array(ray.travelled), self.board, self.room.air))
+        loss = float(uncompensated_db(np.array(ray.travelled), self.board, self.room.air))
         return ray.amplitude * ray.spread * arriving > 10 ** ((self.board.threshold_db + loss) / 20)
 
 
@@ -100,7 +100,7 @@ def range_at(
     """
     setting = _Setting(room, place, board, heading, unit, spacing)
     if unit is Unit.REFLECT:
-        faced = with_faces(room, [ON_AXIS.stand(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
+        faced = with_faces(room, [ON_AXIS.pose(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
         setting = replace(setting, room=faced, face=len(room.walls))
     heap: list[tuple[float, int, Arrival]] = []
     count = 0

@@ -94,7 +94,7 @@ def fake_device(
 
     def started(boots: int) -> FakeBoard:
         counted_identity = replace(identity, boot=1 + boots)
-        return FakeBoard(echoes, seed, profile.listens_from, counted_identity, ready=lambda: echoes.ready)
+        return FakeBoard(echoes, seed, profile.blanking_end, counted_identity, ready=lambda: echoes.ready)
 
     return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
 

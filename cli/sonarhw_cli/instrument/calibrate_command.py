@@ -86,7 +86,7 @@ def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: f
     from sonarhw.scan_recording import ScanAir
 
     speed = ScanAir(Air().speed_at, Air().temperature_c, temperature).speed_of_sound(scanner)
-    scanner.configure(2 * board.max_range / speed, board.listens_from, False, speed)
+    scanner.configure(2 * board.max_range / speed, board.blanking_end, False, speed)
     with interruption(scanner.stop):
         return list(scanner.scan(order))
 

@@ -171,7 +171,7 @@ def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
     return ScanPlan(
         request.order,
         reach=board.max_range if request.max_range is None else request.max_range,
-        blanking=board.listens_from,
+        blanking=board.blanking_end,
         air=ScanAir(air.speed_at, air.temperature_c, request.temperature),
         traces=request.traces,
     )

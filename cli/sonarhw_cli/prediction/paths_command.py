@@ -58,7 +58,7 @@ def paths(
         max_bounces,
         not no_diffraction,
         edge_strength=EdgeStrength(edge_strength.value),
-        faintest_bend=10 ** (faintest / 20),
+        faintest_diffraction=10 ** (faintest / 20),
     )
     with text_output(out) as file:
         found = paths_from(room, here, search)

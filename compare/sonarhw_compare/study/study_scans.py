@@ -101,7 +101,7 @@ def _levels(scan: PredictedScan, heard: np.ndarray[tuple[int], np.dtype[np.bool_
     """Level of the winning path at each heading at which there is one, dB relative to a perfect wall straight ahead."""
     winners, headings = scan.winners[heard], scan.headings[heard]
     paths = scan.paths.select(winners)
-    senders = headings if scan.sent_at is None else scan.sent_at[winners]
+    senders = headings if scan.sender_headings is None else scan.sender_headings[winners]
     ka = scan.board.wavenumber(scan.room.air) * scan.board.aperture_radius
     both = strengths(scan.room, scan.board, paths)
     for vectors, towards in ((paths.leaving, senders), (paths.arriving, headings)):

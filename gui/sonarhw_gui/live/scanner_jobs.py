@@ -127,7 +127,7 @@ class ScanJob:
         return ScanPlan(
             self.scan_settings.order,
             reach=board.max_range if self.scan_settings.max_range is None else self.scan_settings.max_range,
-            blanking=board.listens_from,
+            blanking=board.blanking_end,
             air=ScanAir(air.speed_at, air.temperature_c),
             traces=self.scan_settings.traces,
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.room.room_file import MOST_DISTANT
+from sonarhw_sim.room.room_file import MAX_COORDINATE
 from sonarhw_sim.room.room_writing import materials, with_air, with_material, with_place
 
 from sonarhw.errors import InputError
@@ -58,8 +58,8 @@ def sensor_at(scene: Scene, position: Point) -> Edit:
     """The scene with the sensor elsewhere, looking as before. Raises InputError inside a post."""
     _, place = room_and_place(scene)
     position = on_grid(position)
-    if max(map(abs, position)) > MOST_DISTANT:
-        raise InputError(f"the sensor can stand no farther than {MOST_DISTANT:g} m off")
+    if max(map(abs, position)) > MAX_COORDINATE:
+        raise InputError(f"the sensor can stand no farther than {MAX_COORDINATE:g} m off")
     return with_sensor_at(scene, position, place.heading), "moving the sensor"
 
 

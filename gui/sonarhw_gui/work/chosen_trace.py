@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from sonarhw_compare.pictures.trace_levels import envelope_of, floor_of, in_db
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.gain import stepped_gain_db, way_loss_db
+from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Signal
 from sonarhw_sim.choices import Receiver
@@ -105,7 +105,7 @@ def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | Non
         echo_times=np.array(reading.echo_times, dtype=np.float64),
         echoes=() if prediction is None else _echoes(prediction, index, receiver),
         gain=_gain(board, receiver, air.speed_of_sound, duration),
-        blanking=board.listens_from,
+        blanking=board.blanking_end,
         threshold_db=board.threshold_db,
         floor_db=floor,
         duration=duration,
@@ -140,7 +140,7 @@ def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Ga
         levels = stepped_gain_db((ends[:-1] + ends[1:]) / 2, board)
         return Gain(Curve(np.repeat(ends, 2)[1:-1], np.repeat(levels, 2)), True)
     times = np.linspace(duration / _GAIN_POINTS, duration, _GAIN_POINTS)
-    return Gain(Curve(times, way_loss_db(times * speed, board)), False)
+    return Gain(Curve(times, path_loss_db(times * speed, board)), False)
 
 
 def is_stepped(board: Board, receiver: Receiver) -> bool:
@@ -160,6 +160,6 @@ def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable
     time, level = length / prediction.room.air.speed_of_sound, echo.level_db
     if is_stepped(board, receiver):
         # levels are told after the ideal gain
-        level += float(stepped_gain_db(np.array([time]), board)[0] - way_loss_db(np.array([length]), board)[0])
+        level += float(stepped_gain_db(np.array([time]), board)[0] - path_loss_db(np.array([length]), board)[0])
     via = ">".join(prediction.paths.via(echo.path, prediction.room))
     return NamedEcho(time, echo.range, level, via, detectable, first)

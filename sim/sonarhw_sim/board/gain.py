@@ -1,6 +1,6 @@
 """The gain: what a receiver gives back of what the way takes from an echo.
 
-Takes lengths or times; hands on decibels. The ideal gain undoes `way_loss_db` exactly, so that amplitudes need not
+Takes lengths or times; hands on decibels. The ideal gain undoes `path_loss_db` exactly, so that amplitudes need not
 carry it; the 6500's rises in steps that only follow it; a fixed gain gives back nothing, and far echoes are faint.
 """
 
@@ -16,7 +16,7 @@ _INSTANTS = 1000  # at which the two gains are held beside each other
 NEAREST = 0.01  # m: no echo has come a shorter way, but for those from a place on a wall
 
 
-def way_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
+def path_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
     """What spreading and the air that the ideal gain expects take on `lengths` (m, over 0) relative to 1 m, dB.
 
     20 lg of the length (CIM-92-9 §4: the gain cancels it), and ISO 9613-1 at 20 °C and 50 % unless the board has no
@@ -26,7 +26,7 @@ def way_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
     return np.asarray(20 * np.log10(lengths) + per_metre * lengths)
 
 
-def lost_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
+def uncompensated_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
     """What the way takes on `lengths` (m) that the gain does not give back, dB, same shape.
 
     With the ideal gain the absorption beyond what it expects. A fixed gain gives back nothing: spreading and all
@@ -35,17 +35,17 @@ def lost_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
     excess = board.excess_absorption(air) * lengths
     if not board.fixed_gain:
         return np.asarray(excess)
-    return np.asarray(way_loss_db(np.maximum(lengths, NEAREST), board) - _loss_at_1_m_db(board) + excess)
+    return np.asarray(path_loss_db(np.maximum(lengths, NEAREST), board) - _loss_at_1_m_db(board) + excess)
 
 
-def most_gained(board: Board, air: Air, max_length: float) -> float:
+def largest_gain(board: Board, air: Air, max_length: float) -> float:
     """The most by which the gain lifts an echo that comes a way of at most `max_length` (m), amplitude, 1 or more."""
     ends = np.array([2 * board.blanked_range(air), max_length])
-    return max(1.0, float(10 ** (-lost_db(ends, board, air).min() / 20)))
+    return max(1.0, float(10 ** (-uncompensated_db(ends, board, air).min() / 20)))
 
 
 def _loss_at_1_m_db(board: Board) -> float:
-    return float(way_loss_db(np.ones(1), board)[0])
+    return float(path_loss_db(np.ones(1), board)[0])
 
 
 def stepped_gain_db(times: FloatArray, board: Board) -> FloatArray:
@@ -63,5 +63,5 @@ def _first_gain_db(board: Board) -> float:
     begin, end = board.gain_steps[0], board.gain_steps[-1]
     times = begin + (end - begin) * (np.arange(_INSTANTS) + 0.5) / _INSTANTS
     steps = np.searchsorted(np.array(board.gain_steps), times, side="right")
-    ideal = way_loss_db(times * Air().speed_of_sound, board)
+    ideal = path_loss_db(times * Air().speed_of_sound, board)
     return float((ideal - board.gain_step_db * steps).mean())

@@ -1,8 +1,6 @@
 """The mount: where on its carrier a transducer sits, and what of the carrier stands in the way of sound.
 
-Takes a place, which is where the turning axis stands, and a heading; hands on a `Stand`, from which sound leaves and at
-which it is heard, and the room with the carrier's body and the transducers' faces in it. `Mount` is a turntable's one
-head; `sonarhw_sim.board.ring` has several sensors round a body. What a face does to sound that passes is the `Unit`'s.
+Takes a place, which is where the turning axis stands, and a heading.
 """
 
 import math
@@ -33,13 +31,13 @@ FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REF
 
 
 @dataclass(frozen=True)
-class Stand:
+class TransducerPose:
     """Where a transducer is when it points along a heading; positions in m, in the room."""
 
     heading: float  # rad
     sender: tuple[float, float]
     receiver: tuple[float, float]
-    fires: float = 0.0  # s: when it sends, and from when its own time runs
+    ping_time: float = 0.0  # s: when it sends, and from when its own time runs
 
 
 class Mount(TomlModel):
@@ -64,18 +62,18 @@ class Mount(TomlModel):
         """Whether sound goes the same ways at every heading."""
         return self == ON_AXIS
 
-    def stand(self, place: Place, heading: float) -> Stand:
+    def pose(self, place: Place, heading: float) -> TransducerPose:
         """The head when it points along `heading` (rad in the room)."""
         half = self.separation / 2
-        return Stand(
+        return TransducerPose(
             heading,
             _from_axis(place, heading, self.ahead, self.aside + half),
             _from_axis(place, heading, self.ahead, self.aside - half),
         )
 
-    def senders(self, place: Place, heading: float) -> tuple[Stand, ...]:
+    def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
         """Everything whose ping may be heard at `heading`: the head's own."""
-        return (self.stand(place, heading),)
+        return (self.pose(place, heading),)
 
 
 ON_AXIS = Mount()
@@ -96,7 +94,7 @@ def with_body(room: Room, place: Place, radius: float) -> Room:
 
 
 def with_faces(
-    room: Room, stands: Sequence[Stand], half_width: float, reflectance: float, height: float | None = None
+    room: Room, stands: Sequence[TransducerPose], half_width: float, reflectance: float, height: float | None = None
 ) -> Room:
     """The room with the faces of transducers as walls behind its own, each `half_width` (m) to both sides.
 
@@ -107,7 +105,7 @@ def with_faces(
     return with_walls(room, face_segments(stands, half_width), FACE, reflectance, span)
 
 
-def face_segments(stands: Sequence[Stand], half_width: float) -> FloatArray:
+def face_segments(stands: Sequence[TransducerPose], half_width: float) -> FloatArray:
     """The faces of transducers across their headings, (n, 4) float, m; where a stand has two, they are two."""
     segments = []
     for stand in stands:

@@ -100,7 +100,7 @@ class BoardFile(TomlModel):
         return self
 
     @model_validator(mode="after")
-    def _hears_something(self) -> "BoardFile":
+    def _detects_something(self) -> "BoardFile":
         silent = Air().speed_of_sound / 2 * (self.blanking if self.blanking_inhibit is None else self.blanking_inhibit)
         if self.max_range <= silent:
             raise ValueError(
@@ -164,7 +164,7 @@ class Board:
         return self.ring or self.mount
 
     @property
-    def listens_from(self) -> float:
+    def blanking_end(self) -> float:
         """When blanking ends by the board's clock, s: by itself, or by BINH."""
         return self.blanking if self.blanking_inhibit is None else self.blanking_inhibit
 
@@ -187,7 +187,7 @@ class Board:
 
     def blanked_range(self, air: Air) -> float:
         """Range below which nothing is heard, m."""
-        return self.listens_from * air.speed_of_sound / 2
+        return self.blanking_end * air.speed_of_sound / 2
 
     def excess_absorption(self, air: Air) -> float:
         """What this air takes beyond what the ideal gain gives back, dB/m.

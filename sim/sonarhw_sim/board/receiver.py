@@ -34,23 +34,27 @@ class ReceivedEchoes:
     winner: int  # row of the arrival that was loudest just before the first; -1: no echo, or noise, or the own burst
 
 
-def hear(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> ReceivedEchoes:
+def detect_echoes(
+    arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None
+) -> ReceivedEchoes:
     """The echoes that the board's own receiver finds up to its maximum range."""
-    return _hear_for(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
+    return _detect_within(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
 
 
-def hear_first(arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None) -> ReceivedEchoes:
+def detect_first_echo(
+    arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None
+) -> ReceivedEchoes:
     """What `hear` finds, up to the first echo or some more: most pings need no more of the signal than that."""
     whole = 2 * board.max_range / speed_of_sound
     listen = min(_FIRST_LISTEN, whole)
-    heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+    heard = _detect_within(listen, arrivals, board, speed_of_sound, noise)
     while not len(heard.times) and listen < whole:
         listen = min(2 * listen, whole)
-        heard = _hear_for(listen, arrivals, board, speed_of_sound, noise)
+        heard = _detect_within(listen, arrivals, board, speed_of_sound, noise)
     return heard
 
 
-def _hear_for(
+def _detect_within(
     duration: float, arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None
 ) -> ReceivedEchoes:
     samples = received(arrivals, board, speed_of_sound, duration, Receiver.BOARD, noise).samples
@@ -95,7 +99,7 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
     # over zero, so that a threshold of nothing hears everything
     full = max(10 ** (board.threshold_db / 20), 1e-300) * _charge_of_burst(board, speed_of_sound)
     # the board ends its blanking by its own clock
-    opens = board.listens_from / (1 + board.clock_error)
+    opens = board.blanking_end / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
     found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board))
     return np.asarray(found / RATE)

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.mount import Stand
+from sonarhw_sim.board.mount import TransducerPose
 from sonarhw_sim.room.model import Place
 from sonarhw_sim.toml_file import TomlModel
 
@@ -61,7 +61,7 @@ class Ring(TomlModel):
         nearest = round(turn)
         return nearest % self.sensors if abs(turn - nearest) <= _POINTS_ALONG else None
 
-    def stand(self, place: Place, heading: float) -> Stand:
+    def pose(self, place: Place, heading: float) -> TransducerPose:
         """The sensor that points along `heading` (rad in the room). Raises InputError where none does."""
         sensor = self.sensor_at(place, heading)
         if sensor is None:
@@ -69,14 +69,14 @@ class Ring(TomlModel):
                 f"no sensor of the ring points to {math.degrees(heading):g}°: its {self.sensors} stand "
                 f"{360 / self.sensors:g}° apart from {math.degrees(place.heading):g}° on"
             )
-        return self._stand(place, sensor)
+        return self._pose(place, sensor)
 
-    def senders(self, place: Place, heading: float) -> tuple[Stand, ...]:
+    def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
         """Every sensor: whichever `heading` one listens at, it may hear them all."""
-        return tuple(self._stand(place, sensor) for sensor in range(self.sensors))
+        return tuple(self._pose(place, sensor) for sensor in range(self.sensors))
 
-    def _stand(self, place: Place, sensor: int) -> Stand:
+    def _pose(self, place: Place, sensor: int) -> TransducerPose:
         heading = float(self.headings(place)[sensor])
         x, y = place.position
         face = x + self.radius * math.cos(heading), y + self.radius * math.sin(heading)
-        return Stand(heading, face, face, self.firing_times[sensor])
+        return TransducerPose(heading, face, face, self.firing_times[sensor])

@@ -4,7 +4,7 @@ Takes arrivals as plain arrays, a board, the speed of sound; hands on a `Signal`
 any rate, the same as a slow converter of 8 bits sees it, and its envelope. 1.0 is a perfect wall straight ahead after
 the ideal gain, so the board's threshold lies at 10^(threshold_db / 20); beyond it the receiver is at its limit.
 
-Every echo is the burst, smeared by h_R at its angle of departure and at that of arrival. Convolution with h_R is a
+Every echo is the burst, convolved by h_R at its angle of departure and at that of arrival. Convolution with h_R is a
 product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α: so an echo is made in a short spectrum round the
 carrier, where its exact time of flight is a phase.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, Trace
 from sonarhw_sim.board.burst import RATE, Burst, burst_of
-from sonarhw_sim.board.gain import stepped_gain_db, way_loss_db
+from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.board.weighing import beam_table, disc
@@ -155,7 +155,7 @@ def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receive
         return arrivals
     # nothing that returns at once is heard, and it has no loss to speak of
     lengths = np.maximum(arrivals.times * speed_of_sound, 1e-3)
-    lost = 10 ** (-way_loss_db(lengths, board) / 20)
+    lost = 10 ** (-path_loss_db(lengths, board) / 20)
     return Arrivals(arrivals.times, arrivals.amplitudes * lost, arrivals.leaving, arrivals.arriving)
 
 

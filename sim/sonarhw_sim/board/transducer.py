@@ -46,7 +46,7 @@ def impulse_response(times: FloatArray, angle: float, radius: float, speed_of_so
     return np.asarray(2 * np.cos(angle) / (np.pi * spread) * np.sqrt(inside))
 
 
-def smeared(
+def convolved(
     pulse: FloatArray | ComplexArray, rate: float, angles: FloatArray, radius: float, speed_of_sound: float, ways: int
 ) -> tuple[ComplexArray, float]:
     """A pulse convolved with h_R once for each way, at every angle: (n, m) complex, and when its first sample is, s.
@@ -78,7 +78,7 @@ def burst_loss(
 
     Give the pulse with its carrier as a complex exponential: the peak is then its envelope's, whatever its phase.
     """
-    left, _ = smeared(pulse, rate, angles, radius, speed_of_sound, ways)
+    left, _ = convolved(pulse, rate, angles, radius, speed_of_sound, ways)
     power = np.abs(left) ** 2
     whole = np.abs(pulse) ** 2
     return BurstLoss(np.sqrt(power.max(axis=1) / whole.max()), np.sqrt(power.sum(axis=1) / whole.sum()))

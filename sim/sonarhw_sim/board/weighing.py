@@ -90,7 +90,7 @@ def amplitudes_at(
 
 
 @compiled
-def first_heard(
+def first_detected(
     headings: FloatArray,
     leaving: FloatArray,
     arriving: FloatArray,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.mount import FACE, Mount, Stand, with_body, with_faces
+from sonarhw_sim.board.mount import FACE, Mount, TransducerPose, with_body, with_faces
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.rays.paths import Paths, join_paths
 from sonarhw_sim.room.model import Place, Room
@@ -27,21 +27,21 @@ class HeadingPaths:
     room: Room  # with the carrier's body in it, and the faces as they stand at the first heading
     paths: Paths  # (p,)
     only_at: NDArray[np.intp]  # (p,): row of the heading at which each is heard
-    sent_at: FloatArray  # (p,), rad: where its sender points
+    sender_headings: FloatArray  # (p,), rad: where its sender points
     lateness: FloatArray  # (p,), m: how much longer each seems, its ping having been sent later than the listener's
 
 
 @dataclass(frozen=True)
-class Leg:
+class SensorPair:
     """One sender and one listener, and how long paths between them may be."""
 
-    sender: Stand
-    listener: Stand
+    sender: TransducerPose
+    listener: TransducerPose
     lateness: float  # m
     max_length: float  # m
 
 
-Find = Callable[[Room, Leg], Paths]  # the paths of a leg in the room, those worth keeping
+Find = Callable[[Room, SensorPair], Paths]  # the paths of a leg in the room, those worth keeping
 
 
 def find_by_heading(
@@ -56,13 +56,13 @@ def find_by_heading(
     room = with_body(room, place, carrier.body_radius)
     shown, found = room, []
     for k, heading in enumerate(headings):
-        listener, senders = carrier.stand(place, float(heading)), carrier.senders(place, float(heading))
-        crowded = room
+        listener, senders = carrier.pose(place, float(heading)), carrier.senders(place, float(heading))
+        room_with_faces = room
         if face_reflectance is not None:
-            crowded = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
-        shown = shown if k else crowded
-        legs = _legs(listener, senders, 2 * board.max_range, speed)
-        found += [(_without_idle(find(crowded, leg), crowded), k, leg) for leg in legs]
+            room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
+        shown = shown if k else room_with_faces
+        pairs = _pairs(listener, senders, 2 * board.max_range, speed)
+        found += [(_without_idle(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
     return _joined(shown, found)
 
 
@@ -83,13 +83,15 @@ def arm(board: Board) -> tuple[float, float]:
     return mount.ahead, mount.aside - mount.separation / 2
 
 
-def _legs(listener: Stand, senders: tuple[Stand, ...], max_length: float, speed: float) -> Iterator[Leg]:
+def _pairs(
+    listener: TransducerPose, senders: tuple[TransducerPose, ...], max_length: float, speed: float
+) -> Iterator[SensorPair]:
     for sender in senders:
-        lateness = (sender.fires - listener.fires) * speed
+        lateness = (sender.ping_time - listener.ping_time) * speed
         longest = min(max_length, max_length - lateness)
         # else it is over before the listener's own ping, or comes after its time
         if longest > max(0.0, -lateness):
-            yield Leg(sender, listener, lateness, longest)
+            yield SensorPair(sender, listener, lateness, longest)
 
 
 def _without_idle(paths: Paths, room: Room) -> Paths:
@@ -108,15 +110,15 @@ def _last_legs(paths: Paths) -> FloatArray:
     return np.asarray(np.hypot(*(paths.points[rows, last] - paths.points[rows, last - 1]).T))
 
 
-def _joined(room: Room, found: list[tuple[Paths, int, Leg]]) -> HeadingPaths:
+def _joined(room: Room, found: list[tuple[Paths, int, SensorPair]]) -> HeadingPaths:
     counts = [len(paths) for paths, _, _ in found]
     paths = join_paths([paths for paths, _, _ in found])
-    lateness = np.repeat(np.array([leg.lateness for _, _, leg in found], dtype=np.float64), counts)
+    lateness = np.repeat(np.array([pair.lateness for _, _, pair in found], dtype=np.float64), counts)
     order = np.argsort(paths.lengths + lateness, kind="stable")
     return HeadingPaths(
         room,
         paths.select(order),
         np.repeat(np.array([k for _, k, _ in found], dtype=np.intp), counts)[order],
-        np.repeat(np.array([leg.sender.heading for _, _, leg in found], dtype=np.float64), counts)[order],
+        np.repeat(np.array([pair.sender.heading for _, _, pair in found], dtype=np.float64), counts)[order],
         lateness[order],
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.gain import lost_db
+from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face, amplitudes_at, beam_table, loudest_by_separation
 from sonarhw_sim.choices import Unit
@@ -19,7 +19,7 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
 # Fainter than this under the threshold, a path is not noticed: of those a room has, nine in ten never are. dB
-_NOTICED_BELOW_THRESHOLD = 20.0
+_KEPT_BELOW_THRESHOLD = 20.0
 
 
 def path_amplitudes(
@@ -38,15 +38,15 @@ def path_amplitudes(
 
 
 def leg_amplitudes(
-    room: Room, board: Board, heading: float, paths: Paths, sent_at: FloatArray | None = None
+    room: Room, board: Board, heading: float, paths: Paths, sender_headings: FloatArray | None = None
 ) -> FloatArray:
     """Amplitude of every path as `path_amplitudes` has it, (p,) float, heard at a heading (rad) by one transducer.
 
-    `sent_at` (p,) rad is where the one that sent each points; None: where the listener does.
+    `sender_headings` (p,) rad is where the one that sent each points; None: where the listener does.
     """
     ka = board.wavenumber(room.air) * board.aperture_radius
     # as if the sender had pointed along `heading`
-    leaving = paths.leaving if sent_at is None else turned(paths.leaving, heading - sent_at)
+    leaving = paths.leaving if sender_headings is None else turned(paths.leaving, heading - sender_headings)
     return np.asarray(
         amplitudes_at(heading, leaving, paths.arriving, strengths(room, board, paths), ka, beam_table(ka))
     )
@@ -65,18 +65,18 @@ def is_blanked(lengths: FloatArray, board: Board, room: Room) -> BoolArray:
 
 def strengths(room: Room, board: Board, paths: Paths) -> FloatArray:
     """Amplitude of every path before the beam, (p,) float."""
-    return np.asarray(paths.gains * 10 ** (-lost_db(paths.lengths, board, room.air) / 20))
+    return np.asarray(paths.gains * 10 ** (-uncompensated_db(paths.lengths, board, room.air) / 20))
 
 
-def faintest_noticed(board: Board) -> float:
+def faintest_kept(board: Board) -> float:
     """Amplitude under which a path is not noticed."""
-    return float(10 ** ((board.threshold_db - _NOTICED_BELOW_THRESHOLD) / 20))
+    return float(10 ** ((board.threshold_db - _KEPT_BELOW_THRESHOLD) / 20))
 
 
-def noticed(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
+def loud_enough(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
     """Rows of the paths that at their best heading come within 20 dB of the threshold, (k,) int."""
     loudest = loudest_by_separation(board.wavenumber(room.air) * board.aperture_radius)
     together = np.clip((paths.leaving * paths.arriving).sum(axis=1), -1, 1)
     # the next smaller separation: never too strict
     apart = (np.arccos(together) / math.pi * (len(loudest) - 1)).astype(np.intp)
-    return np.flatnonzero(strengths(room, board, paths) * loudest[apart] >= faintest_noticed(board))
+    return np.flatnonzero(strengths(room, board, paths) * loudest[apart] >= faintest_kept(board))

@@ -107,7 +107,7 @@ def _range_error(seed: int, heading: float) -> float:
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
     """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
-    starts = np.array([board.carrier.stand(place, float(heading)).receiver for heading in headings])
+    starts = np.array([board.carrier.pose(place, float(heading)).receiver for heading in headings])
     standing = standing_at(room, place.height)
     section = cut(room, standing)
     distances, directions, surfaces = _nearest_hits(starts.reshape(-1, 2), headings[:, None] + cone, section.surfaces)

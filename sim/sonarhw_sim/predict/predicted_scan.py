@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, hear, hear_first
+from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
 from sonarhw_sim.board.weighing import BoolArray, all_meeting_face
 from sonarhw_sim.choices import Receiver, Unit
@@ -45,7 +45,9 @@ class PredictedScan:
     winners: NDArray[np.intp]  # (n,): row of the path that is reported; -1: no echo
     distances: FloatArray  # (n,), m: what the receiver found, before rounding; NaN: no echo
     only_at: NDArray[np.intp] | None = None  # (p,): the one heading at which a path exists; None: all do at every one
-    sent_at: FloatArray | None = None  # (p,), rad: where each one's sender points; None: where the listener does
+    sender_headings: FloatArray | None = (
+        None  # (p,), rad: where each one's sender points; None: where the listener does
+    )
     lateness: FloatArray | None = None  # (p,), m: by how much each seems longer than it is; None: by nothing
     receiver: Receiver = Receiver.FIRST_ECHO
     noise: float = 0.0  # in every signal, root mean square; 1 is full scale
@@ -68,7 +70,7 @@ class PredictedScan:
 
     @cached_property
     def blanked(self) -> BoolArray:
-        """Which paths arrive while the board cannot hear, (p,) bool."""
+        """Which paths arrive while the board cannot detect_echoes, (p,) bool."""
         return is_blanked(self.apparent_lengths, self.board, self.room)
 
     def levels_at(self, index: int) -> FloatArray:
@@ -81,9 +83,9 @@ class PredictedScan:
             amplitudes = path_amplitudes(self.room, self.place, self.board, heading, self.paths, self.unit)
         else:
             here = np.flatnonzero(self.only_at == index)
-            sent_at = None if self.sent_at is None else self.sent_at[here]
+            sender_headings = None if self.sender_headings is None else self.sender_headings[here]
             amplitudes = np.zeros(len(self.paths))
-            amplitudes[here] = leg_amplitudes(self.room, self.board, heading, self.paths.select(here), sent_at)
+            amplitudes[here] = leg_amplitudes(self.room, self.board, heading, self.paths.select(here), sender_headings)
         with np.errstate(divide="ignore"):
             return np.asarray(20 * np.log10(amplitudes))
 
@@ -110,14 +112,16 @@ class PredictedScan:
         """
         if self.receiver is Receiver.BOARD:
             speed = self.room.air.speed_of_sound
-            heard = hear(self._arrivals_at(index), self.board, speed, self._noise_at(index))
+            heard = detect_echoes(self._arrivals_at(index), self.board, speed, self._noise_at(index))
             return counted_time(heard.times, self.board)
         distance = self.distances[index : index + 1]
         return np.asarray(2 * distance[~np.isnan(distance)] / self.room.air.speed_of_sound)
 
-    def first_heard_at(self, index: int) -> ReceivedEchoes:
+    def first_detected_at(self, index: int) -> ReceivedEchoes:
         """The first echo that the board's own receiver finds at heading `index`; the winner is a row of `paths`."""
-        heard = hear_first(self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index))
+        heard = detect_first_echo(
+            self._arrivals_at(index), self.board, self.room.air.speed_of_sound, self._noise_at(index)
+        )
         # row -1, "no path", picks what is appended
         return replace(heard, winner=int(np.append(self._present_at(index), -1)[heard.winner]))
 
@@ -131,8 +135,8 @@ class PredictedScan:
         if self.only_at is None and self.unit is Unit.BLOCK:
             corners = paths.points - np.array(self.place.position)
             amplitudes[all_meeting_face(corners, heading, self.board.aperture_radius)] = 0.0
-        sent_at = heading if self.sent_at is None else self.sent_at[here]
-        leaving = paths.leaving[:, 0] * np.cos(sent_at) + paths.leaving[:, 1] * np.sin(sent_at)
+        sender_headings = heading if self.sender_headings is None else self.sender_headings[here]
+        leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)
         arriving = paths.arriving[:, 0] * np.cos(heading) + paths.arriving[:, 1] * np.sin(heading)
         times = self.apparent_lengths[here] / self.room.air.speed_of_sound
         return Arrivals(times, amplitudes, leaving, arriving)

@@ -10,22 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.gain import most_gained
+from sonarhw_sim.board.gain import largest_gain
 from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time
-from sonarhw_sim.board.weighing import beam_table, first_heard
+from sonarhw_sim.board.weighing import beam_table, first_detected
 from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
-from sonarhw_sim.predict.by_heading import HeadingPaths, Leg, find_by_heading
-from sonarhw_sim.predict.levels import faintest_noticed, is_blanked, leg_amplitudes, noticed, strengths
+from sonarhw_sim.predict.by_heading import HeadingPaths, SensorPair, find_by_heading
+from sonarhw_sim.predict.levels import faintest_kept, is_blanked, leg_amplitudes, loud_enough, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
-from sonarhw_sim.rays.audible import Front
+from sonarhw_sim.rays.detectable import TransducerAxes
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
 # Of paths bent by an edge there is no end; only those are sought that could be heard if they were a little louder. dB
-BENT_BELOW_THRESHOLD = 3.0
+DIFFRACTED_BELOW_THRESHOLD = 3.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
     winners = np.full(len(scan.headings), -1, dtype=np.intp)
     distances = np.full(len(scan.headings), np.nan)
     for k in range(len(scan.headings)):
-        heard = scan.first_heard_at(k)
+        heard = scan.first_detected_at(k)
         if len(heard.times):
             winners[k] = heard.winner
             distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2
@@ -87,7 +87,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
     """Which paths `board` could hear."""
     max_length = 2 * board.max_range
     # weather makes little difference to an edge; a gain that gives nothing back, much
-    gained = most_gained(board, room.air, max_length) if board.fixed_gain else 1.0
+    gained = largest_gain(board, room.air, max_length) if board.fixed_gain else 1.0
     return PathSearch(
         max_length,
         board.wavelength(room.air),
@@ -95,7 +95,7 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
         options.diffraction,
         options.rays,
         options.edge_strength,
-        10 ** ((board.threshold_db - BENT_BELOW_THRESHOLD) / 20) / gained,
+        10 ** ((board.threshold_db - DIFFRACTED_BELOW_THRESHOLD) / 20) / gained,
     )
 
 
@@ -116,18 +116,18 @@ def _predict_by_heading(
 ) -> PredictedScan:
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     search = search_for(room, board, options)
-    faintest = faintest_noticed(board)
+    faintest = faintest_kept(board)
     ka = board.wavenumber(room.air) * board.aperture_radius
-    gained = most_gained(board, room.air, search.max_length)
+    gained = largest_gain(board, room.air, search.max_length)
 
-    def find(crowded: Room, leg: Leg) -> Paths:
-        start, end = replace(place, position=leg.sender.sender), leg.listener.receiver
-        front = Front(leg.sender.heading, leg.listener.heading, ka, faintest / gained)
-        search_leg = replace(search, max_length=leg.max_length, front=front)
+    def find(room_with_faces: Room, pair: SensorPair) -> Paths:
+        start, end = replace(place, position=pair.sender.sender), pair.listener.receiver
+        axes = TransducerAxes(pair.sender.heading, pair.listener.heading, ka, faintest / gained)
+        search_pair = replace(search, max_length=pair.max_length, axes=axes)
         # one point for both lets a search use every way twice
-        paths = _paths(crowded, start, board, search_leg, options, None if start.position == end else end)
-        sent_at = np.full(len(paths), leg.sender.heading)
-        amplitudes = leg_amplitudes(room, board, leg.listener.heading, paths, sent_at)
+        paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
+        sender_headings = np.full(len(paths), pair.sender.heading)
+        amplitudes = leg_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
         return paths.select(np.flatnonzero(amplitudes >= faintest))
 
     found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
@@ -136,7 +136,7 @@ def _predict_by_heading(
 
 def _scan_of(found: HeadingPaths, place: Place, board: Board, headings: FloatArray, unit: Unit) -> PredictedScan:
     scan = silent_scan(found.room, place, board, headings, found.paths, found.only_at, unit)
-    return with_first_echoes(replace(scan, sent_at=found.sent_at, lateness=found.lateness))
+    return with_first_echoes(replace(scan, sender_headings=found.sender_headings, lateness=found.lateness))
 
 
 def weigh_paths(
@@ -144,10 +144,10 @@ def weigh_paths(
 ) -> PredictedScan:
     """The scan that known paths give at `headings` (n,) rad; those too faint to notice at any heading are left out."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
-    paths = paths.select(noticed(room, board, paths))
+    paths = paths.select(loud_enough(room, board, paths))
     heard = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
     ka = board.wavenumber(room.air) * board.aperture_radius
-    first = first_heard(
+    first = first_detected(
         headings,
         paths.leaving[heard],
         paths.arriving[heard],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.choices import EdgeStrength
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.rays.ways import Ways
+from sonarhw_sim.rays.partial_paths import PartialPaths
 from sonarhw_sim.room.edges import Edges, inside_wedge
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
@@ -22,14 +22,14 @@ _AT_EDGE = 1e-7  # m
 
 
 @dataclass(frozen=True)
-class Bending:
+class EdgeDiffraction:
     """What is asked of edges."""
 
     wavelength: float  # m
     faintest: float  # gain under which a bent path is not wanted
     strength: EdgeStrength = EdgeStrength.PAPER
 
-    def longest_ways(self, distances: FloatArray) -> FloatArray:
+    def longest_partial(self, distances: FloatArray) -> FloatArray:
         """The longest way to edges so far (n,) m from the other end whose path can still be loud enough, (n,) m.
 
         The way on is no shorter than the straight distance; 0 where not even that will do, inf where any will.
@@ -53,8 +53,8 @@ class Bending:
 
 
 @dataclass(frozen=True)
-class EdgeWays:
-    """Ways to edges, in order of edge and then of length; one row each."""
+class EdgePaths:
+    """PartialPaths to edges, in order of edge and then of length; one row each."""
 
     edges: IntArray  # (n,): row in the room's edges
     lengths: FloatArray  # (n,), m
@@ -62,32 +62,39 @@ class EdgeWays:
     angles: FloatArray  # (n,), rad from the wedge's first face to where the way comes from
 
 
-def bent_ways(room: Room, out: Ways, back: Ways, bending: Bending, max_length: float, max_bounces: int) -> Ways:
+def diffracted_paths(
+    room: Room,
+    out: PartialPaths,
+    back: PartialPaths,
+    edge_diffraction: EdgeDiffraction,
+    max_length: float,
+    max_bounces: int,
+) -> PartialPaths:
     """Every path there by a way of `out` to an edge and on by one of `back`, gone backwards."""
-    out, out_ways = _ways_to_edges(room, out)
-    back, back_ways = (out, out_ways) if back is out else _ways_to_edges(room, back)
-    first, second, gains = join_at_edges(out_ways, back_ways, room.edges, bending, max_length)
+    out, out_edges = _paths_to_edges(room, out)
+    back, back_edges = (out, out_edges) if back is out else _paths_to_edges(room, back)
+    first, second, gains = join_at_edges(out_edges, back_edges, room.edges, edge_diffraction, max_length)
     most = int((out.bends[first] + back.bends[second]).max(initial=0))
     surfaces, points = _thread(first, second, out.surfaces, out.points, back.surfaces, back.points, most)
     lengths = out.lengths[first] + back.lengths[second]
-    ways = Ways(lengths, gains, surfaces, out.edges[first], out.bends[first], points)
-    return ways.select(np.flatnonzero((surfaces >= 0).sum(axis=1) <= max_bounces))
+    paths = PartialPaths(lengths, gains, surfaces, out.edges[first], out.bends[first], points)
+    return paths.select(np.flatnonzero((surfaces >= 0).sum(axis=1) <= max_bounces))
 
 
-def _ways_to_edges(room: Room, ways: Ways) -> tuple[Ways, EdgeWays]:
+def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, EdgePaths]:
     """The ways that reach an edge through its own wedge of air, in order of edge and length, and how they stand."""
-    ways = ways.select(np.flatnonzero(ways.edges >= 0))
-    rows = np.arange(len(ways.lengths))
-    before = ways.points[rows, ways.bends] - room.edges.points[ways.edges]
+    paths = paths.select(np.flatnonzero(paths.edges >= 0))
+    rows = np.arange(len(paths.lengths))
+    before = paths.points[rows, paths.bends] - room.edges.points[paths.edges]
     direction = np.arctan2(before[:, 1], before[:, 0])
-    within = inside_wedge(direction, room.edges.starts[ways.edges], room.edges.openings[ways.edges])
+    within = inside_wedge(direction, room.edges.starts[paths.edges], room.edges.openings[paths.edges])
     # a reflection at the very edge is no way to it
     within &= np.hypot(*before.T) > _AT_EDGE
-    order = np.lexsort((ways.lengths, ways.edges))
+    order = np.lexsort((paths.lengths, paths.edges))
     order = order[within[order]]
-    ways, direction = ways.select(order), direction[order]
-    angles = np.mod(direction - room.edges.starts[ways.edges], math.tau)
-    return ways, EdgeWays(ways.edges, ways.lengths, ways.gains, angles)
+    paths, direction = paths.select(order), direction[order]
+    angles = np.mod(direction - room.edges.starts[paths.edges], math.tau)
+    return paths, EdgePaths(paths.edges, paths.lengths, paths.gains, angles)
 
 
 @compiled
@@ -124,7 +131,7 @@ def _thread(
 
 
 def join_at_edges(
-    out: EdgeWays, back: EdgeWays, edges: Edges, bending: Bending, max_length: float
+    out: EdgePaths, back: EdgePaths, edges: Edges, edge_diffraction: EdgeDiffraction, max_length: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
     """Rows of `out` and of `back` (m,) that make a path of at most `max_length`, loud enough, and its gain (m,)."""
     pairs, gains = _join(
@@ -132,21 +139,21 @@ def join_at_edges(
         (back.edges, back.lengths, back.gains, back.angles),
         np.searchsorted(back.edges, out.edges),
         edges.openings / math.pi,
-        bending.wavelength,
+        edge_diffraction.wavelength,
         max_length,
-        bending.faintest,
-        bending.strength is EdgeStrength.KELLER,
+        edge_diffraction.faintest,
+        edge_diffraction.strength is EdgeStrength.KELLER,
     )
     return pairs[:, 0], pairs[:, 1], gains
 
 
-_Ways = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+_EdgeColumns = tuple[IntArray, FloatArray, FloatArray, FloatArray]
 
 
 @compiled
 def _join(
-    out: _Ways,
-    back: _Ways,
+    out: _EdgeColumns,
+    back: _EdgeColumns,
     starts: NDArray[np.intp],
     ns: FloatArray,
     wavelength: float,

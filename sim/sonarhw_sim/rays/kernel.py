@@ -2,7 +2,7 @@
 
 Takes surfaces and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
 first b reflections, passes near target t". `rays.sequences` solves every candidate exactly, so nearness may be
-generous, and what nobody could hear (`sonarhw_sim.rays.audible`) is dropped first.
+generous, and what nobody could hear (`sonarhw_sim.rays.detectable`) is dropped first.
 Compiled by numba; plain arrays only.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.rays.audible import Audible
+from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 
 # How near, in ray spacings, a ray must pass to be a candidate. A path midway between two rays is half a spacing from
@@ -136,7 +136,7 @@ def follow_fan(
     targets: FloatArray,
     longest: FloatArray,
     max_bounces: int,
-    audible: Audible,
+    detectable: Detectable,
 ) -> tuple[IntArray, IntArray]:
     """Follow every ray until its path is longer than any way to a target may be, or too faint for all of them.
 
@@ -146,8 +146,8 @@ def follow_fan(
     """
     # in one piece: lists that grow, handed to and fro between compiled functions, cost 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
-    leaving, least, axis_x, axis_y, hearing = audible
-    faintest, max_length, max_return = least.min(), longest.max(), _longest_there_and_on(targets, longest)
+    leaving, least, axis_x, axis_y, receiving = detectable
+    faintest, max_length, max_return = least.min(), longest.max(), _longest_path(targets, longest)
     spacing = directions[1] - directions[0]
     touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
@@ -178,7 +178,7 @@ def follow_fan(
             for target in nearby[:passed]:
                 miss, loudest = _passes(leg, reach, targets[target, 0], targets[target, 1], longest[target], spacing)
                 if target == 0 and miss >= 0.0:
-                    loudest *= _most_heard(leg, axis_x, axis_y, spacing, hearing)
+                    loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
                 if miss < 0.0 or loudest <= least[target]:
                     continue
                 if found == candidates.shape[0]:
@@ -205,7 +205,7 @@ def follow_fan(
 
 
 @compiled
-def _longest_there_and_on(targets: FloatArray, longest: FloatArray) -> float:
+def _longest_path(targets: FloatArray, longest: FloatArray) -> float:
     """The longest way to any target and straight on to the receiver, m."""
     most = longest[0]
     for target in range(1, targets.shape[0]):
@@ -231,11 +231,11 @@ def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing
 
 
 @compiled
-def _most_heard(leg: _Leg, axis_x: float, axis_y: float, spacing: float, hearing: FloatArray) -> float:
+def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, receiving: FloatArray) -> float:
     """The most that the receiver hears of a tube by where it comes from."""
     cosine = -leg.dx * axis_x - leg.dy * axis_y
     aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
-    most: float = hearing[int(aside / math.pi * (hearing.shape[0] - 1))]
+    most: float = receiving[int(aside / math.pi * (receiving.shape[0] - 1))]
     return most
 
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.choices import EdgeStrength
-from sonarhw_sim.rays.audible import Front, everything
-from sonarhw_sim.rays.diffraction import Bending, bent_ways
+from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
+from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
-from sonarhw_sim.rays.ways import Ways, find_ways, shortest_first
+from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, shortest_first
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
@@ -36,13 +36,13 @@ class PathSearch:
     diffraction: bool = True
     rays: int = RAYS
     edge_strength: EdgeStrength = EdgeStrength.PAPER
-    faintest_bend: float = 1e-3  # gain; what an edge leaves less of is not listed, there is no end of it
-    front: Front | None = None  # where source and receiver point, if only what they can hear is wanted; None: all is
+    faintest_diffraction: float = 1e-3  # gain; what an edge leaves less of is not listed, there is no end of it
+    axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
 
     @property
-    def bending(self) -> Bending:
+    def edge_diffraction(self) -> EdgeDiffraction:
         """What is asked of edges."""
-        return Bending(self.wavelength, self.faintest_bend, self.edge_strength)
+        return EdgeDiffraction(self.wavelength, self.faintest_diffraction, self.edge_strength)
 
 
 @dataclass(frozen=True)
@@ -130,39 +130,39 @@ def find_paths(
     source = np.array(position, dtype=np.float64)
     ear = source if receiver is None else np.array(receiver, dtype=np.float64)
     if _inside_post(room, source) or _inside_post(room, ear):
-        return _paths_of(Ways.none())
-    edges = _bending_edges(room, source, ear, search)
-    out = _ways_from(room, source, ear, edges, search, search.front, search.max_length + SLACK)
+        return _paths_of(PartialPaths.none())
+    edges = _diffracting_edges(room, source, ear, search)
+    out = _partial_paths_from(room, source, ear, edges, search, search.axes, search.max_length + SLACK)
     back = out
     # ways back are only joined at edges
     if receiver is not None and len(edges):
-        front = None if search.front is None else search.front.turned_round
-        back = _ways_from(room, ear, source, edges, search, front, to_other=0.0)
+        axes = None if search.axes is None else search.axes.reversed
+        back = _partial_paths_from(room, ear, source, edges, search, axes, to_other=0.0)
     straight = out.select(np.flatnonzero(out.edges < 0))
-    bent = bent_ways(room, out, back, search.bending, search.max_length + SLACK, search.max_bounces)
+    bent = diffracted_paths(room, out, back, search.edge_diffraction, search.max_length + SLACK, search.max_bounces)
     return _paths_of(shortest_first(straight.joined(bent)))
 
 
-def _ways_from(
+def _partial_paths_from(
     room: Room,
     place: FloatArray,
     other: FloatArray,
     edges: NDArray[np.intp],
     search: PathSearch,
-    front: Front | None,
+    axes: TransducerAxes | None,
     to_other: float,
-) -> Ways:
-    """Ways from `place` to those edges and, not longer than `to_other`, to the other end."""
+) -> PartialPaths:
+    """PartialPaths from `place` to those edges and, not longer than `to_other`, to the other end."""
     targets = np.vstack((other, room.edges.points[edges]))
-    longest = np.append(to_other, _longest_ways(room, other, search)[edges])
-    if front is None:
+    longest = np.append(to_other, _longest_partial(room, other, search)[edges])
+    if axes is None:
         directions = fan(search.rays)
-        audible = everything(len(directions), len(targets))
+        detectable = all_rays(len(directions), len(targets))
     else:
-        directions = fan(search.rays, front.leaving)
+        directions = fan(search.rays, axes.leaving)
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
-        audible = front.audible(directions, np.append(1.0, search.bending.loudest(there, on)))
-    return find_ways(room, place, targets, edges, longest, directions, search.max_bounces, audible)
+        detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
+    return find_partial_paths(room, place, targets, edges, longest, directions, search.max_bounces, detectable)
 
 
 def _inside_post(room: Room, place: FloatArray) -> bool:
@@ -170,35 +170,35 @@ def _inside_post(room: Room, place: FloatArray) -> bool:
     return bool((np.hypot(posts[:, 0] - place[0], posts[:, 1] - place[1]) < posts[:, 2]).any())
 
 
-def _bending_edges(room: Room, source: FloatArray, ear: FloatArray, search: PathSearch) -> NDArray[np.intp]:
+def _diffracting_edges(room: Room, source: FloatArray, ear: FloatArray, search: PathSearch) -> NDArray[np.intp]:
     """The edges in reach and near enough to bend a path that is long enough and loud enough."""
     if not search.diffraction:
         return np.empty(0, dtype=np.intp)
-    longest = np.minimum(_longest_ways(room, ear, search), search.max_length)
+    longest = np.minimum(_longest_partial(room, ear, search), search.max_length)
     near = np.hypot(*(room.edges.points - source).T) <= longest
-    return np.flatnonzero(near & ~room.enclosures.shut_off(source))
+    return np.flatnonzero(near & ~room.enclosures.separated_from(source))
 
 
-def _longest_ways(room: Room, ear: FloatArray, search: PathSearch) -> FloatArray:
+def _longest_partial(room: Room, ear: FloatArray, search: PathSearch) -> FloatArray:
     """The longest way to each edge that may still go on to `ear`, (edges,) m; 0 where none may."""
     straight = np.hypot(*(room.edges.points - ear).T)
-    loud = search.bending.longest_ways(straight)
+    loud = search.edge_diffraction.longest_partial(straight)
     return np.asarray(np.clip(np.minimum(loud, search.max_length + SLACK - straight), 0.0, None))
 
 
-def _paths_of(ways: Ways) -> Paths:
-    rows = np.arange(len(ways.lengths))
-    last = np.isfinite(ways.points[:, :, 0]).sum(axis=1) - 1
-    before, end = ways.points[rows, last - 1], ways.points[rows, last]
-    away, home = ways.points[:, 1] - ways.points[:, 0], before - end
+def _paths_of(paths: PartialPaths) -> Paths:
+    rows = np.arange(len(paths.lengths))
+    last = np.isfinite(paths.points[:, :, 0]).sum(axis=1) - 1
+    before, end = paths.points[rows, last - 1], paths.points[rows, last]
+    away, home = paths.points[:, 1] - paths.points[:, 0], before - end
     return Paths(
-        ways.lengths,
+        paths.lengths,
         np.arctan2(away[:, 1], away[:, 0]),
         np.arctan2(home[:, 1], home[:, 0]),
-        ways.gains,
-        ways.surfaces,
-        ways.edges,
-        ways.bends,
+        paths.gains,
+        paths.surfaces,
+        paths.edges,
+        paths.bends,
         np.zeros((len(rows), 2)),
-        ways.points,
+        paths.points,
     )

@@ -31,7 +31,7 @@ class Enclosures:
     inside: BoolArray  # (e,): whether the air of each lies inside its chain
     count: int  # of the room's edges
 
-    def shut_off(self, point: FloatArray) -> BoolArray:
+    def separated_from(self, point: FloatArray) -> BoolArray:
         """Which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
         shut = np.zeros(self.count, dtype=np.bool_)
         if len(self.starts):
@@ -41,7 +41,7 @@ class Enclosures:
             shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
         return shut
 
-    def shut_out(self, point: FloatArray, walls: FloatArray) -> bool:
+    def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:
         """Whether `point` (2,) lies in no chain, where one goes round all `walls` (n, 4) of the room."""
         ends = walls.reshape(-1, 2)
         chains = np.split(self.walls, self.starts[1:]) if len(self.starts) else []

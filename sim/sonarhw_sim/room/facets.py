@@ -48,11 +48,11 @@ def _circles(walls: FloatArray) -> Iterator[Facets]:
         if len(chain) >= _FEWEST and (chain[-1, 2:] == chain[0, :2]).all():
             middle = chain[:, :2].mean(axis=0)
             away = np.hypot(*(chain[:, :2] - middle).T)
-            if _goes_round(chain, middle) and away.max() <= _ROUND * away.min():
+            if _winds_once(chain, middle) and away.max() <= _ROUND * away.min():
                 yield Facets(range(first, behind), (float(middle[0]), float(middle[1])), float(away.mean()))
 
 
-def _goes_round(chain: FloatArray, middle: FloatArray) -> bool:
+def _winds_once(chain: FloatArray, middle: FloatArray) -> bool:
     """Whether walls go round a point once, all one way."""
     start, end = chain[:, :2] - middle, chain[:, 2:] - middle
     turns = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))

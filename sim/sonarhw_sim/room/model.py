@@ -19,8 +19,8 @@ from sonarhw_sim.air import Air
 from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
 from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
-from sonarhw_sim.room.outside import walls_go_round
-from sonarhw_sim.room.room_file import MEETING, MOST_DISTANT, LevelSection, PostSection, RoomFile, Span, WallSection
+from sonarhw_sim.room.outside import walls_enclose
+from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING, LevelSection, PostSection, RoomFile, Span, WallSection
 from sonarhw_sim.toml_file import parse_toml, read_text
 
 ENDLESS: Span = (-math.inf, math.inf)
@@ -95,11 +95,11 @@ class Room:
 
     def is_outside(self, position: tuple[float, float]) -> bool:
         """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
-        if self.enclosures.shut_out(np.array(position), self.walls):
+        if self.enclosures.is_outside_of_all(np.array(position), self.walls):
             return True
         # walls that meet elsewhere than at their ends close it where they go round its places
-        closed = any(walls_go_round(self.walls, place.position) for place in self.places.values())
-        return closed and not walls_go_round(self.walls, position)
+        closed = any(walls_enclose(self.walls, place.position) for place in self.places.values())
+        return closed and not walls_enclose(self.walls, position)
 
     def is_far_from(self, position: tuple[float, float]) -> bool:
         """Whether a point (m) lies beyond walls and posts by more than 5 m and than they reach: outside any room."""
@@ -129,8 +129,8 @@ class Room:
             raise InputError(
                 f"room {self.name!r}: no place {wanted!r}; {self._known_places()}, or X,Y in metres"
             ) from error
-        if not (abs(x) <= MOST_DISTANT and abs(y) <= MOST_DISTANT):
-            raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MOST_DISTANT:g}")
+        if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
+            raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
         for post in self.posts_at((x, y)):
             raise InputError(f"place {wanted!r} lies inside post {self.names[post]!r}; sound cannot leave it")
         return Place(wanted, (x, y))
@@ -196,20 +196,20 @@ def with_post(room: Room, post: tuple[float, float, float], name: str, reflectan
 
 def with_air(room: Room, air: Air) -> Room:
     """The room in other air."""
-    return _where_it_stands(room, air=air)
+    return _with_same_geometry(room, air=air)
 
 
 def with_material(room: Room, material: str, reflectance: float, scatter: float = 0.0) -> Room:
     """The room with another reflectance (amplitude ratio) and scatter (share of the reflected power) of a material."""
     of_it = np.array([name == material for name in room.materials], dtype=np.bool_)
-    return _where_it_stands(
+    return _with_same_geometry(
         room,
         reflectances=np.where(of_it, reflectance * math.sqrt(1 - scatter), room.reflectances),
         scattered=np.where(of_it, reflectance * math.sqrt(scatter), room.scattered),
     )
 
 
-def _where_it_stands(room: Room, **changes: Any) -> Room:
+def _with_same_geometry(room: Room, **changes: Any) -> Room:
     """The room with something changed that moves no wall: what is known of where things stand is kept."""
     changed = replace(room, **changes)
     for known in ("surfaces", "enclosures", "edges_on_walls"):

@@ -17,7 +17,7 @@ from sonarhw_sim.room.room_file import MEETING
 _MOST_WALLS = 500  # telling takes the square of them
 
 
-def walls_go_round(walls: FloatArray, point: tuple[float, float]) -> bool:
+def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
     """Whether `point` (m) lies on one of the walls (n, 4) or a closed way along them goes round it.
 
     Of more than 500 walls it is not told: False.

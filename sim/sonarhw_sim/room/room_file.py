@@ -14,11 +14,11 @@ from pydantic import Field, model_validator
 from sonarhw_sim.toml_file import TomlModel
 
 MEETING = 1e-6  # m; wall ends closer than this meet
-MOST_DISTANT = 1e6  # m; farther off, rounding would move walls
+MAX_COORDINATE = 1e6  # m; farther off, rounding would move walls
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
-Coordinate = Annotated[float, Field(ge=-MOST_DISTANT, le=MOST_DISTANT)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
 Point = tuple[Coordinate, Coordinate]
 Span = tuple[Coordinate, Coordinate]  # lower and upper end, m
 Name = Annotated[str, Field(pattern=r"^[^>/\n\r]+$")]  # via joins names with > and /

@@ -35,7 +35,7 @@ def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, 
     if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
         return []
     view = SectionQuery(room, place.position, height, search)
-    planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_answering_planes(view, flat)]
+    planes = [Plane(0.0, ()), *_wall_planes(view), *_post_planes(view), *_edge_and_corner_planes(view, flat)]
     return [_follow(view, plane) for plane in planes]
 
 
@@ -72,7 +72,7 @@ def _post_planes(view: SectionQuery) -> Iterator[Plane]:
         yield Plane(direction, (mirror,))
 
 
-def _answering_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
+def _edge_and_corner_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
     """Planes to the edges and inner corners that send sound straight back in the plan."""
     back = np.hypot(*(flat.leaving - flat.arriving).T) <= LEVEL
     for k in np.flatnonzero(back).tolist():
@@ -93,6 +93,6 @@ def _follow(view: SectionQuery, plane: Plane) -> Paths:
     """The paths of one plane that are no other plane's."""
     section = draw_section(view, plane)
     # one more, because a vertical edge is drawn as a wall that reflects, and is no reflection
-    search = replace(view.search, max_bounces=view.search.max_bounces + 1, front=None)
+    search = replace(view.search, max_bounces=view.search.max_bounces + 1, axes=None)
     found = find_paths(section.room, (0.0, view.height), search)
     return lifted(view, plane, section, found)

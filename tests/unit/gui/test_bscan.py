@@ -168,7 +168,7 @@ def test_in_a_polar_picture_an_echo_lies_where_the_transducer_looks_at_its_range
     bscan = bscan_of({heading_key(along): echo_row([1.0], cells)}, cells)
     polar = Arm(*arm(replace(load_board("polaroid-6500"), mount=mount)))
     x, y = middle_of(draw_bscan(bscan, BLACK, None, polar), polar_area(cells, middle, polar))
-    stands = mount.stand(Place("here", middle), along).receiver
+    stands = mount.pose(Place("here", middle), along).receiver
     assert (x, y) == pytest.approx((stands[0] + math.cos(along), stands[1] + math.sin(along)), abs=0.02)
     heading, far = polar.seen_at(np.array(x - middle[0]), np.array(y - middle[1]))
     assert (math.remainder(heading - along, math.tau), far) == pytest.approx((0.0, 1.0), abs=0.02)

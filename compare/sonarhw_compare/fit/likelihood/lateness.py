@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 from sonarhw_sim.board.burst import RATE, burst_of
-from sonarhw_sim.board.gain import stepped_gain_db, way_loss_db
+from sonarhw_sim.board.gain import path_loss_db, stepped_gain_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import echo_times
 
@@ -43,4 +43,4 @@ def level_offset_db(lengths: FloatArray, board: Board, speed_of_sound: float) ->
     """What the board's gain gives paths of those lengths (m) beyond the ideal one, dB, same shape."""
     if not board.gain_steps:
         return np.zeros(len(lengths))
-    return stepped_gain_db(lengths / speed_of_sound, board) - way_loss_db(np.maximum(lengths, 1e-3), board)
+    return stepped_gain_db(lengths / speed_of_sound, board) - path_loss_db(np.maximum(lengths, 1e-3), board)

@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 from sonarhw_sim.air import Air
-from sonarhw_sim.board.gain import lost_db
+from sonarhw_sim.board.gain import uncompensated_db
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.weighing import beam_table
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.predict.levels import noticed
+from sonarhw_sim.predict.levels import loud_enough
 from sonarhw_sim.predict.prediction import PredictionOptions, search_for
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
@@ -39,7 +39,7 @@ from sonarhw_compare.fit.values.quantities import (
 
 MOST_ECHOES = 5  # of a ping, that scanners tell
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of what is rounded to 1
-# A path 10 dB under the threshold at its best heading is heard by no fit's board; `noticed` asks for 20. dB
+# A path 10 dB under the threshold at its best heading is heard by no fit's board; `loud_enough` asks for 20. dB
 _LESS_NOTICED = 10.0
 _OVERLAPPING = 1.0  # dB, by which levels err at least where echoes that overlap are taken for lone ones
 
@@ -133,7 +133,9 @@ class Problem:
         found = []
         for place in places:
             paths = paths_from(room, place, search, None, board.aperture_radius)
-            paths = paths.select(noticed(room, replace(board, threshold_db=board.threshold_db + _LESS_NOTICED), paths))
+            paths = paths.select(
+                loud_enough(room, replace(board, threshold_db=board.threshold_db + _LESS_NOTICED), paths)
+            )
             found.append(echo_paths(paths, room, materials, walls))
         return Objective(self, values.copy(), room, places, tuple(found))
 
@@ -229,7 +231,7 @@ class Objective:
             heading=heading,
             ka=math.tau * board.frequency / speed * board.aperture_radius,
             threshold_db=board.threshold_db,
-            opens=board.listens_from * speed / 2 * stretch + board.range_offset,
+            opens=board.blanking_end * speed / 2 * stretch + board.range_offset,
             closes=board.max_range * stretch + board.range_offset,
             dead=board.rearm * speed / 2 * stretch,
             stretch=stretch,
@@ -257,7 +259,7 @@ class Objective:
         paths, lengths = self.paths[scan], self._lengths[scan]
         level = paths.gain_db + self._gained[scan] - self._lost[scan]
         if self.problem.told_speed is not None:
-            level += self._lost[scan] - lost_db(lengths, self.problem.board, self._air(values))
+            level += self._lost[scan] - uncompensated_db(lengths, self.problem.board, self._air(values))
         if len(self._reflectance_rows):
             ratio = values[self._reflectance_rows] / self._reflectances
             level = level + paths.touches @ (20 * np.log10(np.maximum(ratio, 1e-9)))
@@ -272,7 +274,7 @@ class Objective:
     @cached_property
     def _lost(self) -> tuple[FloatArray, ...]:
         """What the way takes of each path that the gain does not give back, dB."""
-        return tuple(lost_db(lengths, self.problem.board, self.room.air) for lengths in self._lengths)
+        return tuple(uncompensated_db(lengths, self.problem.board, self.room.air) for lengths in self._lengths)
 
     @cached_property
     def _gained(self) -> tuple[FloatArray, ...]:

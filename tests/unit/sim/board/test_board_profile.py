@@ -33,7 +33,7 @@ def test_profile_without_receiver_keys_is_one_of_the_paper() -> None:
     assert board.receiver is Receiver.FIRST_ECHO
     assert board.burst == (Tone(49412.0, 16),)
     assert board.gain_steps == ()
-    assert board.listens_from == board.blanking
+    assert board.blanking_end == board.blanking
 
 
 def test_every_key_of_the_receiver_is_read() -> None:
@@ -46,7 +46,7 @@ def test_every_key_of_the_receiver_is_read() -> None:
     assert board.receiver is Receiver.BOARD
     assert (board.rise_cycles, board.own_burst_db, board.integration_cycles) == (2.0, 6.0, 4.0)
     assert (board.gain_steps, board.gain_step_db, board.rearm) == ((0.002, 0.005), 5.0, 0.0005)
-    assert (board.clock_error, board.listens_from) == (-0.01, 0.001)
+    assert (board.clock_error, board.blanking_end) == (-0.01, 0.001)
     assert board.burst == (Tone(60000.0, 6), Tone(50000.0, 10))
     assert board.blanked_range(Air()) == pytest.approx(0.001 * 343.987 / 2, rel=1e-4)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.gain import stepped_gain_db
 from sonarhw_sim.board.profile import Board, load_board
-from sonarhw_sim.board.receiver import counted_time, echo_times, hear, hear_first
+from sonarhw_sim.board.receiver import counted_time, detect_echoes, detect_first_echo, echo_times
 from sonarhw_sim.board.traces import Arrivals, Noise, received
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
@@ -34,7 +34,7 @@ def walls(*ranges_and_levels: tuple[float, float]) -> Arrivals:
 
 
 def heard_ranges(board: Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
-    return counted_time(hear(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
+    return counted_time(detect_echoes(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
 
 
 scenes = st.lists(
@@ -53,7 +53,7 @@ def test_with_ideal_gain_and_no_integration_both_receivers_agree(scene: list[tup
     assert len(heard) >= len(loud)
     if loud:
         assert heard[0] == pytest.approx(loud[0], abs=2 * CYCLE * SPEED / 2)
-        winner = hear(walls(*apart), PAPERLIKE, SPEED).winner
+        winner = detect_echoes(walls(*apart), PAPERLIKE, SPEED).winner
         assert apart[winner][0] == loud[0]
     else:
         assert len(heard) == 0
@@ -97,7 +97,7 @@ def test_range_is_the_one_that_a_rectifier_and_a_capacitor_find_in_the_signal_wi
     full = charged(lone, math.inf) / 1e9 * 10 ** (LEVEL.threshold_db / 20)
     blanked = math.ceil(LEVEL.blanking * rate)
     expected = (blanked + charged(signal[blanked:], full)) / rate
-    assert hear(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
+    assert detect_echoes(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
 
 
 def test_echo_that_ends_within_blanking_is_not_heard_and_one_that_lasts_is_read_at_its_end() -> None:
@@ -120,7 +120,7 @@ def test_targets_3_inches_apart_are_told_apart() -> None:
 
 
 def test_after_an_echo_the_next_is_heard_when_re_armed_and_not_before() -> None:
-    heard = hear(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
+    heard = detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
     assert np.diff(heard).min() >= LEVEL.rearm
     assert len(heard_ranges(replace(LEVEL, rearm=0.02), (1.0, -20.0), (2.0, -20.0))) == 1
 
@@ -138,7 +138,7 @@ def test_wrong_clock_scales_ranges_and_blanking(error: float) -> None:
     exact = heard_ranges(LEVEL, (3.0, -10.0))[0]
     assert heard_ranges(board, (3.0, -10.0))[0] == pytest.approx(exact * (1 + error), rel=1e-9)
     # a strong echo that lasts over the end of blanking is found right after it
-    found = hear(walls((0.38, 0.0)), board, SPEED).times[0]
+    found = detect_echoes(walls((0.38, 0.0)), board, SPEED).times[0]
     assert found == pytest.approx(LEVEL.blanking / (1 + error), abs=CYCLE)
 
 
@@ -159,8 +159,8 @@ def test_stepped_gain_loses_far_walls_that_the_ideal_one_hears() -> None:
 
 
 def test_winner_is_the_loudest_of_those_that_fill_the_capacitor() -> None:
-    assert hear(walls((1.0, -45.0), (1.002, -20.0), (1.004, -30.0)), LEVEL, SPEED).winner == 1
-    assert hear(walls((0.2, 0.0), (3.0, -20.0)), LEVEL, SPEED).winner == 1
+    assert detect_echoes(walls((1.0, -45.0), (1.002, -20.0), (1.004, -30.0)), LEVEL, SPEED).winner == 1
+    assert detect_echoes(walls((0.2, 0.0), (3.0, -20.0)), LEVEL, SPEED).winner == 1
 
 
 @settings(deadline=None, max_examples=40)
@@ -169,7 +169,10 @@ def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
     scene: list[tuple[float, float]], level: float, seed: int
 ) -> None:
     noise = Noise(level, (seed,))
-    whole, first = hear(walls(*scene), BOARD, SPEED, noise), hear_first(walls(*scene), BOARD, SPEED, noise)
+    whole, first = (
+        detect_echoes(walls(*scene), BOARD, SPEED, noise),
+        detect_first_echo(walls(*scene), BOARD, SPEED, noise),
+    )
     assert first.times[:1] == pytest.approx(whole.times[:1], abs=1e-12)
     assert first.winner == whole.winner
 
@@ -182,7 +185,7 @@ def test_threshold_of_nothing_hears_the_first_that_is_not_silence(threshold_db: 
 
 
 def test_noise_makes_readings_of_nothing() -> None:
-    heard = hear(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
+    heard = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
     assert len(heard.times) > 0
     assert heard.winner == -1
 

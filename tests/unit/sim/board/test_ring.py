@@ -41,12 +41,12 @@ def by_wall(ring: Ring, sender: int, listener: int) -> float:
 def heard_from(scan: PredictedScan, listener: int, sender: int) -> int:
     """The row of the path that comes from a sender over the wall straight to a listener."""
     assert scan.only_at is not None
-    assert scan.sent_at is not None
+    assert scan.sender_headings is not None
     return next(
         k
         for k in range(len(scan.paths))
         if scan.only_at[k] == listener
-        and math.isclose(scan.sent_at[k], scan.headings[sender])
+        and math.isclose(scan.sender_headings[k], scan.headings[sender])
         and scan.paths.via(k, scan.room) == ("w[0]",)
     )
 
@@ -108,9 +108,9 @@ def test_two_sensors_hear_each_other_alike() -> None:
 
 def test_sensors_that_fire_long_after_one_another_are_each_alone() -> None:
     far_apart = scan_of(Ring(sensors=24, radius=0.1, interval=0.1))
-    assert far_apart.sent_at is not None
+    assert far_apart.sender_headings is not None
     for sensor in (0, 1, 23):
-        own = [e for e in far_apart.echoes(sensor) if far_apart.sent_at[e.path] == far_apart.headings[sensor]]
+        own = [e for e in far_apart.echoes(sensor) if far_apart.sender_headings[e.path] == far_apart.headings[sensor]]
         assert own == list(far_apart.echoes(sensor))
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import fftconvolve
 from sonarhw_sim.air import Air
 from sonarhw_sim.board.profile import board_names, load_board
-from sonarhw_sim.board.transducer import beam_gain, burst_loss, far_field, impulse_response, smeared, square_burst
+from sonarhw_sim.board.transducer import beam_gain, burst_loss, convolved, far_field, impulse_response, square_burst
 
 SPEED = 343.987
 RADIUS = 0.0192
@@ -76,7 +76,7 @@ def test_smeared_pulse_is_the_convolution_with_h_r(ways: int) -> None:
     for _ in range(ways):
         expected = fftconvolve(expected, printed) / rate
 
-    left, begin = smeared(pulse, rate, np.array([angle]), RADIUS, SPEED, ways)
+    left, begin = convolved(pulse, rate, np.array([angle]), RADIUS, SPEED, ways)
     first = round((-ways * half / rate - begin) * rate)
     assert left[0, first : first + len(expected)].real == pytest.approx(expected, abs=2e-4)
     assert np.abs(left.imag).max() < 1e-12

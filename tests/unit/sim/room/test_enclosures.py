@@ -22,21 +22,21 @@ material = "hard"
 ROOM = polygon_room([(-1.0, -1.0), (1.5, -1.0), (1.5, 1.2), (-1.0, 1.2)], extra=BOX)
 
 
-def shut_off(room: Room, x: float, y: float) -> set[str]:
-    shut = room.enclosures.shut_off(np.array([x, y]))
+def separated_from(room: Room, x: float, y: float) -> set[str]:
+    shut = room.enclosures.separated_from(np.array([x, y]))
     return {name for name, gone in zip(room.edges.names, shut, strict=True) if gone}
 
 
 def test_from_inside_the_outer_corners_of_the_room_are_shut_off_and_the_boxs_are_not() -> None:
-    assert shut_off(ROOM, 0.0, 0.0) == {"w[0]/w[3]", "w[2]/w[3]", "w[0]/w[1]", "w[1]/w[2]"}
+    assert separated_from(ROOM, 0.0, 0.0) == {"w[0]/w[3]", "w[2]/w[3]", "w[0]/w[1]", "w[1]/w[2]"}
 
 
 def test_from_outside_the_room_its_corners_are_in_reach() -> None:
-    assert shut_off(ROOM, 5.0, 0.0) == set()
+    assert separated_from(ROOM, 5.0, 0.0) == set()
 
 
 def test_from_inside_the_box_its_outer_corners_are_shut_off() -> None:
-    assert {name for name in shut_off(ROOM, 0.4, 0.4) if "box" in name} == {
+    assert {name for name in separated_from(ROOM, 0.4, 0.4) if "box" in name} == {
         "box[0]/box[3]",
         "box[2]/box[3]",
         "box[0]/box[1]",
@@ -45,13 +45,13 @@ def test_from_inside_the_box_its_outer_corners_are_shut_off() -> None:
 
 
 def test_on_a_wall_there_is_no_telling() -> None:
-    assert shut_off(ROOM, 0.0, -1.0) == set()
+    assert separated_from(ROOM, 0.0, -1.0) == set()
 
 
 def test_open_chain_shuts_nothing_off() -> None:
     gap = polygon_room([(-1.0, -1.0), (1.5, -1.0), (1.5, 1.2), (-1.0, 1.2)], closed=False)
     assert len(find_enclosures(gap.walls, gap.edges).starts) == 0
-    assert shut_off(gap, 0.0, 0.0) == set()
+    assert separated_from(gap, 0.0, 0.0) == set()
 
 
 def without_enclosures(room: Room) -> Room:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sonarhw_sim.room.enclosures import inside
 from sonarhw_sim.room.model import load_room
-from sonarhw_sim.room.outside import walls_go_round
+from sonarhw_sim.room.outside import walls_enclose
 
 from tests.fixtures.rooms_for_tests import star_room
 
@@ -15,7 +15,7 @@ from tests.fixtures.rooms_for_tests import star_room
 def test_walls_of_one_chain_go_round_what_lies_inside_it(seed: int) -> None:
     walls, random = star_room(seed, 9, convex=False).walls, np.random.default_rng(seed)
     points = random.uniform(walls.min(), walls.max(), (40, 2))
-    told = [walls_go_round(walls, (float(x), float(y))) for x, y in points]
+    told = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
     assert told == inside(points, walls).tolist()
     assert 0 < sum(told) < 40
 
@@ -23,10 +23,10 @@ def test_walls_of_one_chain_go_round_what_lies_inside_it(seed: int) -> None:
 def test_walls_that_cross_close_a_room_and_a_gap_opens_it() -> None:
     # four walls laid like a hash sign
     walls = np.array([(-2.0, s, 2.0, s) for s in (-1.0, 1.0)] + [(s, -2.0, s, 2.0) for s in (-1.0, 1.0)])
-    assert walls_go_round(walls, (0.3, 0.2))
-    assert not walls_go_round(walls, (1.5, 0.2))
+    assert walls_enclose(walls, (0.3, 0.2))
+    assert not walls_enclose(walls, (1.5, 0.2))
     walls[3, 3] = 0.99
-    assert not walls_go_round(walls, (0.3, 0.2))
+    assert not walls_enclose(walls, (0.3, 0.2))
 
 
 def test_the_arena_whose_walls_meet_in_mid_wall_has_an_outside() -> None:

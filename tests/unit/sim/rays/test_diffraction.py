@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from sonarhw_sim.choices import EdgeStrength
-from sonarhw_sim.rays.diffraction import Bending, edge_gain, keller
+from sonarhw_sim.rays.diffraction import EdgeDiffraction, edge_gain, keller
 from sonarhw_sim.rays.paths import PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room
 
@@ -34,11 +34,11 @@ def test_sound_is_reflected_before_behind_and_on_both_sides_of_an_edge() -> None
 
 def test_every_bent_path_has_its_reverse() -> None:
     room = load_room("rooms/laboratory.toml")
-    paths = find_paths(room, room.places["bench"].position, PathSearch(9.0, WAVELENGTH, faintest_bend=3e-3))
+    paths = find_paths(room, room.places["bench"].position, PathSearch(9.0, WAVELENGTH, faintest_diffraction=3e-3))
     rows = np.flatnonzero(paths.edges >= 0)
-    ways = {(round(paths.gains[k], 9), paths.via(k, room)) for k in rows}
+    listed = {(round(paths.gains[k], 9), paths.via(k, room)) for k in rows}
     assert len(rows) > 100
-    assert all((gain, via[::-1]) in ways for gain, via in ways)
+    assert all((gain, via[::-1]) in listed for gain, via in listed)
 
 
 def test_strength_by_angle_from_a_thin_plate_is_one_and_one_over_the_cosine() -> None:
@@ -81,7 +81,7 @@ def test_nothing_over_the_faintest_is_missed(strength: EdgeStrength) -> None:
     room = load_room("rooms/arena.toml")
     place = room.places["p3"].position
     everything, louder = (
-        find_paths(room, place, PathSearch(6.0, WAVELENGTH, edge_strength=strength, faintest_bend=faintest))
+        find_paths(room, place, PathSearch(6.0, WAVELENGTH, edge_strength=strength, faintest_diffraction=faintest))
         for faintest in (1e-9, 1e-2)
     )
     rows = np.flatnonzero((everything.edges >= 0) & (everything.gains >= 1e-2))
@@ -91,11 +91,11 @@ def test_nothing_over_the_faintest_is_missed(strength: EdgeStrength) -> None:
 
 
 def test_longest_way_just_reaches_the_faintest() -> None:
-    bending = Bending(WAVELENGTH, 0.01)
+    edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01)
     for distance in (0.95, 1.2, 1.7):
-        longest = float(bending.longest_ways(np.array([distance]))[0])
+        longest = float(edge_diffraction.longest_partial(np.array([distance]))[0])
         assert edge_gain(longest, distance, WAVELENGTH) == pytest.approx(0.01)
-    assert bending.longest_ways(np.array([0.5, 2.0])).tolist() == [math.inf, 0.0]
+    assert edge_diffraction.longest_partial(np.array([0.5, 2.0])).tolist() == [math.inf, 0.0]
 
 
 def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:

@@ -1,8 +1,7 @@
-"""Audible: which rays need not be followed, because nobody would hear where they lead.
+"""Upper bounds on the amplitude of rays, so that the ray kernel drops rays that no receiver can detect.
 
-Takes where two transducers point and how faint is too faint (`Front`); hands on `Audible`, by which the ray kernel
-drops rays and candidates before anything is solved. Every bound errs on the loud side: a path is lost only where it is
-fainter than `Front.faintest`. A search for all headings at once has no front, and nothing to drop.
+Every bound errs on the loud side: a path is lost only if it is fainter than `TransducerAxes.faintest`. A search for all
+headings at once has no `TransducerAxes` and drops nothing.
 """
 
 import math
@@ -22,18 +21,18 @@ _ASIDE = math.radians(1.0)
 _LOUDER = 2.0  # 6 dB
 
 
-class Audible(NamedTuple):
+class Detectable(NamedTuple):
     """How loud rays leave, and how loud they must come to be of use."""
 
     leaving: FloatArray  # (n,): amplitude with which each ray leaves, at most
     least: FloatArray  # (t,): amplitude that a way to each target must have more of
     axis_x: float  # where the receiver points
     axis_y: float
-    hearing: FloatArray  # (a,): the most it hears of sound so far or farther aside, evenly from 0 to π
+    receiving: FloatArray  # (a,): the most it hears of sound so far or farther aside, evenly from 0 to π
 
 
 @dataclass(frozen=True)
-class Front:
+class TransducerAxes:
     """Where sender and receiver point; wanted is what leaves and comes back in front of them, loud enough."""
 
     leaving: float  # rad
@@ -42,15 +41,15 @@ class Front:
     faintest: float  # amplitude, with beams, reflectances and curvature; fainter paths may be left out
 
     @property
-    def turned_round(self) -> "Front":
+    def reversed(self) -> "TransducerAxes":
         """The same for paths gone backwards."""
-        return Front(self.arriving, self.leaving, self.ka, self.faintest)
+        return TransducerAxes(self.arriving, self.leaving, self.ka, self.faintest)
 
-    def audible(self, directions: FloatArray, onward: FloatArray) -> Audible:
+    def detectable(self, directions: FloatArray, onward: FloatArray) -> Detectable:
         """For rays in those directions (n,) rad and targets that leave `onward` (t,) of a way's amplitude at most."""
         loudest = _loudest_aside(self.ka)
         aside = np.abs(directions - self.leaving)
-        return Audible(
+        return Detectable(
             loudest[(aside / math.pi * (_ANGLES - 1)).astype(np.intp)],
             self.faintest / _LOUDER / onward,
             math.cos(self.arriving),
@@ -59,9 +58,9 @@ class Front:
         )
 
 
-def everything(rays: int, targets: int) -> Audible:
+def all_rays(rays: int, targets: int) -> Detectable:
     """For a search that drops nothing but what has no sound left at all."""
-    return Audible(np.ones(rays), np.zeros(targets), 1.0, 0.0, np.ones(1))
+    return Detectable(np.ones(rays), np.zeros(targets), 1.0, 0.0, np.ones(1))
 
 
 @lru_cache(maxsize=16)

@@ -1,6 +1,6 @@
-"""Ways: how sound gets from a place to the receiver or to an edge, each solved exactly.
+"""PartialPaths: how sound gets from a place to the receiver or to an edge, each solved exactly.
 
-Takes a room, a place and targets; hands on `Ways`, and puts them in order with each path once.
+Takes a room, a place and targets; hands on `PartialPaths`, and puts them in order with each path once.
 """
 
 import math
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.compiled import compiled
-from sonarhw_sim.rays.audible import Audible
+from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.kernel import follow_fan
 from sonarhw_sim.rays.sequences import solve_candidates
 from sonarhw_sim.room.grid import IntArray
@@ -22,8 +22,8 @@ _SAME = 1e-7  # m and rad: paths that agree so far in length, departure and arri
 
 
 @dataclass(frozen=True)
-class Ways:
-    """Ways from a place to the receiver or an edge, or, bent, by an edge to the receiver; one row each."""
+class PartialPaths:
+    """PartialPaths from a place to the receiver or an edge, or, bent, by an edge to the receiver; one row each."""
 
     lengths: FloatArray  # (n,), m
     gains: FloatArray  # (n,)
@@ -33,32 +33,34 @@ class Ways:
     points: FloatArray  # (n, b + 3, 2)
 
     @staticmethod
-    def none() -> "Ways":
+    def none() -> "PartialPaths":
         """No way at all."""
         no = np.empty(0)
         whole = no.astype(np.int32)
-        return Ways(no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
+        return PartialPaths(no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
 
-    def select(self, rows: NDArray[np.intp]) -> "Ways":
+    def select(self, rows: NDArray[np.intp]) -> "PartialPaths":
         """Only those rows, in that order."""
-        return Ways(*(getattr(self, column.name)[rows] for column in fields(Ways)))
+        return PartialPaths(*(getattr(self, column.name)[rows] for column in fields(PartialPaths)))
 
-    def joined(self, other: "Ways") -> "Ways":
+    def joined(self, other: "PartialPaths") -> "PartialPaths":
         """These, then the others."""
         most = max(self.surfaces.shape[1], other.surfaces.shape[1])
         one, two = self._padded(most), other._padded(most)
-        return Ways(*(np.concatenate((getattr(one, c.name), getattr(two, c.name))) for c in fields(Ways)))
+        return PartialPaths(
+            *(np.concatenate((getattr(one, c.name), getattr(two, c.name))) for c in fields(PartialPaths))
+        )
 
-    def _padded(self, most: int) -> "Ways":
+    def _padded(self, most: int) -> "PartialPaths":
         more = most - self.surfaces.shape[1]
         if more == 0:
             return self
         surfaces = np.pad(self.surfaces, ((0, 0), (0, more)), constant_values=-1)
         points = np.pad(self.points, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
-        return Ways(self.lengths, self.gains, surfaces, self.edges, self.bends, points)
+        return PartialPaths(self.lengths, self.gains, surfaces, self.edges, self.bends, points)
 
 
-def find_ways(
+def find_partial_paths(
     room: Room,
     place: FloatArray,
     targets: FloatArray,
@@ -66,17 +68,17 @@ def find_ways(
     longest: FloatArray,
     directions: FloatArray,
     max_bounces: int,
-    audible: Audible,
-) -> Ways:
+    detectable: Detectable,
+) -> PartialPaths:
     """Every `audible` way from `place` (2,) to targets (t, 2) that is no longer than their `longest` (t,) m.
 
     Rays in the `directions` of a fan find them. Row 0 of the targets is the receiver, the others are the room's
     `edges` (t - 1,).
     """
     touched, candidates = follow_fan(
-        place, directions, room.surfaces, room.reflectances, targets, longest, max_bounces, audible
+        place, directions, room.surfaces, room.reflectances, targets, longest, max_bounces, detectable
     )
-    candidates = _with_straight_ways(candidates, len(targets))
+    candidates = _with_direct_paths(candidates, len(targets))
     real, points, lengths, divergences = solve_candidates(
         place, directions, touched, candidates, targets, longest, room.surfaces
     )
@@ -87,11 +89,11 @@ def find_ways(
     gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences[real])
     points = np.concatenate((points[real], np.full((len(ray), 1, 2), np.nan)), axis=1)
     leads_to = np.append(-1, edges).astype(np.int32)[target]
-    ways = Ways(lengths[real], gains, surfaces, leads_to, bounces.astype(np.int32), points)
-    return ways.select(np.flatnonzero(gains > 0))
+    paths = PartialPaths(lengths[real], gains, surfaces, leads_to, bounces.astype(np.int32), points)
+    return paths.select(np.flatnonzero(gains > 0))
 
 
-def _with_straight_ways(candidates: IntArray, targets: int) -> IntArray:
+def _with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
     """The candidates and the straight way to every edge: in a sharp corner the rays beside it meet a wall too soon."""
     bounces, target = candidates[:, 1], candidates[:, 2]
     straight = np.zeros((targets - 1, 3), dtype=np.int32)
@@ -99,11 +101,11 @@ def _with_straight_ways(candidates: IntArray, targets: int) -> IntArray:
     return np.vstack((straight, candidates[(bounces > 0) | (target == 0)]))
 
 
-def shortest_first(ways: Ways) -> Ways:
-    """Sorted by length, and each path once: through a vertex several sequences describe one path."""
-    order = np.argsort(ways.lengths, kind="stable")
-    kept = _order_and_keep(ways.lengths, ways.edges, ways.surfaces, ways.points, order)
-    return ways.select(order[kept])
+def shortest_first(paths: PartialPaths) -> PartialPaths:
+    """Sort paths by length and drop duplicates: through a vertex, several sequences describe one path."""
+    order = np.argsort(paths.lengths, kind="stable")
+    kept = _order_and_keep(paths.lengths, paths.edges, paths.surfaces, paths.points, order)
+    return paths.select(order[kept])
 
 
 @compiled

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import EdgeStrength
-from sonarhw_sim.rays.audible import Front, everything
+from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.kernel import fan, follow_fan
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Room, load_room, with_post
@@ -45,11 +45,11 @@ def as_rows(paths: Paths) -> Floats:
 def test_nothing_that_can_be_heard_is_dropped(strength: EdgeStrength, leaving_deg: float, turned_deg: float) -> None:
     room = with_body(load_room("rooms/laboratory.toml"))
     leaving, arriving = math.radians(leaving_deg), math.radians(leaving_deg + turned_deg)
-    search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_bend=3e-3)
-    front = Front(leaving, arriving, KA, FAINTEST)
+    search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_diffraction=3e-3)
+    axes = TransducerAxes(leaving, arriving, KA, FAINTEST)
     every = find_paths(room, SENDER, search, LISTENER)
     heard = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
-    found = find_paths(room, SENDER, replace(search, front=front), LISTENER)
+    found = find_paths(room, SENDER, replace(search, axes=axes), LISTENER)
     distances, _ = cKDTree(as_rows(found)).query(heard)
     assert len(heard) > 10
     assert distances.max() < 1e-6
@@ -61,7 +61,7 @@ def test_ray_ends_where_walls_have_swallowed_its_sound() -> None:
     middle, rays = np.array([0.45, 0.55]), fan(64)
     longest, targets = np.array([20.0]), np.array([[0.45, 0.55]])
     # of 0.9 a time six reflections leave more than half, seven less
-    half = everything(64, 1)._replace(least=np.array([0.5]))
+    half = all_rays(64, 1)._replace(least=np.array([0.5]))
     touched, candidates = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
     assert len(candidates)
     assert ((touched >= 0).sum(axis=1) == 6).all()
