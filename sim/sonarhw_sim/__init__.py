@@ -5,7 +5,7 @@
 
     room = load_room("rooms/simple.toml")
     scan = predict_scan(room, room.place("figure9"), load_board("polaroid-6500"), np.radians(np.arange(0, 360, 5)))
-    scan.ranges  # (72,) m, NaN where the board hears no echo
+    scan.ranges  # (72,) m, NaN where the board detects no echo
 
 The names in `__all__` are public; they are loaded when they are first used. All modules are private and may change.
 """

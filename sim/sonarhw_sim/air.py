@@ -1,7 +1,4 @@
-"""Air: how fast sound goes and how much of it is lost on the way.
-
-Takes temperature, humidity and pressure; hands on the speed of sound and the absorption at a frequency.
-"""
+"""Speed of sound in air, and absorption of sound at a frequency, by temperature, humidity and pressure."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Air:
-    """The state of the air; the defaults are those of a room file that says nothing."""
+    """The state of the air; a room file without `[air]` has the defaults."""
 
     temperature_c: float = 20.0
     relative_humidity: float = 0.5  # 0..1
@@ -21,14 +18,14 @@ class Air:
         return self.speed_at(self.temperature_c)
 
     def speed_at(self, temperature_c: float) -> float:
-        """Speed of sound, m/s, in this air at another temperature."""
+        """Return the speed of sound, m/s, in this air at another temperature."""
         return speed_of_sound(temperature_c, self.relative_humidity, self.pressure_kpa)
 
 
 def speed_of_sound(
     temperature_c: float = 20.0, relative_humidity: float = 0.5, pressure_kpa: float = 101.325, co2: float = 400e-6
 ) -> float:
-    """Speed of sound in humid air, m/s (Cramer 1993, JASA 93, 2510, eq. 15 and table III), for 0 to 30 °C."""
+    """Return the speed of sound in humid air of 0 to 30 °C, m/s (Cramer 1993, JASA 93, 2510, eq. 15, table III)."""
     t, p = temperature_c, pressure_kpa * 1e3
     kelvin = t + 273.15
     saturation = math.exp(1.2811805e-5 * kelvin**2 - 1.9509874e-2 * kelvin + 34.04926034 - 6.3536311e3 / kelvin)
@@ -49,7 +46,7 @@ def speed_of_sound(
 
 
 def absorption(frequency: float, air: Air) -> float:
-    """Loss of a plane wave on its way, dB/m (ISO 9613-1, eq. 3 to 5 and annex B)."""
+    """Return the absorption of a plane wave, dB/m (ISO 9613-1, eq. 3 to 5 and annex B)."""
     kelvin = air.temperature_c + 273.15
     warmth = kelvin / 293.15
     pressure = air.pressure_kpa / 101.325

@@ -14,7 +14,7 @@ class Model(StrEnum):
     `sonarhw_sim.predict.models`. Command line, study files and comparison take it from here.
     """
 
-    follows_sound: bool  # whether it has paths, on which a unit in the way and the near field have an effect
+    follows_sound: bool  # whether it has paths; only these depend on the unit and the near field
 
     RAY_FOLLOWING = "ray-following"
     NEAREST = "nearest", False  # the first wall along the axis; with a seed, its distance has random errors
@@ -30,22 +30,22 @@ class Model(StrEnum):
 
 
 class Receiver(StrEnum):
-    """How a board makes a range of what it receives."""
+    """How a board derives a range from the receive signal."""
 
     FIRST_ECHO = "first-echo"  # the paper's: the first arrival over the threshold, after an ideal gain
     BOARD = "board"  # the ranging board's own: stepped gain, integration, its own clock (sonarhw_sim.board.receiver)
 
 
 class Unit(StrEnum):
-    """What the transducer's own body does to sound that passes it."""
+    """The effect of the transducer's body on sound that passes it."""
 
-    PASS = "pass"  # nothing: it is small, the front closes round it
+    PASS = "pass"  # none: it is small, and sound closes round it
     BLOCK = "block"  # sound that meets its face ends there
-    REFLECT = "reflect"  # its face, from both sides, is one more wall: appendix A as printed
+    REFLECT = "reflect"  # both sides of its face reflect like a wall: appendix A as printed
 
 
 class EdgeStrength(StrEnum):
-    """How strongly an edge bends sound."""
+    """How strongly an edge diffracts sound."""
 
     PAPER = "paper"  # the same in all directions
-    KELLER = "keller"  # by the angles to its faces
+    KELLER = "keller"  # depends on the angles to its faces

@@ -1,6 +1,6 @@
-"""Compilation of kernels: kept on disk for later runs, dividing as NumPy does, and without holding Python's lock.
+"""Compilation of kernels by numba: cached on disk, with NumPy's rules for division, and without the GIL.
 
-Without the lock, the window stays responsive while another thread follows rays.
+Without the GIL, the window stays responsive while another thread follows rays.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class _KernelCache(_Untyped):  # type: ignore[misc]  # numba declares no types f
         self._cache_file._source_stamp = _digest(file.parents[depth - 1] if depth else file)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the code for a signature; None where it must be compiled. An unreadable cache is replaced."""
+        """Return the code for a signature; None if it must be compiled. An unreadable cache is deleted."""
         try:
             return super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001  an index of another version may raise anything while it is unpickled
@@ -48,7 +48,7 @@ class _KernelCache(_Untyped):  # type: ignore[misc]  # numba declares no types f
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code for a signature. A disk that cannot be written costs only time."""
+        """Store the code for a signature. If the disk is not writable, the next run compiles again."""
         with suppress(OSError):
             super().save_overload(sig, data)
 

@@ -1,4 +1,4 @@
-"""TOML at the door: a file is read, checked against its model, and refused with one clear line where it is wrong."""
+"""Reading TOML files and checking them against a model; an error is one line that names the file and the key."""
 
 import tomllib
 from pathlib import Path
@@ -10,7 +10,7 @@ from sonarhw.errors import InputError
 
 
 class TomlModel(BaseModel):
-    """Base of what may stand in a file: no unknown keys, no NaN, no text where a number belongs."""
+    """Base of the models of files: unknown keys, NaN, and text instead of a number are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -19,12 +19,12 @@ Model = TypeVar("Model", bound=TomlModel)
 
 
 def parse_toml(text: str, where: str, model: type[Model]) -> Model:
-    """The checked content of a file. Raises InputError naming `where`, the line or the key, and what was expected."""
+    """Return the checked content of a file. Raises InputError with `where`, the line or key, and what is expected."""
     return checked(parse_table(text, where), where, model)
 
 
 def parse_table(text: str, where: str) -> dict[str, Any]:
-    """The content of a file as it stands there. Raises InputError naming `where` and the line."""
+    """Return the content of a file, unchecked. Raises InputError with `where` and the line."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -32,11 +32,11 @@ def parse_table(text: str, where: str) -> dict[str, Any]:
 
 
 def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
-    """What a file says, as its model. Raises InputError naming `where`, the key, and what was expected."""
+    """Return the values of a file as its model. Raises InputError with `where`, the key, and what is expected."""
     try:
         return model.model_validate(_arrays_as_tuples(values))
     except ValidationError as error:
-        # a misspelt key is why the one that it should be is missing
+        # an unknown key comes first: it is often the misspelt form of a key that is then reported as missing
         first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         key = f"{_key(first['loc'])}: " if first["loc"] else ""
@@ -44,7 +44,7 @@ def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
 
 
 def read_text(path: Path, what: str) -> str:
-    """The text of a file. Raises InputError where there is none or it is not UTF-8."""
+    """Return the text of a file. Raises InputError if it is missing, unreadable or not UTF-8."""
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
@@ -55,7 +55,7 @@ def read_text(path: Path, what: str) -> str:
 
 
 def _arrays_as_tuples(value: object) -> object:
-    # a strict model takes no list for a tuple, and frozen models hold tuples
+    # a strict model accepts no list for a tuple, and frozen models contain tuples
     if isinstance(value, list):
         return tuple(_arrays_as_tuples(item) for item in value)
     if isinstance(value, dict):

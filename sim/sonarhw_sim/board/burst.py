@@ -1,7 +1,7 @@
-"""The burst: what one echo straight ahead looks like to the receiver, as a spectrum round the carrier.
+"""The burst: spectrum of the echo of a perfect wall straight ahead, round the carrier.
 
-Takes a board; hands on a `Burst`. All signals of `board.traces` are complex envelopes round the board's frequency, RATE
-samples a second, from which the signal with its carrier is made at the end.
+All signals of `board.traces` are complex envelopes round the board's frequency, RATE samples a second. The signal with
+its carrier is computed from them at the end.
 """
 
 import cmath
@@ -17,28 +17,28 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import ComplexArray
 
 RATE = 200_000.0  # Hz
-_BAND = 60_000.0  # Hz to each side of the carrier; a transducer that swells over some cycles passes nothing beyond
-_DYING = 12.0  # time constants after which the transducer has rung down to 10⁻⁴
-_FINER = 16  # steps between samples in which the peak of a burst is sought
+_BAND = 60_000.0  # Hz to each side of the carrier; a transducer that rises over some cycles passes nothing beyond
+_DECAY = 12.0  # time constants after which the transducer has decayed to 10⁻⁴
+_FINER = 16  # steps between samples at which the peak of a burst is searched
 
 
 @dataclass(frozen=True)
 class Burst:
-    """The echo of a perfect wall straight ahead, 1 at its loudest."""
+    """The echo of a perfect wall straight ahead, with a peak of 1."""
 
-    spectrum: ComplexArray  # (k,): a sample is their sum, each turned by its frequency
-    lowest: float  # Hz above the carrier, of the first; the others follow at RATE / length
-    length: int  # samples a pulse lasts, with all that the width of the face adds
-    lead: int  # of these, before its arrival: one rim of the face is nearer than its middle
+    spectrum: ComplexArray  # (k,): a sample is the sum of all components, each turned by its frequency
+    lowest: float  # Hz above the carrier, of the first component; the spacing is RATE / length
+    length: int  # samples of a pulse, with the delay across the face
+    lead: int  # samples before its arrival: one rim of the face is nearer than its centre
 
     @property
     def frequencies(self) -> FloatArray:
-        """Hz above the carrier, (k,) float."""
+        """Frequencies of the components above the carrier, (k,) float, Hz."""
         return self.lowest + np.arange(len(self.spectrum)) * RATE / self.length
 
     @property
     def samples(self) -> ComplexArray:
-        """The echo from `lead` samples before its arrival on, (length,) complex."""
+        """The echo, starting `lead` samples before its arrival, (length,) complex."""
         bins = np.zeros(self.length, dtype=np.complex128)
         rows = np.round(self.frequencies * self.length / RATE).astype(np.intp)
         bins[rows] = self.spectrum * np.exp(-1j * math.tau * self.frequencies * self.lead / RATE)
@@ -47,9 +47,9 @@ class Burst:
 
 @lru_cache(maxsize=16)
 def burst_of(board: Board, speed_of_sound: float) -> Burst:
-    """The burst of a board in air of that speed of sound, m/s."""
+    """Return the burst of a board in air with this speed of sound, m/s."""
     lead = math.ceil(2 * board.aperture_radius / speed_of_sound * RATE) + 2
-    lasting = sum(tone.cycles / tone.frequency for tone in board.burst) + _DYING * _rise(board)
+    lasting = sum(tone.cycles / tone.frequency for tone in board.burst) + _DECAY * _rise(board)
     length = 1 << (2 * lead + math.ceil(lasting * RATE) - 1).bit_length()
     reach = int(_BAND / RATE * length)
     frequencies = np.arange(-reach, reach + 1) * RATE / length
@@ -67,10 +67,10 @@ def _rise(board: Board) -> float:
 
 
 def burst_spectrum(frequencies: FloatArray, board: Board) -> ComplexArray:
-    """Fourier transform of what is sent and heard straight ahead, at `frequencies` (Hz above the carrier), same shape.
+    """Return the Fourier transform of the echo straight ahead at `frequencies` (Hz above the carrier), same shape.
 
-    Each tone is a rectangle in time, its phase going on where the last one's ended. The transducer swells and rings as
-    a resonance seen from its carrier does, by 1/(1 + 2πifτ), once sending and once hearing.
+    Each tone is a rectangle in time, with continuous phase from tone to tone. The transducer rises and decays like a
+    resonance round the carrier, 1/(1 + 2πifτ), once as sender and once as receiver.
     """
     sent = np.zeros(frequencies.shape, dtype=np.complex128)
     begin, phase = 0.0, 0.0

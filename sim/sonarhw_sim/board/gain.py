@@ -1,7 +1,7 @@
-"""The gain: what a receiver gives back of what the way takes from an echo.
+"""Gain of the receiver, and transmission loss of a path, in dB.
 
-Takes lengths or times; hands on decibels. The ideal gain undoes `path_loss_db` exactly, so that amplitudes need not
-carry it; the 6500's rises in steps that only follow it; a fixed gain gives back nothing, and far echoes are faint.
+The ideal gain compensates `path_loss_db` exactly, so amplitudes do not include it. The gain of the 6500 rises in steps
+that approximate it. A fixed gain compensates nothing, so far echoes are faint.
 """
 
 from functools import lru_cache
@@ -12,12 +12,12 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.profile import Board
 
-_INSTANTS = 1000  # at which the two gains are held beside each other
-NEAREST = 0.01  # m: no echo has come a shorter way, but for those from a place on a wall
+_INSTANTS = 1000  # at which the two gains are compared
+NEAREST = 0.01  # m: only echoes to a place on a wall have a shorter path
 
 
 def path_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
-    """What spreading and the air that the ideal gain expects take on `lengths` (m, over 0) relative to 1 m, dB.
+    """Return the loss over `lengths` (m, over 0) relative to 1 m, in the air that the ideal gain expects, dB.
 
     20 lg of the length (CIM-92-9 §4: the gain cancels it), and ISO 9613-1 at 20 °C and 50 % unless the board has no
     absorption.
@@ -27,10 +27,10 @@ def path_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
 
 
 def uncompensated_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
-    """What the way takes on `lengths` (m) that the gain does not give back, dB, same shape.
+    """Return the loss over `lengths` (m) that the gain does not compensate, dB, same shape.
 
-    With the ideal gain the absorption beyond what it expects. A fixed gain gives back nothing: spreading and all
-    absorption count, from a way of 1 m on, so that a perfect wall 0.5 m straight ahead has 0 dB.
+    With the ideal gain, this is the absorption beyond what it expects. A fixed gain compensates nothing: the loss is
+    spreading and all absorption, relative to a path of 1 m, so a perfect wall 0.5 m straight ahead has 0 dB.
     """
     excess = board.excess_absorption(air) * lengths
     if not board.fixed_gain:
@@ -39,7 +39,7 @@ def uncompensated_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
 
 
 def largest_gain(board: Board, air: Air, max_length: float) -> float:
-    """The most by which the gain lifts an echo that comes a way of at most `max_length` (m), amplitude, 1 or more."""
+    """Return the largest amplification of an echo with a path of at most `max_length` (m), amplitude, 1 or more."""
     ends = np.array([2 * board.blanked_range(air), max_length])
     return max(1.0, float(10 ** (-uncompensated_db(ends, board, air).min() / 20)))
 
@@ -49,10 +49,10 @@ def _loss_at_1_m_db(board: Board) -> float:
 
 
 def stepped_gain_db(times: FloatArray, board: Board) -> FloatArray:
-    """The 6500's gain at `times` (s by the board's clock): so many steps of so many dB, same shape.
+    """Return the gain of the 6500 at `times` (s by the board's clock), dB, same shape.
 
-    How loud the first is no data sheet says: it lies where, between first and last step, the gain is neither louder
-    nor fainter than the ideal one on average over time.
+    No data sheet states the level of the first step. It is chosen so that the mean difference to the ideal gain between
+    the first and the last step is zero.
     """
     steps = np.searchsorted(np.array(board.gain_steps), times, side="right")
     return np.asarray(_first_gain_db(board) + board.gain_step_db * steps)

@@ -1,6 +1,7 @@
-"""The mount: where on its carrier a transducer sits, and what of the carrier stands in the way of sound.
+"""Position of a transducer on its turntable, and the parts of the carrier that block or reflect sound.
 
-Takes a place, which is where the turning axis stands, and a heading.
+A place is the position of the turning axis. `Mount` is one head on a turntable; `sonarhw_sim.board.ring` has several
+sensors round a body. The effect of a face on sound that meets it is a `Unit`.
 """
 
 import math
@@ -17,10 +18,10 @@ from sonarhw_sim.room.model import ENDLESS, Place, Room, with_post, with_walls
 from sonarhw_sim.room.room_file import MEETING
 from sonarhw_sim.toml_file import TomlModel
 
-FACE = "unit"  # what `via` calls the face of a transducer
+FACE = "unit"  # name of a transducer's face in `via`
 BODY = "body"
-# A metal foil on a metal plate, and the shell of a robot: as hard as anything in a room, so as the example rooms'
-# shelving. A guess until a scan of a near wall calibrates it; only the loudness of repeated echoes depends on it.
+# A metal foil on a metal plate, and the shell of a robot, are assumed as hard as the shelving of the example rooms. No
+# scan of a near wall has calibrated this value. It only affects the level of repeated echoes.
 CARRIER_REFLECTANCE = 0.95
 
 Length = Annotated[float, Field(ge=0, le=10)]
@@ -32,12 +33,12 @@ FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REF
 
 @dataclass(frozen=True)
 class TransducerPose:
-    """Where a transducer is when it points along a heading; positions in m, in the room."""
+    """Position and heading of a transducer; positions in m, in the room."""
 
     heading: float  # rad
     sender: tuple[float, float]
     receiver: tuple[float, float]
-    ping_time: float = 0.0  # s: when it sends, and from when its own time runs
+    ping_time: float = 0.0  # s: when it sends; its echo times count from here
 
 
 class Mount(TomlModel):
@@ -45,8 +46,8 @@ class Mount(TomlModel):
 
     ahead: Offset = 0.0  # from the turning axis to the face, along the heading
     aside: Offset = 0.0  # and to the left
-    separation: Length = 0.0  # between sender and receiver where they are two, side by side, the sender on the left
-    body_radius: Length = 0.0  # of the round body about the axis; 0: there is none
+    separation: Length = 0.0  # from sender to receiver if they are separate, side by side, the sender on the left
+    body_radius: Length = 0.0  # of the round body about the axis; 0: no body
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
@@ -59,11 +60,11 @@ class Mount(TomlModel):
 
     @property
     def turns_about_face(self) -> bool:
-        """Whether sound goes the same ways at every heading."""
+        """Whether the paths are the same at every heading."""
         return self == ON_AXIS
 
     def pose(self, place: Place, heading: float) -> TransducerPose:
-        """The head when it points along `heading` (rad in the room)."""
+        """Return the pose of the head at `heading` (rad in the room)."""
         half = self.separation / 2
         return TransducerPose(
             heading,
@@ -72,7 +73,7 @@ class Mount(TomlModel):
         )
 
     def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
-        """Everything whose ping may be heard at `heading`: the head's own."""
+        """Return the poses of all senders whose ping may be received at `heading`: the head itself."""
         return (self.pose(place, heading),)
 
 
@@ -86,29 +87,29 @@ def _from_axis(place: Place, heading: float, ahead: float, aside: float) -> tupl
 
 
 def with_body(room: Room, place: Place, radius: float) -> Room:
-    """The room with a round body about the place, as one post more; as it is where `radius` (m) is 0."""
+    """Return the room with a round body about the place as an additional post; unchanged if `radius` (m) is 0."""
     if radius == 0.0:
         return room
-    # a face on the body stands just outside it
+    # a face on the body is just outside it
     return with_post(room, (*place.position, radius - MEETING), BODY, CARRIER_REFLECTANCE)
 
 
 def with_faces(
-    room: Room, stands: Sequence[TransducerPose], half_width: float, reflectance: float, height: float | None = None
+    room: Room, poses: Sequence[TransducerPose], half_width: float, reflectance: float, height: float | None = None
 ) -> Room:
-    """The room with the faces of transducers as walls behind its own, each `half_width` (m) to both sides.
+    """Return the room with the faces of transducers appended to its walls, each `half_width` (m) to both sides.
 
-    As far up and down from `height` (m), where that is known. They bend no sound: their ends lie in the plane of the
-    transducer, to which it is deaf.
+    If `height` (m) is known, they also reach this far up and down. They do not diffract: their ends are in the plane of
+    the transducer, where it neither sends nor receives.
     """
     span = ENDLESS if height is None else (height - half_width, height + half_width)
-    return with_walls(room, face_segments(stands, half_width), FACE, reflectance, span)
+    return with_walls(room, face_segments(poses, half_width), FACE, reflectance, span)
 
 
-def face_segments(stands: Sequence[TransducerPose], half_width: float) -> FloatArray:
-    """The faces of transducers across their headings, (n, 4) float, m; where a stand has two, they are two."""
+def face_segments(poses: Sequence[TransducerPose], half_width: float) -> FloatArray:
+    """Return the faces of transducers across their headings, (n, 4) float, m; two for separate transducers."""
     segments = []
-    for stand in stands:
-        ax, ay = -half_width * math.sin(stand.heading), half_width * math.cos(stand.heading)
-        segments += [(x - ax, y - ay, x + ax, y + ay) for x, y in dict.fromkeys((stand.sender, stand.receiver))]
+    for pose in poses:
+        ax, ay = -half_width * math.sin(pose.heading), half_width * math.cos(pose.heading)
+        segments += [(x - ax, y - ay, x + ax, y + ay) for x, y in dict.fromkeys((pose.sender, pose.receiver))]
     return np.array(segments, dtype=np.float64).reshape(-1, 4)

@@ -1,7 +1,4 @@
-"""Board profiles: everything that makes one ranging board answer differently from another.
-
-Takes the name of a profile that ships with the product, or a file; hands on a frozen `Board`.
-"""
+"""Board profiles: all properties of a ranging board, read from an included profile or from a file."""
 
 import math
 from dataclasses import dataclass, field
@@ -21,38 +18,38 @@ from sonarhw_sim.board.ring import Ring
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.toml_file import TomlModel, parse_toml, read_text
 
-MOST_RANGE = 1000.0  # m; sound in air is gone long before
+MOST_RANGE = 1000.0  # m; sound in air fades long before
 
 Positive = Annotated[float, Field(gt=0)]
 
-# Unverified, and so only what a profile that says nothing gets: each way the transducer swells and rings by this time
-# constant; rung down by 0.75 ms, where BINH may end blanking (6500 data sheet), with the burst at 12 dB.
+# Both are unverified, so they are only defaults. With this time constant of rise and decay each way and the burst at
+# 12 dB, the transducer has decayed by 0.75 ms, where BINH may end blanking (6500 data sheet).
 RISE_CYCLES = 1.5
 OWN_BURST_DB = 12.0  # dB over full scale
-# REC needs 3 to 16 cycles (recalled), and a barely seen echo comes some 45 mm after a strong one: about 8
+# REC needs 3 to 16 cycles (from memory), and a barely detected echo is some 45 mm later than a strong one: about 8
 INTEGRATION_CYCLES = 8.0
-GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; the data sheets say none
-_CHIRP_REACH = 30e3  # Hz; signals are kept 60 kHz to each side of the carrier (sonarhw_sim.board.burst)
-REARM = 0.44e-3  # s, BLNK high at least so long (6500 data sheet)
+GAIN_STEP_DB = 4.0  # 44 dB for a wall from 0.41 to 6.5 m in 11 steps; no data sheet states it
+_CHIRP_REACH = 30e3  # Hz; signals contain 60 kHz to each side of the carrier (sonarhw_sim.board.burst)
+REARM = 0.44e-3  # s, shortest time for which BLNK is high (6500 data sheet)
 
 
 @dataclass(frozen=True)
 class Tone:
-    """A stretch of the burst at one frequency."""
+    """A part of the burst at one frequency."""
 
     frequency: float  # Hz
     cycles: int
 
 
 class ToneFile(TomlModel):
-    """A stretch of a chirp in a profile."""
+    """A part of a chirp in a profile."""
 
     frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
     cycles: Annotated[int, Field(ge=1)]
 
 
 class BoardFile(TomlModel):
-    """What may stand in a profile."""
+    """The content of a profile."""
 
     name: str
     aperture_radius: Annotated[float, Field(gt=0, le=1)]  # m
@@ -65,7 +62,7 @@ class BoardFile(TomlModel):
     absorption: bool = True
     receiver: Annotated[Receiver, Field(strict=False)] = Receiver.FIRST_ECHO
     chirp: tuple[ToneFile, ...] = ()
-    # shorter ones would need more than the 60 kHz to each side of the carrier that signals are kept in
+    # a shorter rise would need more than the 60 kHz to each side of the carrier that signals contain
     rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = RISE_CYCLES
     own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
     integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
@@ -77,26 +74,26 @@ class BoardFile(TomlModel):
     clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
     mount: Mount = ON_AXIS
     ring: Ring | None = None
-    range_offset: Annotated[float, Field(ge=-1, le=1)] = 0.0  # m; `sonarhw calibrate` finds these two
+    range_offset: Annotated[float, Field(ge=-1, le=1)] = 0.0  # m; `sonarhw calibrate` measures these two
     home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
     @field_validator("gain_steps")
     @classmethod
     def _in_order(cls, steps: tuple[float, ...]) -> tuple[float, ...]:
         if any(later <= earlier for earlier, later in pairwise(steps)):
-            raise ValueError("expected times that grow from one gain step to the next")
+            raise ValueError("expected increasing times")
         return steps
 
     @model_validator(mode="after")
     def _one_carrier(self) -> "BoardFile":
         if self.ring is not None and self.mount != ON_AXIS:
-            raise ValueError("[mount] and [ring]: a board has one of them, a head on a turntable or a ring of sensors")
+            raise ValueError("[mount] and [ring]: expected one of them, a head on a turntable or a ring of sensors")
         return self
 
     @model_validator(mode="after")
     def _one_gain(self) -> "BoardFile":
         if self.fixed_gain and self.gain_steps:
-            raise ValueError("fixed_gain and gain_steps: a gain stays as it is or rises, not both")
+            raise ValueError("fixed_gain and gain_steps: expected one of them; a fixed gain has no steps")
         return self
 
     @model_validator(mode="after")
@@ -105,7 +102,7 @@ class BoardFile(TomlModel):
         if self.max_range <= silent:
             raise ValueError(
                 f"max_range: expected more than {silent:.3g} m, where blanking ends, got {self.max_range:g}; "
-                "it would hear nothing"
+                "it would detect nothing"
             )
         return self
 
@@ -136,74 +133,76 @@ class Board:
     aperture_radius: float
     frequency: float  # Hz
     transmit_cycles: int
-    blanking: float  # nothing is heard before this time
+    blanking: float  # earlier echoes are not detected
     max_range: float
-    threshold_db: float  # of the weakest echo heard, relative to a perfect wall straight ahead
-    text: str = field(default="", compare=False, repr=False)  # the profile, so that a log can carry it
-    rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: as they are
-    absorption: bool = True  # whether air other than the ideal gain expects makes a difference
-    receiver: Receiver = Receiver.FIRST_ECHO  # the one it is used with where nobody asks for another
-    chirp: tuple[Tone, ...] = ()  # the burst stretch by stretch; empty: all of it at `frequency`
-    rise_cycles: float = RISE_CYCLES  # time constant of swelling and ringing each way, in cycles
-    own_burst_db: float = OWN_BURST_DB  # how loud its own burst is in its receiver, over full scale
+    threshold_db: float  # of the weakest detected echo, relative to a perfect wall straight ahead
+    text: str = field(default="", compare=False, repr=False)  # of the profile, so that a log can contain it
+    rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: not rounded
+    absorption: bool = True  # whether air that differs from what the ideal gain expects has an effect
+    receiver: Receiver = Receiver.FIRST_ECHO  # used unless a command selects another
+    chirp: tuple[Tone, ...] = ()  # the tones of the burst; empty: all of it at `frequency`
+    rise_cycles: float = RISE_CYCLES  # time constant of rise and decay each way, in cycles
+    own_burst_db: float = OWN_BURST_DB  # transmit burst in the receiver, over full scale
     integration_cycles: float = INTEGRATION_CYCLES  # time constant of the detector, in cycles; 0: none
-    fixed_gain: bool = False  # its gain never rises: far echoes are fainter, and levels count from a wall 0.5 m ahead
-    gain_steps: tuple[float, ...] = ()  # when the gain rises by a step; empty: the ideal gain, or the fixed one
+    fixed_gain: bool = (
+        False  # the gain does not rise: far echoes are fainter; levels are relative to a wall 0.5 m ahead
+    )
+    gain_steps: tuple[float, ...] = ()  # times of the gain steps; empty: the ideal or the fixed gain
     gain_step_db: float = GAIN_STEP_DB
-    blanking_inhibit: float | None = None  # when BINH ends blanking early; None: it stays low
-    rearm: float = REARM  # from one echo to the next that can be heard
-    clock_error: float = 0.0  # 0.01: its clock runs 1 % fast, its times end early and it counts too many
+    blanking_inhibit: float | None = None  # when BINH ends blanking early; None: BINH stays low
+    rearm: float = REARM  # from one echo to the next that can be detected
+    clock_error: float = 0.0  # 0.01: the clock runs 1 % fast, so intervals are too short and counts too high
     mount: Mount = ON_AXIS
-    ring: Ring | None = None  # the sensors it has instead of one on a turntable
-    range_offset: float = 0.0  # what this board tells beyond the true range
-    home_angle_deg: float = 0.0  # where the turntable's zero points, counter-clockwise from where it should
+    ring: Ring | None = None  # the sensors, if not one on a turntable
+    range_offset: float = 0.0  # reported range minus true range
+    home_angle_deg: float = 0.0  # direction of the turntable's zero, counter-clockwise from the nominal one
 
     @property
     def carrier(self) -> Mount | Ring:
-        """What carries its transducers."""
+        """The mount or ring that carries the transducers."""
         return self.ring or self.mount
 
     @property
     def blanking_end(self) -> float:
-        """When blanking ends by the board's clock, s: by itself, or by BINH."""
+        """End of blanking by the board's clock, s, with or without BINH."""
         return self.blanking if self.blanking_inhibit is None else self.blanking_inhibit
 
     @property
     def burst(self) -> tuple[Tone, ...]:
-        """What it sends, stretch by stretch."""
+        """The tones of the burst, in order."""
         return self.chirp or (Tone(self.frequency, self.transmit_cycles),)
 
     def heading_at(self, angle: float, zero: float) -> float:
-        """Where it points at a turntable angle, if step 0 should point along `zero`; all rad."""
+        """Return the heading at a turntable angle, if step 0 should point along `zero`; all rad."""
         return zero + math.radians(self.home_angle_deg) + angle
 
     def wavenumber(self, air: Air) -> float:
-        """2π over the wavelength, rad/m."""
+        """Return 2π over the wavelength, rad/m."""
         return math.tau * self.frequency / air.speed_of_sound
 
     def wavelength(self, air: Air) -> float:
-        """Wavelength in that air, m."""
+        """Return the wavelength, m."""
         return air.speed_of_sound / self.frequency
 
     def blanked_range(self, air: Air) -> float:
-        """Range below which nothing is heard, m."""
+        """Return the range at the end of blanking, m; nearer echoes are not detected."""
         return self.blanking_end * air.speed_of_sound / 2
 
     def excess_absorption(self, air: Air) -> float:
-        """What this air takes beyond what the ideal gain gives back, dB/m.
+        """Return the absorption in this air that the ideal gain does not compensate, dB/m.
 
-        The gain is made for 20 °C and 50 % humidity (the defaults of `Air`).
+        The gain compensates absorption at 20 °C and 50 % humidity (the defaults of `Air`).
         """
         return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
 
     def reported(self, distances: FloatArray) -> FloatArray:
-        """The ranges the board would report for true ones, m, same shape; NaN stays NaN."""
-        told = distances + self.range_offset if self.range_offset else distances
-        return np.round(told / self.rounding) * self.rounding if self.rounding else told
+        """Return the ranges that the board reports for true ones, m, same shape; NaN stays NaN."""
+        ranges = distances + self.range_offset if self.range_offset else distances
+        return np.round(ranges / self.rounding) * self.rounding if self.rounding else ranges
 
 
 def load_board(wanted: str) -> Board:
-    """The profile that ships under this name, or in this file. Raises InputError where there is none or it is wrong."""
+    """Return an included profile by name, or the one in a file. Raises InputError if it is unknown or wrong."""
     if wanted.endswith(".toml"):
         return parse_board(read_text(Path(wanted), "board profile"), wanted)
     shipped = files("sonarhw_sim.board.shipped") / f"{wanted}.toml"
@@ -213,12 +212,12 @@ def load_board(wanted: str) -> Board:
 
 
 def parse_board(text: str, where: str) -> Board:
-    """The board in the text of a profile. Raises InputError naming `where` and the key."""
+    """Return the board in the text of a profile. Raises InputError with `where` and the key."""
     return board_from(parse_toml(text, where, BoardFile), text)
 
 
 def board_from(file: BoardFile, text: str = "") -> Board:
-    """The board that a checked profile describes; `text` is what a log carries of it."""
+    """Return the board of a checked profile; `text` is the profile as a log contains it."""
     values = file.model_dump()
     chirp = tuple(Tone(**tone) for tone in values.pop("chirp"))
     made = {"chirp": chirp, "mount": file.mount, "ring": file.ring, "text": text}
@@ -226,7 +225,7 @@ def board_from(file: BoardFile, text: str = "") -> Board:
 
 
 def board_names() -> list[str]:
-    """Names of the profiles that ship with the product."""
+    """Return the names of the included profiles."""
     return sorted(
         entry.name.removesuffix(".toml")
         for entry in files("sonarhw_sim.board.shipped").iterdir()

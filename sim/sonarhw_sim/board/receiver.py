@@ -1,10 +1,9 @@
-"""The ranging board's own receiver, as the Polaroid 6500 has it: from the receive signal to echo times.
+"""The ranging board's own receiver, as in the Polaroid 6500: from the receive signal to echo times.
 
-Takes the arrivals of one ping; hands on the times at which ECHO goes high, found in the very signal that
-`sonarhw_sim.board.traces.received` makes of them, and which arrival made the first. The rectified signal charges a
-capacitor, REC, which leaks; an echo is there when it is full. So an echo is found late, a weak one later than a strong
-one, and one too short or too weak never. While the board is blanked REC is held empty: at first by itself or until
-BINH, and again after each echo while BLNK is high.
+The rectified receive signal (`sonarhw_sim.board.traces.received`) charges a capacitor that leaks, REC. An echo is
+detected when REC is full. A weak echo is therefore detected later than a strong one, and an echo that is too short or
+too weak is not detected. While the board is blanked, REC is kept empty: first until the end of blanking or BINH, then
+after each echo while BLNK is high.
 """
 
 import math
@@ -22,36 +21,36 @@ from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled
 
-_FIRST_LISTEN = 0.01  # s, within which most pings are answered
-_SHARE = 0.1  # of what there is just before an echo is found, the least that an arrival must be to have made it
+_FIRST_LISTEN = 0.01  # s; most pings have an echo within this time
+_SHARE = 0.1  # of the signal just before a detection: an arrival with less did not cause it
 
 
 @dataclass(frozen=True)
 class ReceivedEchoes:
-    """What the board makes of one ping."""
+    """The echoes that the board detects after one ping."""
 
     times: FloatArray  # (k,), s, true time, earliest first
-    winner: int  # row of the arrival that was loudest just before the first; -1: no echo, or noise, or the own burst
+    winner: int  # row of the loudest arrival just before the first echo; -1: no echo, noise, or the own burst
 
 
 def detect_echoes(
     arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None
 ) -> ReceivedEchoes:
-    """The echoes that the board's own receiver finds up to its maximum range."""
+    """Return the echoes that the board's own receiver detects up to its maximum range."""
     return _detect_within(2 * board.max_range / speed_of_sound, arrivals, board, speed_of_sound, noise)
 
 
 def detect_first_echo(
     arrivals: Arrivals, board: Board, speed_of_sound: float, noise: Noise | None = None
 ) -> ReceivedEchoes:
-    """What `hear` finds, up to the first echo or some more: most pings need no more of the signal than that."""
+    """Return what `detect_echoes` returns, at least up to the first echo: a short signal is enough for most pings."""
     whole = 2 * board.max_range / speed_of_sound
     listen = min(_FIRST_LISTEN, whole)
-    heard = _detect_within(listen, arrivals, board, speed_of_sound, noise)
-    while not len(heard.times) and listen < whole:
+    detected = _detect_within(listen, arrivals, board, speed_of_sound, noise)
+    while not len(detected.times) and listen < whole:
         listen = min(2 * listen, whole)
-        heard = _detect_within(listen, arrivals, board, speed_of_sound, noise)
-    return heard
+        detected = _detect_within(listen, arrivals, board, speed_of_sound, noise)
+    return detected
 
 
 def _detect_within(
@@ -64,7 +63,7 @@ def _detect_within(
 
 
 def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, board: Board, speed_of_sound: float) -> int:
-    """The arrival that was loudest while REC last charged, before `time`; -1 where none was worth naming."""
+    """Return the loudest arrival while REC last charged, before `time`; -1 if none is loud enough."""
     burst = burst_of(board, speed_of_sound)
     since = time - arrivals.times
     near = np.flatnonzero((since > -burst.lead / RATE) & (since < burst.length / RATE))
@@ -81,7 +80,7 @@ def _loudest_before(time: float, samples: ComplexArray, arrivals: Arrivals, boar
 
 @compiled
 def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray, begin: int) -> FloatArray:
-    """How much of each pulse, after the gain, lies between sample `begin` and the end of `gain`, (n,) float."""
+    """Return the sum of each pulse, after the gain, from sample `begin` to the end of `gain`, (n,) float."""
     sums = np.zeros(some.shape[0])
     for row in range(some.shape[0]):
         for k in range(max(0, begin - first[row]), min(some.shape[1], gain.shape[0] - first[row])):
@@ -90,15 +89,15 @@ def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray,
 
 
 def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
-    """When the board finds its echoes, (k,) float, s since the start of transmission, true time.
+    """Return the times at which the board detects echoes, (k,) float, s from the start of transmission, true time.
 
     `samples` are the complex envelope after the gain, RATE a second. REC follows v′ = (|s|/A − v)/τ and is full at 1.
-    A is such that the echo of a lone wall straight ahead at the threshold just fills it: threshold_db means the same
-    to both receivers.
+    A is chosen so that a single wall straight ahead at the threshold just fills REC, so `threshold_db` has the same
+    meaning for both receivers.
     """
-    # over zero, so that a threshold of nothing hears everything
+    # above zero, so that a threshold of -inf detects everything
     full = max(10 ** (board.threshold_db / 20), 1e-300) * _charge_of_burst(board, speed_of_sound)
-    # the board ends its blanking by its own clock
+    # blanking ends by the board's own clock
     opens = board.blanking_end / (1 + board.clock_error)
     ends = min(2 * board.max_range / speed_of_sound, (len(samples) - 1) / RATE)
     found = _detect(np.abs(samples) / full, opens * RATE, ends * RATE, board.rearm * RATE, _time_constant(board))
@@ -106,31 +105,31 @@ def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> Fl
 
 
 def counted_time(times: FloatArray, board: Board) -> FloatArray:
-    """True times as the board's clock counts them, s, same shape."""
+    """Return true times as the board's clock counts them, s, same shape."""
     return times * (1 + board.clock_error)
 
 
 def _time_constant(board: Board) -> float:
-    """τ of the integration, samples."""
+    """Return τ of the integration, samples."""
     return board.integration_cycles / board.frequency * RATE
 
 
 @lru_cache(maxsize=16)
 def _charge_of_burst(board: Board, speed_of_sound: float) -> float:
-    """How full REC gets by the echo of a perfect wall straight ahead, where a lasting signal as loud gives 1."""
+    """Return the charge of REC by the echo of a perfect wall straight ahead; a continuous signal as loud gives 1."""
     return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), _time_constant(board)).max())
 
 
 @compiled
 def _kept(time_constant: float) -> float:
-    """What REC keeps of its charge from one sample to the next."""
+    """Return the share of its charge that REC keeps from one sample to the next."""
     kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0
     return kept
 
 
 @compiled
 def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
-    """REC after every sample, from empty, (n,)."""
+    """Return the charge of REC after every sample, initially empty, (n,)."""
     kept = _kept(time_constant)
     charge = np.empty(levels.shape[0])
     charge[0] = levels[0] * (1.0 - kept)
@@ -141,19 +140,19 @@ def _charged(levels: FloatArray, time_constant: float) -> FloatArray:
 
 @compiled
 def _detect(levels: FloatArray, opens: float, ends: float, rearm: float, time_constant: float) -> FloatArray:
-    """Sample numbers, with their fractions, at which REC is full, (k,) float."""
+    """Return the sample numbers, with fractions, at which REC is full, (k,) float."""
     kept = _kept(time_constant)
     found = np.empty(0)
     charge = 0.0
     for k in range(math.ceil(opens), levels.shape[0]):
-        # blanked: REC is held empty
+        # blanked: REC is kept empty
         if k < opens:
             continue
         before, charge = charge, kept * charge + (1.0 - kept) * levels[k]
         if charge < 1.0:
             continue
 
-        # full: between the last sample and this one, but not before it was let go
+        # full: between the last sample and this one, but not before blanking ended
         at = max(opens, k - 1 + (1.0 - before) / (charge - before))
         if at > ends:
             break

@@ -1,8 +1,7 @@
-"""The ring: several sensors round a body, each pointing outwards, that may hear one another.
+"""A ring of sensors round a body, each pointing outwards; every sensor may receive the pings of all.
 
-Takes a place, which is the centre of the body, and the heading of a sensor; hands on where that sensor stands, and all
-the others, with when each of them fires. What a sensor reports is the first arrival over its threshold after its
-blanking, counted from its own ping, whoever's ping it was.
+A place is the centre of the body. A sensor reports the first arrival above its threshold after its blanking, measured
+from its own ping, whichever sensor sent the sound.
 """
 
 import math
@@ -17,16 +16,16 @@ from sonarhw_sim.board.mount import TransducerPose
 from sonarhw_sim.room.model import Place
 from sonarhw_sim.toml_file import TomlModel
 
-_POINTS_ALONG = 1e-6  # of the angle between sensors: how near to one's direction a heading must lie to be its
+_SAME_HEADING = 1e-6  # of the angle between sensors: a heading so near to a sensor's direction is that sensor's
 
 
 class Ring(TomlModel):
     """`[ring]` of a board profile: sensor 0 points along the place's heading, the others follow counter-clockwise."""
 
     sensors: Annotated[int, Field(ge=1, le=360)]
-    radius: Annotated[float, Field(gt=0, le=10)]  # m: of the body, on which the faces sit
+    radius: Annotated[float, Field(gt=0, le=10)]  # m: of the body that carries the faces
     interval: Annotated[float, Field(ge=0, le=10)] = 0.0  # s from one ping to the next; 0: all at once
-    order: tuple[int, ...] = ()  # which sensor fires first, second, ...; empty: 0, 1, 2, ...
+    order: tuple[int, ...] = ()  # firing order; empty: 0, 1, 2, ...
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
@@ -36,43 +35,43 @@ class Ring(TomlModel):
 
     @property
     def body_radius(self) -> float:
-        """Of the round body about the place, m."""
+        """Radius of the round body about the place, m."""
         return self.radius
 
     @property
     def turns_about_face(self) -> bool:
-        """Whether sound goes the same ways at every heading: never, each sensor stands somewhere else."""
+        """Whether the paths are the same at every heading: never, as each sensor has its own position."""
         return False
 
     @property
     def firing_times(self) -> tuple[float, ...]:
-        """When each sensor fires, s after the first."""
+        """Time at which each sensor fires, s after the first."""
         order = self.order or range(self.sensors)
         turns = {sensor: turn for turn, sensor in enumerate(order)}
         return tuple(turns[sensor] * self.interval for sensor in range(self.sensors))
 
     def headings(self, place: Place) -> FloatArray:
-        """Where each sensor points, (sensors,) float, rad in the room."""
+        """Return the heading of each sensor, (sensors,) float, rad in the room."""
         return np.asarray((place.heading + np.arange(self.sensors) * (math.tau / self.sensors)) % math.tau)
 
     def sensor_at(self, place: Place, heading: float) -> int | None:
-        """The sensor that points along `heading` (rad in the room); None: none does."""
+        """Return the number of the sensor at `heading` (rad in the room), or None."""
         turn = (heading - place.heading) * self.sensors / math.tau
         nearest = round(turn)
-        return nearest % self.sensors if abs(turn - nearest) <= _POINTS_ALONG else None
+        return nearest % self.sensors if abs(turn - nearest) <= _SAME_HEADING else None
 
     def pose(self, place: Place, heading: float) -> TransducerPose:
-        """The sensor that points along `heading` (rad in the room). Raises InputError where none does."""
+        """Return the pose of the sensor at `heading` (rad in the room). Raises InputError if there is none."""
         sensor = self.sensor_at(place, heading)
         if sensor is None:
             raise InputError(
-                f"no sensor of the ring points to {math.degrees(heading):g}°: its {self.sensors} stand "
-                f"{360 / self.sensors:g}° apart from {math.degrees(place.heading):g}° on"
+                f"no sensor of the ring points to {math.degrees(heading):g}°; its {self.sensors} sensors are "
+                f"{360 / self.sensors:g}° apart, starting at {math.degrees(place.heading):g}°"
             )
         return self._pose(place, sensor)
 
     def senders(self, place: Place, heading: float) -> tuple[TransducerPose, ...]:
-        """Every sensor: whichever `heading` one listens at, it may hear them all."""
+        """Return the poses of all sensors: the receiver at any `heading` may receive all of them."""
         return tuple(self._pose(place, sensor) for sensor in range(self.sensors))
 
     def _pose(self, place: Place, sensor: int) -> TransducerPose:

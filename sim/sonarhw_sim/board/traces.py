@@ -1,12 +1,11 @@
-"""Traces: the receive signal of one ping, summed over all its echoes with their phase.
+"""Traces: the receive signal of one ping, the sum of all its echoes with their phase.
 
-Takes arrivals as plain arrays, a board, the speed of sound; hands on a `Signal`: from it the signal with its carrier at
-any rate, the same as a slow converter of 8 bits sees it, and its envelope. 1.0 is a perfect wall straight ahead after
-the ideal gain, so the board's threshold lies at 10^(threshold_db / 20); beyond it the receiver is at its limit.
+1.0 is full scale: a perfect wall straight ahead after the ideal gain. The board's threshold is at
+10^(threshold_db / 20). The receiver limits louder signals.
 
-Every echo is the burst, convolved by h_R at its angle of departure and at that of arrival. Convolution with h_R is a
-product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α: so an echo is made in a short spectrum round the
-carrier, where its exact time of flight is a phase.
+Every echo is the burst, convolved with h_R at its angle of departure and at its angle of arrival. The convolution is a
+product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α. An echo is therefore computed as a short spectrum round
+the carrier, where its exact time of flight is a phase.
 """
 
 import math
@@ -29,24 +28,24 @@ from sonarhw_sim.compiled import compiled
 ENVELOPE_RATE = 50_000.0  # Hz
 CONVERTER_RATE = 16e6 / 16 / 13  # Hz: an ATmega's converter at 16 MHz / 16, 13 clocks a sample
 _CONVERTER_STEPS = 128  # to each side of zero: 8 bits
-_FAINTEST = 1e-4  # amplitude; what is below it at every moment is lost in any noise
-_TOGETHER = 128  # echoes made at a time, so that memory does not grow with their number
+_FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, as noise hides it
+_AT_ONCE = 128  # echoes computed at a time, so that memory does not grow with their number
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """What comes back of one ping, whatever the transducer makes of it; one row an arrival."""
+    """All sound that returns after one ping, before the effect of the transducer; one row an arrival."""
 
     times: FloatArray  # (n,), s since the start of transmission
-    amplitudes: FloatArray  # (n,), signed, without beam, spreading and the absorption that the ideal gain gives back
+    amplitudes: FloatArray  # (n,), signed, without beam, spreading and the absorption that the ideal gain compensates
     leaving: FloatArray  # (n,), cosine of the angle between the axis and the departure
-    arriving: FloatArray  # (n,), cosine of the angle between the axis and where it comes back from
+    arriving: FloatArray  # (n,), cosine of the angle between the axis and the direction of arrival
 
     def __len__(self) -> int:
         return len(self.times)
 
     def select(self, rows: slice | NDArray[np.intp] | NDArray[np.bool_]) -> "Arrivals":
-        """Only those rows."""
+        """Return only these rows."""
         return Arrivals(self.times[rows], self.amplitudes[rows], self.leaving[rows], self.arriving[rows])
 
 
@@ -55,31 +54,31 @@ class Noise:
     """Noise of the receiver, in the band of the transducer."""
 
     level: float  # root mean square of the signal with its carrier; 1 is full scale
-    seed: tuple[int, ...]  # a shorter signal of the same seed has the beginning of a longer one's noise
+    seed: tuple[int, ...]  # with one seed, the noise of a short signal is the beginning of that of a long one
 
 
 @dataclass(frozen=True)
 class Signal:
-    """The receive signal of one ping, after the gain, as complex envelope round the carrier."""
+    """The receive signal of one ping, after the gain, as a complex envelope round the carrier."""
 
     samples: ComplexArray  # (n,), RATE samples a second from the start of transmission
     carrier: float  # Hz
     duration: float  # s
 
     def envelope(self, rate: float = ENVELOPE_RATE) -> Trace:
-        """Its envelope, 0..1."""
+        """Return the envelope, 0..1."""
         at = np.arange(_count(self.duration, rate)) / rate
         levels = np.interp(at * RATE, np.arange(len(self.samples)), np.abs(self.samples))
         return Trace(np.minimum(levels, 1.0), rate, 0.0)
 
     def rf(self, rate: float) -> FloatArray:
-        """The signal with its carrier, (n,) float, -1..1, at `rate` (Hz) from the start of transmission."""
+        """Return the signal with its carrier, (n,) float, -1..1, at `rate` (Hz) from the start of transmission."""
         return np.asarray(_with_carrier(self.samples, RATE / rate, self.carrier / rate, _count(self.duration, rate)))
 
     def sampled(self, rate: float = CONVERTER_RATE) -> FloatArray:
-        """`rf` as a converter of 8 bits sees it, (n,) float in steps of 1/128.
+        """Return `rf` after a converter of 8 bits, (n,) float in steps of 1/128.
 
-        At 76.9 kHz it undersamples: a carrier of 49.4 kHz folds to 27.5 kHz.
+        76.9 kHz is undersampling: a carrier of 49.4 kHz folds to 27.5 kHz.
         """
         steps = np.round(self.rf(rate) * _CONVERTER_STEPS)
         return np.asarray(np.minimum(steps, _CONVERTER_STEPS - 1) / _CONVERTER_STEPS)
@@ -93,18 +92,18 @@ def received(
     receiver: Receiver = Receiver.FIRST_ECHO,
     noise: Noise | None = None,
 ) -> Signal:
-    """What the receiver has, after its gain, of all `arrivals` and the board's own burst, for `duration` s.
+    """Return the signal after the gain, of all `arrivals` and the board's own burst, for `duration` s.
 
-    The board's own receiver has the stepped gain where the profile knows it, else, and for the paper's, the ideal one.
+    The board's own receiver uses the stepped gain if the profile has one. Otherwise the gain is ideal.
     """
     samples = np.zeros(_count(duration, RATE) + 3, dtype=np.complex128)
     burst = burst_of(board, speed_of_sound)
-    worth = _audible(arrivals, board, speed_of_sound) & (arrivals.times < (len(samples) + burst.lead) / RATE)
-    arrivals = before_gain(arrivals.select(worth), board, speed_of_sound, receiver)
+    kept = _may_matter(arrivals, board, speed_of_sound) & (arrivals.times < (len(samples) + burst.lead) / RATE)
+    arrivals = before_gain(arrivals.select(kept), board, speed_of_sound, receiver)
     gain = gain_at_samples(len(samples), board, receiver)
-    for k in range(0, len(arrivals), _TOGETHER):
-        _add(samples, *pulses(arrivals.select(slice(k, k + _TOGETHER)), board, burst, speed_of_sound), gain)
-    # the burst reaches the receiver past the gain, and drives it to its limit until the transducer has rung down
+    for k in range(0, len(arrivals), _AT_ONCE):
+        _add(samples, *pulses(arrivals.select(slice(k, k + _AT_ONCE)), board, burst, speed_of_sound), gain)
+    # the transmit burst bypasses the gain and overdrives the receiver until the transducer has decayed
     own = Arrivals(np.zeros(1), np.full(1, 10 ** (board.own_burst_db / 20)), np.ones(1), np.ones(1))
     _add(samples, *pulses(own, board, burst, speed_of_sound), gain_at_samples(len(samples), board, Receiver.FIRST_ECHO))
     if noise is not None and noise.level > 0:
@@ -115,9 +114,9 @@ def received(
 def pulses(
     arrivals: Arrivals, board: Board, burst: Burst, speed_of_sound: float
 ) -> tuple[ComplexArray, NDArray[np.intp]]:
-    """Every arrival by itself, (n, burst.length) complex, and the number of the sample with which each begins, (n,)."""
+    """Return the pulse of every arrival, (n, burst.length) complex, and the number of its first sample, (n,)."""
     whole = np.floor(arrivals.times * RATE).astype(np.intp)
-    wavenumber = math.tau / speed_of_sound * board.aperture_radius  # times a frequency: ka there
+    wavenumber = math.tau / speed_of_sound * board.aperture_radius  # multiplied by a frequency, this is ka
     highest = wavenumber * (board.frequency + max(-burst.lowest, board.frequency))
     spectra = np.zeros((len(arrivals), burst.length), dtype=np.complex128)
     _fill(
@@ -136,10 +135,11 @@ def pulses(
     return np.asarray(ifft(spectra, axis=1, norm="forward")), whole - burst.lead
 
 
-def _audible(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray[np.bool_]:
-    """Which arrivals may be as loud as `_FAINTEST` at some moment, (n,) bool.
+def _may_matter(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray[np.bool_]:
+    """Return which arrivals may reach `_FAINTEST` at any time, (n,) bool.
 
-    Lobes of 2 J₁(x)/x lie under 1.6 x^-1.5; edges of a burst hold lower frequencies than its carrier, so x is halved.
+    The lobes of 2 J₁(x)/x are below 1.6 x^-1.5. Start and end of a burst contain lower frequencies than its carrier, so
+    x is halved.
     """
     half = math.pi * board.frequency / speed_of_sound * board.aperture_radius
     loudest = np.abs(arrivals.amplitudes)
@@ -150,10 +150,10 @@ def _audible(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDArray
 
 
 def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receiver: Receiver) -> Arrivals:
-    """Arrivals as they come to the gain; to the ideal one without the loss that it would give back anyway."""
+    """Return the arrivals at the input of the gain; for the ideal gain without the loss that it compensates."""
     if not _is_stepped(board, receiver):
         return arrivals
-    # nothing that returns at once is heard, and it has no loss to speak of
+    # sound that returns at once is blanked, and its loss is negligible
     lengths = np.maximum(arrivals.times * speed_of_sound, 1e-3)
     lost = 10 ** (-path_loss_db(lengths, board) / 20)
     return Arrivals(arrivals.times, arrivals.amplitudes * lost, arrivals.leaving, arrivals.arriving)
@@ -161,7 +161,7 @@ def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receive
 
 @lru_cache(maxsize=16)
 def gain_at_samples(count: int, board: Board, receiver: Receiver) -> FloatArray:
-    """What the gain makes of `before_gain`, for so many samples from the start of transmission, (count,) float."""
+    """Return the factor to apply to `before_gain` at each sample from the start of transmission, (count,) float."""
     gain = np.ones(count)
     if _is_stepped(board, receiver):
         clock = np.arange(count) / RATE * (1 + board.clock_error)
@@ -175,7 +175,7 @@ def _is_stepped(board: Board, receiver: Receiver) -> bool:
 
 
 def _noise(count: int, board: Board, noise: Noise) -> ComplexArray:
-    """White noise that has passed the transducer's resonance once, (count,) complex."""
+    """Return white noise after one passage through the transducer's resonance, (count,) complex."""
     white = np.random.default_rng(noise.seed).standard_normal((count, 2)).view(np.complex128)[:, 0]
     kept = math.exp(-board.frequency / max(board.rise_cycles, 0.1) / RATE)
     return np.asarray(_smoothed(noise.level * math.sqrt(1 - kept**2) * white, kept))
@@ -199,10 +199,10 @@ def _fill(
     wavenumber: float,
     table: FloatArray,
 ) -> None:
-    """Spectrum of every arrival into the bins that `ifft` expects, each turned by its delay."""
+    """Write the spectrum of every arrival, delayed, into the bins that `ifft` expects."""
     length, reach = spectra.shape[1], burst.shape[0] // 2
     for row in range(spectra.shape[0]):
-        # sound that leaves backwards, or comes from behind, is not heard
+        # the transducer neither sends nor receives to the rear
         leaving, arriving = cosines[row]
         if leaving <= 0.0 or arriving <= 0.0:
             continue
@@ -212,20 +212,20 @@ def _fill(
         turn = -2j * math.pi * (carrier * times[row] + lowest * delays[row])
         phasor, turning = size * np.exp(turn), np.exp(-2j * math.pi * step * delays[row])
 
-        # both smears; most sound comes back from where it went
+        # beam at departure and arrival; for most sound the angles are equal
         out = wavenumber * math.sqrt(max(0.0, 1.0 - leaving * leaving))
         back = wavenumber * math.sqrt(max(0.0, 1.0 - arriving * arriving))
         for k in range(burst.shape[0]):
             frequency = abs(carrier + lowest + k * step)
-            smear = disc(out * frequency, table)
-            smear *= smear if out == back else disc(back * frequency, table)
-            spectra[row, (k - reach) % length] = burst[k] * phasor * smear
+            factor = disc(out * frequency, table)
+            factor *= factor if out == back else disc(back * frequency, table)
+            spectra[row, (k - reach) % length] = burst[k] * phasor * factor
             phasor *= turning
 
 
 @compiled
 def _smoothed(rough: ComplexArray, kept: float) -> ComplexArray:
-    """Every sample and what is `kept` of all before it, (n,)."""
+    """Return each sample plus `kept` of the result before it, (n,)."""
     smooth = rough.copy()
     for k in range(1, smooth.shape[0]):
         smooth[k] += kept * smooth[k - 1]
@@ -241,16 +241,16 @@ def _add(samples: ComplexArray, some: ComplexArray, first: NDArray[np.intp], gai
 
 @compiled
 def _with_carrier(samples: ComplexArray, step: float, turns: float, count: int) -> FloatArray:
-    """Real part of `samples` on the carrier, `count` of them `step` samples apart, limited to -1..1.
+    """Return the real part of `samples` on the carrier, `count` values `step` samples apart, limited to -1..1.
 
-    A cubic through the two samples to each side runs between them (Catmull and Rom).
+    Values between samples are interpolated with a cubic through the two samples to each side (Catmull and Rom).
     """
     signal = np.empty(count)
     phasor, turning = 1.0 + 0.0j, np.exp(2j * math.pi * turns)
     last = samples.shape[0] - 1
     node, constant, linear, square, cube = -1, 0.0j, 0.0j, 0.0j, 0.0j
     for k in range(count):
-        # the cubic of the stretch between two samples
+        # the cubic between two samples
         if int(k * step) != node and node < last - 1:
             node = min(int(k * step), last - 1)
             before, after = samples[max(node - 1, 0)], samples[min(node + 2, last)]

@@ -1,8 +1,8 @@
-"""Weighing: how loud each path is at a heading, and which of them is heard first.
+"""Amplitude of each path at a heading, and the first path above the threshold.
 
-Takes paths as plain arrays, directions as unit vectors; hands on amplitudes relative to a perfect wall straight ahead.
-Compiled by numba, because a scan weighs every path at every heading. The beam comes from a table between whose nodes
-a cubic runs that is right to 10⁻⁹ (`sonarhw_sim.board.transducer.beam_gain` is the closed form).
+Amplitudes are relative to a perfect wall straight ahead; directions are unit vectors. Compiled by numba, because a scan
+needs the amplitude of every path at every heading. The beam is interpolated in a table by a cubic, with an error of
+10⁻⁹ (`sonarhw_sim.board.transducer.beam_gain` is the closed form).
 """
 
 import math
@@ -19,12 +19,12 @@ from sonarhw_sim.compiled import compiled
 BoolArray = NDArray[np.bool_]
 
 _NODES_PER_UNIT = 32  # of x = ka sin α
-_SEPARATIONS = 721  # angles between departure and arrival at which the loudest heading is sought
+_SEPARATIONS = 721  # angles between departure and arrival for which the loudest heading is searched
 
 
 @lru_cache(maxsize=16)
 def beam_table(ka: float) -> FloatArray:
-    """Values and slopes of 2 J₁(x)/x at x = 0, 1/32, 2/32, ... beyond ka, (n, 2) float."""
+    """Return values and slopes of 2 J₁(x)/x at x = 0, 1/32, 2/32, ... beyond ka, (n, 2) float."""
     x = np.arange(math.ceil(ka * _NODES_PER_UNIT) + 2) / _NODES_PER_UNIT
     x[0] = 1.0
     table = np.column_stack((2 * j1(x) / x, -2 * jv(2, x) / x))
@@ -35,19 +35,19 @@ def beam_table(ka: float) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def loudest_by_separation(ka: float) -> FloatArray:
-    """The most that both beams together leave of a path at any heading, by the angle between departure and arrival.
+    """Return the product of both beam factors at the best heading, by the angle between departure and arrival.
 
-    (721,) float for angles of 0 to π; what a path loses at its best heading, so that hopeless ones can be dropped.
+    (721,) float for angles of 0 to π. Paths that are too faint even at their best heading can be dropped.
     """
     one = beam_gain(np.linspace(-math.pi / 2, math.pi / 2, 2 * _SEPARATIONS - 1), ka)
-    # the other is the same, turned by two steps for each separation; beyond 90° there is nothing
+    # the other beam is the same, turned by two steps for each separation; it is 0 beyond 90°
     other = np.concatenate((one, np.zeros(len(one))))
     return np.array([float((one * other[2 * turn : 2 * turn + len(one)]).max()) for turn in range(_SEPARATIONS)])
 
 
 @compiled
 def disc(x: float, table: FloatArray) -> float:
-    """2 J₁(x)/x with its sign, for x from 0 to as far as the table goes."""
+    """Return 2 J₁(x)/x with its sign, for x from 0 to the end of the table."""
     x *= _NODES_PER_UNIT
     node = int(x)
     t = x - node
@@ -64,7 +64,7 @@ def disc(x: float, table: FloatArray) -> float:
 
 @compiled
 def beam(cosine: float, ka: float, table: FloatArray) -> float:
-    """Amplitude one way at the angle of that cosine from the axis: |2 J₁(x)/x| cos α, 0 from 90° on."""
+    """Return the amplitude, one way, at an angle from the axis given by its cosine: |2 J₁(x)/x| cos α, 0 from 90°."""
     if cosine <= 0.0:
         return 0.0
     amplitude: float = abs(disc(ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)), table)) * cosine
@@ -75,10 +75,10 @@ def beam(cosine: float, ka: float, table: FloatArray) -> float:
 def amplitudes_at(
     heading: float, leaving: FloatArray, arriving: FloatArray, strengths: FloatArray, ka: float, table: FloatArray
 ) -> FloatArray:
-    """Amplitude of every path at a heading (rad), (p,).
+    """Return the amplitude of every path at a heading (rad), (p,).
 
     `leaving` and `arriving` (p, 2) are the horizontal parts of the unit vectors along which a path departs and from
-    which it comes back; `strengths` (p,) what is left of it before the beam.
+    which it returns. `strengths` (p,) are the amplitudes without the beam.
     """
     x, y = math.cos(heading), math.sin(heading)
     amplitudes = np.empty(strengths.shape[0])
@@ -101,12 +101,12 @@ def first_detected(
     ka: float,
     table: FloatArray,
 ) -> NDArray[np.intp]:
-    """The first path over `threshold` (amplitude) at each heading, in the order given, (n,) int; -1: none.
+    """Return the first path above `threshold` (amplitude) at each heading, in the given order, (n,) int; -1: none.
 
-    `points` (p, k, 2) are their corners relative to the sensor, NaN behind; where `face` (m) is over 0, the face of
-    the transducer, so far to each side, ends sound that runs into it.
+    `points` (p, k, 2) are the points of the paths relative to the sensor, padded with NaN. If `face` (m) is above 0, a
+    face of this half width blocks sound that meets it.
     """
-    heard = np.full(headings.shape[0], -1, np.intp)
+    first = np.full(headings.shape[0], -1, np.intp)
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
         for path in range(strengths.shape[0]):
@@ -117,22 +117,22 @@ def first_detected(
                 continue
             level *= beam(arriving[path, 0] * x + arriving[path, 1] * y, ka, table)
             if level >= threshold and level > 0.0 and not (face > 0.0 and meets_face(points[path], x, y, face)):
-                heard[k] = path
+                first[k] = path
                 break
-    return heard
+    return first
 
 
 @compiled
 def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bool:
-    """Whether a path, corners (k, 2) relative to the sensor, runs into the face of a transducer that points along x, y.
+    """Return whether a path, points (k, 2) relative to the sensor, meets the face of a transducer along x, y.
 
-    The first leg leaves the face and the last ends on it: they are not asked.
+    The first leg starts on the face and the last ends on it, so both are ignored.
     """
     last = corners.shape[0] - 1
     while last > 0 and math.isnan(corners[last, 0]):
         last -= 1
     for k in range(1, last - 1):
-        # ahead of the face, and aside along it
+        # distance ahead of the face, and position along it
         ahead, ahead_next = corners[k, 0] * x + corners[k, 1] * y, corners[k + 1, 0] * x + corners[k + 1, 1] * y
         if ahead == ahead_next or ahead * ahead_next > 0.0:
             continue
@@ -144,7 +144,7 @@ def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bo
 
 @compiled
 def all_meeting_face(points: FloatArray, heading: float, half_width: float) -> BoolArray:
-    """`meets_face` of every path at one heading, (p,) bool."""
+    """Return `meets_face` for every path at one heading, (p,) bool."""
     meets = np.empty(points.shape[0], np.bool_)
     for path in range(points.shape[0]):
         meets[path] = meets_face(points[path], math.cos(heading), math.sin(heading), half_width)

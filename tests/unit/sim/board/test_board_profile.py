@@ -60,10 +60,10 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         ('receiver = "best"', "receiver: expected 'first-echo' or 'board', got 'best'"),
-        ("gain_steps = [0.005, 0.002]", "gain_steps: expected times that grow"),
+        ("gain_steps = [0.005, 0.002]", "gain_steps: expected increasing times"),
         ("gain_steps = [-0.005]", r"gain_steps\[0\]: expected greater than 0"),
         ("gain_step_db = -4.0", "gain_step_db: expected greater than or equal to 0"),
         ("integration_cycles = -1.0", "integration_cycles: expected greater than or equal to 0"),
@@ -75,7 +75,7 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         ("rounding = 100.0", "rounding: expected less than or equal to 1, got 100"),
         (
             "gain_steps = [0.002]\nfixed_gain = true",
-            "fixed_gain and gain_steps: a gain stays as it is or rises, not both",
+            "fixed_gain and gain_steps: expected one of them; a fixed gain has no steps",
         ),
         ("clock_error = 1.0", "clock_error: expected less than or equal to 0.1"),
         ("own_burst_db = nan", "own_burst_db: expected a finite number"),
@@ -84,14 +84,14 @@ def test_steps_of_the_6500_are_those_of_its_clock() -> None:
         (CHIRP.replace("60000.0", "6.0"), r"chirp\[0\].frequency: expected greater than or equal to 1000"),
     ],
 )
-def test_wrong_receiver_is_refused_in_one_line(wrong: str, told: str) -> None:
+def test_wrong_receiver_is_rejected_in_one_line(wrong: str, message: str) -> None:
     with pytest.raises(InputError) as refused:
         parse_board(PROFILE + wrong, "mine.toml")
-    assert re.search(f"^mine.toml: {told}", str(refused.value))
+    assert re.search(f"^mine.toml: {message}", str(refused.value))
     assert "\n" not in str(refused.value)
 
 
-def test_a_board_that_stops_listening_before_it_begins_is_refused() -> None:
+def test_max_range_below_the_end_of_blanking_is_rejected() -> None:
     with pytest.raises(InputError, match=r"max_range: expected more than 0\.409 m, where blanking ends, got 0\.4; it"):
         parse_board(PROFILE.replace("10.7", "0.4"), "mine.toml")
     assert parse_board(PROFILE.replace("10.7", "0.4\nblanking_inhibit = 0.001"), "mine.toml").max_range == 0.4
