@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QLabel, QStatusBar
 from sonarhw_gui.live.window_status import Badge, Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
-from sonarhw_gui.parts.steady import Steady
+from sonarhw_gui.parts.label_slot import LabelSlot
 
 # badges carry their own ground, the same on every paper
 _COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
@@ -34,8 +34,8 @@ class StatusBar(QStatusBar):
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.setContentsMargins(8, 0, 4, 0)
-        self.addWidget(Steady(self.activity), 1)
-        self.addPermanentWidget(Steady(self.figures))
+        self.addWidget(LabelSlot(self.activity), 1)
+        self.addPermanentWidget(LabelSlot(self.figures))
         self.addPermanentWidget(self.badge)
         self.show_state(Status())
 

@@ -16,7 +16,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import new_plot
-from sonarhw_gui.plots.plot_look import cosmetic_pen, dress_plot, label_axis, label_length
+from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length, style_plot
 from sonarhw_gui.scene.plan_geometry import wall_lines
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.work.bscan_picture import Arm, BScans, ColourScale, Pane, flat_area, polar_area
@@ -49,11 +49,11 @@ class BScanPane:
         self._cells = RangeCells(1.0, 1)
         self._middle, self._arm = (0.0, 0.0), Arm()
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in the colours and the unit of this look from now on."""
         self._look = look
         colours = look.palette
-        dress_plot(self.plot, look, grid=False)
+        style_plot(self.plot, look, grid=False)
         self._ground.setBrush(colours.blanking)
         self._ground.setPen(None)
         self._walls.setPen(cosmetic_pen(colours.wall, width=1))

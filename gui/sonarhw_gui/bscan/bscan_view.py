@@ -16,7 +16,7 @@ from sonarhw_compare.pictures.bscan import RangeCells
 from sonarhw_gui.bscan.bscan_pane import BScanPane
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.canvas import Canvas
-from sonarhw_gui.plots.reach import first_look
+from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
@@ -67,9 +67,9 @@ class BScanView(QWidget):
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
-            self.canvas.dress(shown.look)
+            self.canvas.set_look(shown.look)
             for pane in self.panes.values():
-                pane.dress(shown.look)
+                pane.set_look(shown.look)
             self._make_panes(shown.look)
             self._lay_out()
             self._drawn = None
@@ -135,7 +135,7 @@ class BScanView(QWidget):
         for kind in self.settings.panes:
             if kind not in self.panes:
                 self.panes[kind] = BScanPane(kind)
-                self.panes[kind].dress(look)
+                self.panes[kind].set_look(look)
 
     def _lay_out(self) -> None:
         """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
@@ -162,7 +162,7 @@ class BScanView(QWidget):
                 self.panes[kind].draw(bscan, shown)
             if not self._zoomed or self._cells != bscan.rows.cells:
                 self._zoomed, self._cells = True, bscan.rows.cells
-                self._fit(first_look(shown))
+                self._fit(initial_range(shown))
             self._drawn = bscan
         self.note.setText(_pointed(bscan, shown) or _note(bscan, self.settings))
         for kind in self.settings.panes:

@@ -36,7 +36,7 @@ from sonarhw_gui.live.scanner_jobs import ScanSettings
 from sonarhw_gui.live.window_status import Source, Status
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.number_field import NumberField
-from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.shown.shown import Shown
 
 _FARTHEST = 720.0  # degrees the cable winds
@@ -285,5 +285,5 @@ def _count(most: int, tip: str) -> QSpinBox:
     field = QSpinBox(minimum=1, maximum=most)
     field.setKeyboardTracking(False)
     field.setToolTip(tip)
-    take_the_wheel_with_the_focus_only(field)
+    ignore_wheel_without_focus(field)
     return field

@@ -20,9 +20,9 @@ from PySide6.QtWidgets import (
 from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 
 from sonarhw.errors import InputError
-from sonarhw_gui.panels.fit_words import answer_line, rows, share_line, warnings
+from sonarhw_gui.panels.fit_texts import answer_line, rows, share_line, warnings
 from sonarhw_gui.panels.room_groups import short_list
-from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.session.fit_control import FitState
 from sonarhw_gui.shown.shown import Shown
@@ -48,9 +48,9 @@ class FitPanel(QWidget):
         self.begin = QPushButton("Find where I stood")
         self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
         self.answers = QComboBox()
-        take_the_wheel_with_the_focus_only(self.answers)
+        ignore_wheel_without_focus(self.answers)
         self.answers.setToolTip("Answers between which the scan hardly tells, the best first")
-        self.table, self.told = QLabel(), QLabel(wordWrap=True)
+        self.table, self.notes = QLabel(), QLabel(wordWrap=True)
         self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
         self._refused = QLabel(wordWrap=True)
         self._asking, self._work, self._result = self._ask_group(), self._work_row(), self._result_group()
@@ -115,7 +115,7 @@ class FitPanel(QWidget):
         group = QGroupBox("Found")
         layout = QGridLayout(group)
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        for row, part in enumerate((self.answers, self.table, self.told)):
+        for row, part in enumerate((self.answers, self.table, self.notes)):
             layout.addWidget(part, row, 0, 1, 2)
         layout.addWidget(self.accept, 3, 0)
         layout.addWidget(self.discard, 3, 1)
@@ -167,7 +167,7 @@ class FitPanel(QWidget):
         self.table.setText(f"<table>{lines}</table>")
         warned = [f"⚠ {warning}" for warning in warnings(found)]
         told = f"{len(found.request.readings)} readings; ± is one standard deviation"
-        self.told.setText("\n\n".join((share_line(found, answer), told, *warned)))
+        self.notes.setText("\n\n".join((share_line(found, answer), told, *warned)))
 
     @Slot()
     def _accept(self) -> None:

@@ -12,17 +12,17 @@ from sonarhw_sim.room.room_file import Material
 from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.panels.room_groups import Change, Group
-from sonarhw_gui.parts.amount import Amount
+from sonarhw_gui.parts.slider_field import SliderField
 from sonarhw_gui.scene.scene_edit import with_material_values
 from sonarhw_gui.shown.shown import Shown
 
 
 class MaterialGroup(Group):
-    """Two amounts a material, and a line for a new one."""
+    """Two sliders a material, and a line for a new one."""
 
     def __init__(self, change: Change) -> None:
         super().__init__("Materials", change)
-        self.amounts: dict[str, tuple[Amount, Amount]] = {}  # reflectance and scatter
+        self.sliders: dict[str, tuple[SliderField, SliderField]] = {}  # reflectance and scatter
         self._room: Room | None = None
         self._known: dict[str, Material] = {}
         self.name = QLineEdit(placeholderText="name of a new material")
@@ -40,20 +40,22 @@ class MaterialGroup(Group):
         if room is not self._room:  # its text takes milliseconds to read
             self._room, self._known = room, materials(room)
         known = self._known
-        if [*known] != [*self.amounts]:
+        if [*known] != [*self.sliders]:
             self._lay_out(known)
-        for name, (reflectance, scatter) in self.amounts.items():
+        for name, (reflectance, scatter) in self.sliders.items():
             reflectance.show_value(known[name].reflectance)
             scatter.show_value(known[name].scatter)
 
     def _lay_out(self, known: dict[str, Material]) -> None:
         while self.rows.rowCount() > 1:
             self.rows.removeRow(0)
-        self.amounts = {}
+        self.sliders = {}
         for row, name in enumerate(known):
-            reflectance = Amount(0, 1, 2, "", "What is left of the amplitude of an echo: 0 nothing, 1 all of it")
-            scatter = Amount(0, 1, 2, "", "How much of what is left goes in all directions: 0 a mirror, 1 all of it")
-            self.amounts[name] = reflectance, scatter
+            reflectance = SliderField(0, 1, 2, "", "Amplitude of the echo, 0 none to 1 all of the incident sound")
+            scatter = SliderField(
+                0, 1, 2, "", "Diffuse share of the echo: 0 like a mirror, 1 fully diffuse"
+            )
+            self.sliders[name] = reflectance, scatter
             reflectance.changed.connect(self._coat)
             scatter.changed.connect(self._coat)
             title = QLabel(name)
@@ -65,14 +67,14 @@ class MaterialGroup(Group):
     @Slot()
     def _define(self) -> None:
         name = self.name.text().strip()
-        if name and name not in self.amounts:
+        if name and name not in self.sliders:
             self._change(partial(with_material_values, material=name))
             self.name.clear()
 
     @Slot(float, object)
     def _coat(self, value: float, gesture: object) -> None:
-        for name, amounts in self.amounts.items():
-            for share, amount in zip(("reflectance", "scatter"), amounts, strict=True):
-                if amount is self.sender():
+        for name, sliders in self.sliders.items():
+            for share, slider in zip(("reflectance", "scatter"), sliders, strict=True):
+                if slider is self.sender():
                     self._change(partial(with_material_values, material=name, shares={share: value}), gesture)
                     return

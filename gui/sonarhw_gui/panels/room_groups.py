@@ -22,8 +22,8 @@ from sonarhw_sim.room.room_writing import materials
 
 from sonarhw_gui.look.appearance import LengthUnit
 from sonarhw_gui.parts.number_field import NumberField
-from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
-from sonarhw_gui.plan.plan_words import surface_words
+from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
+from sonarhw_gui.plan.plan_texts import surface_text
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import (
     Edit,
@@ -161,7 +161,7 @@ class SurfaceGroup(Group):
     def _draw_surface(self, room: Room) -> None:
         number = self.surface.currentIndex()
         self.material.setCurrentText(room.materials[number])
-        self.words.setText(surface_words(room, number))
+        self.words.setText(surface_text(room, number))
         self.remove.setEnabled(number not in room.levels)
 
     @Slot(int)
@@ -188,7 +188,7 @@ def short_list() -> QComboBox:
     field = QComboBox()
     field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     field.setMinimumContentsLength(_SHORT)
-    take_the_wheel_with_the_focus_only(field)
+    ignore_wheel_without_focus(field)
     return field
 
 

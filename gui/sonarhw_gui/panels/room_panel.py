@@ -9,8 +9,8 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from sonarhw.errors import InputError
-from sonarhw_gui.panels.hearing_groups import AirGroup, HearingGroup
 from sonarhw_gui.panels.material_group import MaterialGroup
+from sonarhw_gui.panels.model_groups import AirGroup, ModelGroup
 from sonarhw_gui.panels.room_groups import Group, SensorGroup, SurfaceGroup
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit
@@ -33,8 +33,8 @@ class RoomPanel(QWidget):
         self._refused.hide()
         self.sensor, self.surface = SensorGroup(self.change), SurfaceGroup(self.change)
         self.materials = MaterialGroup(self.change)
-        self.air, self.hearing = AirGroup(self.change), HearingGroup(self.change)
-        self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.hearing)
+        self.air, self.model = AirGroup(self.change), ModelGroup(self.change)
+        self._groups: tuple[Group, ...] = (self.sensor, self.surface, self.materials, self.air, self.model)
         column = QVBoxLayout(self)
         column.addWidget(self._refused)
         for group in self._groups:

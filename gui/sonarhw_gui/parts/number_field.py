@@ -8,7 +8,7 @@ from typing import Any
 from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QDoubleSpinBox
 
-from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 
 
 class NumberField(QDoubleSpinBox):
@@ -20,7 +20,7 @@ class NumberField(QDoubleSpinBox):
         plain.setNumberOptions(QLocale.NumberOption.OmitGroupSeparator | QLocale.NumberOption.RejectGroupSeparator)
         self.setLocale(plain)
         self.setKeyboardTracking(False)
-        take_the_wheel_with_the_focus_only(self)
+        ignore_wheel_without_focus(self)
 
     def validate(self, text: str, at: int) -> Any:
         """Read a comma as a decimal point; the field then shows one."""

@@ -1,6 +1,6 @@
 """The plan: the room to scale, what is predicted and measured in it, the beam, and the rays of the chosen reading.
 
-Mouse and keys are in `plan.plan_hands` and `plan.plan_tools`, what is drawn in `plan.plan_layers`.
+Mouse and keys are in `plan.plan_controller` and `plan.plan_tools`, what is drawn in `plan.plan_layers`.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from sonarhw_sim.predict.by_heading import standpoints
 
 from sonarhw.readings import FloatArray
 from sonarhw_gui.look.appearance import Look
-from sonarhw_gui.plan.plan_hands import PlanHands
+from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
 from sonarhw_gui.plots.marks import NOWHERE, Outline, ReadingMarks
@@ -36,7 +36,7 @@ _BEYOND = 0.17  # of the room's longer side: echoes by several walls seem to lie
 class PlanDrawing(Canvas):
     """Draws the plan of what is shown: all of it, or only what was measured, or only what is predicted."""
 
-    told = Signal(str)  # what lies under the mouse, what the ruler measures, or why an edit is refused
+    message_changed = Signal(str)  # what lies under the mouse, what the ruler measures, or why an edit is refused
 
     def __init__(self, gestures: Gestures, measured: bool = True, predicted: bool = True) -> None:
         self._box = _Box()
@@ -53,18 +53,18 @@ class PlanDrawing(Canvas):
         self._marks = ReadingMarks(self.plot, self._tip)
         self.ruler = RulerLayer(self.plot)
         self.gestures = gestures
-        self.hands = PlanHands(self, gestures)
-        self._box.offer_drag = self.hands.drag
+        self.controller = PlanController(self, gestures)
+        self._box.offer_drag = self.controller.drag
         self._box.sigRangeChangedManually.connect(self._keep_range)
-        self.clicked.connect(self.hands.click)
-        self.hovered.connect(self.hands.hover)
+        self.clicked.connect(self.controller.click)
+        self.hovered.connect(self.controller.hover)
 
     def show_state(self, shown: Shown) -> None:
         """Draw what has changed since the last call."""
         before, self.shown = self.shown, shown
         self.repaint_whole()
         if before is None or before.look != shown.look:
-            self._dress(shown.look)
+            self._set_look(shown.look)
         if before is None or before.scene.room is not shown.scene.room:
             self.draw_room()
         if self._predicted:
@@ -85,14 +85,14 @@ class PlanDrawing(Canvas):
         self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
 
     def _reach(self, reading: FloatArray | None) -> None:
-        """See the chosen reading too, unless a person has said by hand what they want to see."""
+        """See the chosen reading too, unless a person has message by hand what they want to see."""
         seen = self._box.viewRect()
         if reading is not None and not self._by_hand and not seen.contains(QPointF(*reading)):
             self._fit(reading, besides=seen)
 
     def _fit(self, reading: FloatArray | None = None, besides: QRectF | None = None) -> None:
         self._by_hand = False
-        scene = self.hands.scene if self.shown else None
+        scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None:
             self._box.autoRange(padding=0.05)
             return
@@ -113,7 +113,7 @@ class PlanDrawing(Canvas):
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
-    # what the controller needs: see `plan_hands.Paper`
+    # what the controller needs: see `plan_controller.Paper`
 
     @property
     def handle_at(self) -> Point | None:
@@ -147,14 +147,14 @@ class PlanDrawing(Canvas):
         """Change the shape of the mouse cursor."""
         self.setCursor(shape)
 
-    def write(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         """Write a line beside the tools."""
-        self.told.emit(text)
+        self.message_changed.emit(text)
 
     def draw_room(self) -> None:
         """Draw the room as the tool in use needs it."""
         if self.shown is not None:
-            self.room.draw(self.shown.scene.room, self.hands.chosen, self.hands.tool.edits)
+            self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
 
     def pick(self, event: MouseClickEvent) -> None:
         """Ask about the reading nearest to a click, if one is near; where none is drawn, of that heading."""
@@ -177,7 +177,7 @@ class PlanDrawing(Canvas):
     def event(self, event: QEvent) -> bool:
         """Esc lets go of what is being dragged; else it is for the window."""
         asked = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
-        if asked and self.hands.let_go():
+        if asked and self.controller.cancel_drag():
             event.accept()
             return True
         return bool(super().event(event))
@@ -186,14 +186,14 @@ class PlanDrawing(Canvas):
     def _keep_range(self) -> None:
         self._by_hand = True
 
-    def _dress(self, look: Look) -> None:
-        self.dress(look)
+    def _set_look(self, look: Look) -> None:
+        self.set_look(look)
         for side, what in (("bottom", "x"), ("left", "y")):
             label_length(self.plot.getAxis(side), what, look)
         for layer in (self.room, self.sensor, self.path, self.pointer, self.ruler):
-            layer.dress(look)
-        self._outline.dress(look.palette)
-        self._marks.dress(look.palette)
+            layer.set_look(look)
+        self._outline.set_look(look.palette)
+        self._marks.set_look(look.palette)
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:

@@ -43,7 +43,7 @@ class RoomLayer:
         for item in (self._walls, self._posts, self._chosen_wall, self._chosen_post, self._corners):
             plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in this look from now on."""
         colours = look.palette
         self._walls.setPen(cosmetic_pen(colours.wall, width=2))
@@ -87,7 +87,7 @@ class SensorLayer:
             item.setZValue(z)
             plot.addItem(item, ignoreBounds=item is not self._sensor)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in this look from now on."""
         colours = look.palette
         self._beam.setBrush(colours.beam)
@@ -125,14 +125,14 @@ class PathLayer:
     def __init__(self, plot: pg.PlotItem) -> None:
         self._rays = pg.PlotCurveItem()
         self._labels = [_label() for _ in range(_MOST_LABELLED)]
-        self._told: list[tuple[str, FloatArray]] = []
+        self._texts: list[tuple[str, FloatArray]] = []
         self._sensor: Point = (0.0, 0.0)
         self._colour = "k"
         for item in (self._rays, *self._labels):
             plot.addItem(item)
         plot.vb.sigRangeChanged.connect(self._lay_out)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in this look from now on."""
         self._colour = look.palette.chosen
         for label in self._labels:
@@ -146,17 +146,17 @@ class PathLayer:
         style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
-        self._told, self._sensor = bounce_labels(points, losses), shown.scene.pose.position
+        self._texts, self._sensor = bounce_labels(points, losses), shown.scene.pose.position
         for k, label in enumerate(self._labels):
-            label.setVisible(k < len(self._told))
-            if k < len(self._told):
-                label.setText(self._told[k][0])
+            label.setVisible(k < len(self._texts))
+            if k < len(self._texts):
+                label.setText(self._texts[k][0])
         self._lay_out()
 
     def _lay_out(self) -> None:
         """Put the labels where each can be read: how near they are depends on how much of the room is seen."""
         taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
-        for label, (_, at) in zip(self._labels, self._told, strict=False):
+        for label, (_, at) in zip(self._labels, self._texts, strict=False):
             _set_beside(label, at, taken)
 
 
@@ -168,7 +168,7 @@ class CursorLayer:
         self._cross.setZValue(25)
         plot.addItem(self._cross, ignoreBounds=True)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in this look from now on."""
         self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
 
@@ -193,7 +193,7 @@ class RulerLayer:
             plot.addItem(item, ignoreBounds=True)
         self.clear()
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in this look from now on."""
         self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
         self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))

@@ -1,6 +1,6 @@
 """The tools of the plan: what a hand does in it. One class a tool; a tool holds nothing but the gesture it is in.
 
-Takes points on the plan (m); hands on edits, words and a sketch through the `Table` that it works on.
+Takes points on the plan (m); hands on edits, words and a sketch through the `ToolContext` that it works on.
 """
 
 import math
@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from sonarhw_compare.headings import heading_text
 
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.plan.plan_words import point_words, standing_words
+from sonarhw_gui.plan.plan_texts import point_text, pose_text
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip
 from sonarhw_gui.scene.room_edit import POST, WALL, Point, add_post, add_wall, corners, free_name
 from sonarhw_gui.scene.scene import Scene
@@ -22,7 +22,7 @@ _SHORTEST = 0.005  # m: of a wall or a radius; less is a slip of the hand
 _SNAP = 9.0  # pixels
 
 
-class Table(Protocol):
+class ToolContext(Protocol):
     """What a tool works on."""
 
     @property
@@ -50,7 +50,7 @@ class Table(Protocol):
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Lay the ruler."""
 
-    def tell(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         """Say something beside the tools."""
 
 
@@ -61,8 +61,8 @@ class Tool:
     shape = Qt.CursorShape.ArrowCursor
     edits = False  # walls and posts are taken hold of
 
-    def __init__(self, table: Table) -> None:
-        self._table = table
+    def __init__(self, context: ToolContext) -> None:
+        self._context = context
 
     @property
     def gesture(self) -> object:
@@ -87,8 +87,8 @@ class Hand(Tool):
     name, key = "Hand", "H"
     tip = "Drag the sensor or the handle on its beam; anywhere else, the paper. A click asks about a reading"
 
-    def __init__(self, table: Table) -> None:
-        super().__init__(table)
+    def __init__(self, context: ToolContext) -> None:
+        super().__init__(context)
         self._held: tuple[Grip, Scene] | None = None  # and the scene when it was taken
 
     @property
@@ -98,13 +98,13 @@ class Hand(Tool):
 
     def grip(self, at: Point) -> Grip | None:
         """Sensor or beam."""
-        table = self._table
-        return sensor_grip(table.scene, table.handle_at, at, table.pixel)
+        context = self._context
+        return sensor_grip(context.scene, context.handle_at, at, context.pixel)
 
     def press(self, at: Point) -> bool:
         """Take hold of what is there."""
         grip = self.grip(at)
-        self._held = None if grip is None else (grip, self._table.scene)
+        self._held = None if grip is None else (grip, self._context.scene)
         return grip is not None
 
     def drag(self, to: Point) -> None:
@@ -112,15 +112,15 @@ class Hand(Tool):
         if self._held is not None:
             grip, before = self._held
             if grip.part is GripPart.CORNER:
-                to = snapped(self._table, to, besides=grip.at, scene=before)
-            if self._table.change(lambda scene: dragged(scene, grip, to), before, self._held):
-                self._table.tell(self._where(grip, to))
+                to = snapped(self._context, to, besides=grip.at, scene=before)
+            if self._context.change(lambda scene: dragged(scene, grip, to), before, self._held):
+                self._context.show_message(self._where(grip, to))
 
     def _where(self, grip: Grip, to: Point) -> str:
-        unit = self._table.shown.look.unit
+        unit = self._context.shown.look.unit
         if grip.part in (GripPart.SENSOR, GripPart.BEAM):
-            return standing_words(self._table.scene, unit)
-        return point_words(to, unit)
+            return pose_text(self._context.scene, unit)
+        return point_text(to, unit)
 
 
 class Pencil(Hand):
@@ -132,16 +132,16 @@ class Pencil(Hand):
 
     def grip(self, at: Point) -> Grip | None:
         """Sensor or beam, then what belongs to the room."""
-        scene = self._table.scene
+        scene = self._context.scene
         over = super().grip(at)
-        return over or (room_grip(scene.room, at, self._table.pixel) if scene.room else None)
+        return over or (room_grip(scene.room, at, self._context.pixel) if scene.room else None)
 
     def press(self, at: Point) -> bool:
         """Take hold of what is there, and choose it."""
         taken = super().press(at)
-        room, surface = self._table.scene.room, self._held[0].surface if self._held else None
+        room, surface = self._context.scene.room, self._held[0].surface if self._held else None
         if room is not None and surface is not None:
-            self._table.choose_surface(room.names[surface])
+            self._context.choose_surface(room.names[surface])
         return taken
 
 
@@ -154,15 +154,15 @@ class Ruler(Tool):
 
     def press(self, at: Point) -> bool:
         """One end."""
-        self._start = snapped(self._table, at)
+        self._start = snapped(self._context, at)
         return True
 
     def drag(self, to: Point) -> None:
         """The other."""
-        end = snapped(self._table, to)
-        text = ruled(self._start, end, self._table.shown.look.unit)
-        self._table.measure(self._start, end, text)
-        self._table.tell(text)
+        end = snapped(self._context, to)
+        text = ruled(self._start, end, self._context.shown.look.unit)
+        self._context.measure(self._start, end, text)
+        self._context.show_message(text)
 
 
 class _Drawing(Tool):
@@ -180,24 +180,24 @@ class _Drawing(Tool):
 
     def press(self, at: Point) -> bool:
         """Where it begins."""
-        self._before, self._start, self._gesture = self._table.scene, snapped(self._table, at), object()
+        self._before, self._start, self._gesture = self._context.scene, snapped(self._context, at), object()
         return True
 
     def drag(self, to: Point) -> None:
         """How large it is."""
-        end = snapped(self._table, to, scene=self._before)
+        end = snapped(self._context, to, scene=self._before)
         if math.dist(self._start, end) < _SHORTEST:
             return
-        if self._table.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
-            self._table.tell(self._size(end))
+        if self._context.change(lambda scene: self._drawn(scene, end), self._before, self._gesture):
+            self._context.show_message(self._size(end))
             if self._before.room is not None:
-                self._table.choose_surface(free_name(self._before.room, self.stem))
+                self._context.choose_surface(free_name(self._before.room, self.stem))
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         raise NotImplementedError
 
     def _size(self, end: Point) -> str:
-        return ruled(self._start, end, self._table.shown.look.unit)
+        return ruled(self._start, end, self._context.shown.look.unit)
 
 
 class WallPencil(_Drawing):
@@ -223,17 +223,17 @@ class PostPencil(_Drawing):
         return with_room(scene, add_post(room, self._start, radius, room.materials[0])), "adding a post"
 
     def _size(self, end: Point) -> str:
-        return f"radius {self._table.shown.look.unit.text(math.dist(self._start, end))}"
+        return f"radius {self._context.shown.look.unit.text(math.dist(self._start, end))}"
 
 
 TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 
 
-def snapped(table: Table, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
+def snapped(context: ToolContext, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
     """The corner or sensor near a point, else the point to the millimetre; `besides` is no corner to find."""
-    scene = scene or table.scene
+    scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
-    near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * table.pixel]
+    near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * context.pixel]
     return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)
 
 

@@ -27,8 +27,8 @@ class PlanView(QWidget):
         self.gestures = Gestures(self)
         self.drawing = view = PlanDrawing(self.gestures)
         self.tools = QActionGroup(self)
-        self.said = ElidedLabel()
-        view.told.connect(self.said.setText)
+        self.message = ElidedLabel()
+        view.message_changed.connect(self.message.setText)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
@@ -60,22 +60,22 @@ class PlanView(QWidget):
             self.tools.addAction(action)
             row.addWidget(_button(action))
         self.remove = self._action("Remove", "Del", "Take out the chosen wall or post")
-        self.remove.triggered.connect(self.drawing.hands.remove_chosen)
+        self.remove.triggered.connect(self.drawing.controller.remove_chosen)
         row.addWidget(_button(self.remove))
         row.addSpacing(8)
-        row.addWidget(self.said, stretch=1)
+        row.addWidget(self.message, stretch=1)
         self.tools.actions()[0].setChecked(True)
-        self.tools.triggered.connect(self._hold)
+        self.tools.triggered.connect(self._set_tool)
         return bar
 
     def _add_keys(self) -> None:
-        hands = self.drawing.hands
+        controller = self.drawing.controller
         for side, by in _MOVES.items():
             tip = "By 1 cm: the sensor; in Edit, the chosen wall or post"
-            self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(hands.nudge, *by))
+            self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(controller.nudge, *by))
         for side, (key, steps) in _TURNS.items():
             action = self._action(f"Turn {side}", key, "Turn the sensor by a degree")
-            action.triggered.connect(partial(hands.turn, steps))
+            action.triggered.connect(partial(controller.turn, steps))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
             action = self._action(name, key, "The wheel does it about the mouse")
             action.triggered.connect(partial(self.drawing.zoom, scale))
@@ -89,8 +89,8 @@ class PlanView(QWidget):
         return action
 
     @Slot(QAction)
-    def _hold(self, action: QAction) -> None:
-        self.drawing.hands.hold(action.data())
+    def _set_tool(self, action: QAction) -> None:
+        self.drawing.controller.set_tool(action.data())
 
 
 def _button(action: QAction) -> QToolButton:

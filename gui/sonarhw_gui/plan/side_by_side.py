@@ -58,12 +58,12 @@ class SideBySide(QWidget):
 
 
 def _titled(title: str, view: PlanDrawing) -> QVBoxLayout:
-    said = ElidedLabel()
-    view.told.connect(said.setText)
+    message = ElidedLabel()
+    view.message_changed.connect(message.setText)
     head = QHBoxLayout()
     head.setContentsMargins(8, 3, 8, 3)
     head.addWidget(QLabel(f"<b>{title}</b>"))
-    head.addWidget(said, stretch=1)
+    head.addWidget(message, stretch=1)
     column = QVBoxLayout()
     column.setSpacing(0)
     column.addLayout(head)

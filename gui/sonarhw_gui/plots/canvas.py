@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QGraphicsView
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.pick import is_plain_click
-from sonarhw_gui.plots.plot_look import dress_plot
+from sonarhw_gui.plots.plot_look import style_plot
 
 
 def new_plot(
@@ -44,11 +44,11 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         self.scene().sigMouseClicked.connect(self._click)
         self.scene().sigMouseMoved.connect(self.hovered)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Give paper, axes and grid the colours and text size of a look."""
         self.setBackground(look.palette.paper)
         for plot in self._plots:
-            dress_plot(plot, look)
+            style_plot(plot, look)
 
     def repaint_whole(self) -> None:
         """Ask for one repaint of everything, before items change: partial updates trigger an extra repaint."""

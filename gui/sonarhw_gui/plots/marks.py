@@ -38,7 +38,7 @@ class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
         self._points = Spots(size=3, symbol="o", pen=None)
         self._points.setParentItem(self)
 
-    def dress(self, colours: Palette) -> None:
+    def set_look(self, colours: Palette) -> None:
         """Draw in the colour of what is predicted."""
         self.setPen(cosmetic_pen(colours.predicted, width=1))
         self._points.setBrush(colours.predicted)
@@ -108,7 +108,7 @@ class ReadingMarks:
         for scatter in self.scatters.values():
             scatter.setVisible(False)
 
-    def dress(self, colours: Palette) -> None:
+    def set_look(self, colours: Palette) -> None:
         """Draw in these colours from now on."""
         for kind, scatter in self.scatters.items():
             scatter.setPen(cosmetic_pen(colours.paper, width=1))

@@ -25,7 +25,7 @@ def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenSty
     return pen
 
 
-def dress_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
+def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
     """Give axes, their figures and the grid the colours and text size of a look."""
     font = text_font(look, 0.9)
     for name in _AXES:

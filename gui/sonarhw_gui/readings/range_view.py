@@ -66,7 +66,7 @@ class RangeView(Canvas):
         before, self._shown = self._shown, shown
         self.repaint_whole()
         if before is None or before.look != shown.look:
-            self._dress(shown.look)
+            self._set_look(shown.look)
         if before is None or before.outline is not shown.outline:
             self._draw_outline(shown)
         if before is None or not shown.same_readings(before):
@@ -104,8 +104,8 @@ class RangeView(Canvas):
             self._top = 1.15 * most
             self.ranges.setYRange(0.0, self._top, padding=0.05)
 
-    def _dress(self, look: Look) -> None:
-        self.dress(look)
+    def _set_look(self, look: Look) -> None:
+        self.set_look(look)
         metrics = QFontMetrics(text_font(look, 0.9))
         for plot in (self.ranges, self.residuals):
             # the same for both, so that they begin at one line
@@ -117,11 +117,11 @@ class RangeView(Canvas):
         self.residuals.setMinimumHeight(lower)
         self.setMinimumHeight(upper + lower + 2 * metrics.height())
         label_length(self.ranges.getAxis("left"), "range", look)
-        self._dress_residuals(look)
+        self._style_residuals(look)
         label_axis(self.residuals.getAxis("bottom"), "heading in the room (°)")
-        self._outline.dress(look.palette)
+        self._outline.set_look(look.palette)
         for marks in self._marks:
-            marks.dress(look.palette)
+            marks.set_look(look.palette)
         for kind, arrows in self.beyond.items():
             arrows.setPen(cosmetic_pen(look.palette.paper, width=1))
             arrows.setBrush(look.palette.of(kind))
@@ -130,7 +130,7 @@ class RangeView(Canvas):
         for line in self._pointer:
             line.setPen(cosmetic_pen(look.palette.ink, width=1))
 
-    def _dress_residuals(self, look: Look) -> None:
+    def _style_residuals(self, look: Look) -> None:
         unit, axis = residual_unit(look.unit), self.residuals.getAxis("left")
         axis.enableAutoSIPrefix(False)
         axis.setScale(unit.per_metre)

@@ -102,7 +102,7 @@ class TableView(QWidget):
         """Draw what has changed since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
-            self._dress(shown)
+            self._set_look(shown)
         self._following = True  # rows that come or go move the selection, and nobody has picked anything
         self.model.show_state(shown)
         self._following = False
@@ -165,7 +165,7 @@ class TableView(QWidget):
         self.view.horizontalHeader().sortIndicatorChanged.connect(self._move_arrow)
         QShortcut(QKeySequence.StandardKey.Find, self).activated.connect(self.words.setFocus)
 
-    def _dress(self, shown: Shown) -> None:
+    def _set_look(self, shown: Shown) -> None:
         look = shown.look
         font = text_font(look, 0.9)
         metrics = QFontMetrics(font)

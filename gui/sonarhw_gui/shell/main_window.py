@@ -24,7 +24,7 @@ from sonarhw_gui.panels.device_panel import DevicePanel
 from sonarhw_gui.panels.fit_panel import FitPanel
 from sonarhw_gui.panels.replay_bar import ReplayBar
 from sonarhw_gui.panels.room_panel import RoomPanel
-from sonarhw_gui.parts.steady import Steady
+from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.readings.sentence import Sentence
 from sonarhw_gui.session.window_session import WindowSession
 from sonarhw_gui.shell.command_states import show_history, show_scanner
@@ -72,7 +72,7 @@ class MainWindow(QMainWindow):
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        for part in (self.banner, self.legend, self.views, Steady(self.sentence), self.replay_bar):
+        for part in (self.banner, self.legend, self.views, LabelSlot(self.sentence), self.replay_bar):
             column.addWidget(part, stretch=1 if part is self.views else 0)
         self.setCentralWidget(centre)
         self.setStatusBar(self.status_bar)
@@ -95,9 +95,9 @@ class MainWindow(QMainWindow):
         views.connect_gestures(session.showing)
         views.stage.currentChanged.connect(self._show_what_has_opened)
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
-        self.room.surface_chosen.connect(views.plan.drawing.hands.choose_surface)
+        self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
         self.room.edited.connect(session.showing.edit)
-        self.room.hearing.board_file_wanted.connect(self.files.ask_board)
+        self.room.model.board_file_wanted.connect(self.files.ask_board)
         self.toolbar.place.textActivated.connect(session.showing.set_place)
         commands.find.triggered.connect(self._find_place)
         commands.fit.triggered.connect(views.fit)

@@ -47,13 +47,13 @@ class EchoNames:
         self._rows, self._per_pixel = _ROWS, 1.0
         self._items: list[pg.TextItem] = []
         self._stems = pg.PlotCurveItem(connect="pairs")
-        self._heads = Spots(size=7, symbol="t", pen=None, hoverable=True, tip=_told)
+        self._heads = Spots(size=7, symbol="t", pen=None, hoverable=True, tip=_tip_text)
         for item in (self._stems, self._heads):
             view.addItem(item, ignoreBounds=True)
         view.sigXRangeChanged.connect(self._lay_out)
         view.sigResized.connect(self._lay_out)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Write in the colours and the size of this look from now on."""
         self._look = look
         self._font.setPointSizeF(_POINTS * look.scale)
@@ -149,5 +149,5 @@ def shortened(via: str, longest: int) -> str:
     return f"{via[:half]}…{via[-half:]}"
 
 
-def _told(x: float, y: float, data: str) -> str:
+def _tip_text(x: float, y: float, data: str) -> str:
     return data

@@ -28,7 +28,7 @@ class TraceCursors(QObject):
             plot.addItem(line, ignoreBounds=True)
             line.sigPositionChanged.connect(self.moved)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in the colours of this look from now on."""
         for line in self._lines:
             line.setPen(cosmetic_pen(look.palette.chosen, width=1))

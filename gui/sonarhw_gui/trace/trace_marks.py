@@ -35,7 +35,7 @@ class TraceMarks:
         for item in self._items:
             plot.addItem(item, ignoreBounds=True)
 
-    def dress(self, look: Look) -> None:
+    def set_look(self, look: Look) -> None:
         """Draw in the colours of this look from now on."""
         colours = look.palette
         self._blanking.setBrush(colours.blanking)

@@ -15,10 +15,10 @@ from sonarhw_sim.air import Air
 
 from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.parts.elided import ElidedLabel
-from sonarhw_gui.parts.steady import Steady
+from sonarhw_gui.parts.label_slot import LabelSlot
 from sonarhw_gui.plots.canvas import Canvas, new_plot
+from sonarhw_gui.plots.initial_range import initial_range
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis
-from sonarhw_gui.plots.reach import first_look
 from sonarhw_gui.plots.view_actions import add_buttons, view_action
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.shown.shown import Cursor, Shown
@@ -76,7 +76,7 @@ class TraceView(QWidget):
         if before is None or before.trace is not shown.trace or before.cursor != shown.cursor:
             self.canvas.repaint_whole()
         if before is None or before.look != shown.look:
-            self._dress(shown.look)
+            self._set_look(shown.look)
         if before is None or before.trace is not shown.trace or before.look != shown.look:
             self._draw(shown.trace)
         if shown.trace is None and not self._duration:
@@ -88,7 +88,7 @@ class TraceView(QWidget):
         row = QHBoxLayout()
         row.setContentsMargins(8, 2, 8, 0)
         row.setSpacing(3)
-        row.addWidget(Steady(self.title), stretch=1)
+        row.addWidget(LabelSlot(self.title), stretch=1)
         add_buttons(row, (self.envelope, self.rf, self.cursors_shown))
         self.readout.setVisible(False)
         self.readout.setContentsMargins(8, 0, 8, 2)
@@ -114,10 +114,10 @@ class TraceView(QWidget):
         """Return the plot with its title."""
         return self
 
-    def _dress(self, look: Look) -> None:
+    def _set_look(self, look: Look) -> None:
         self._look = look
         colours = look.palette
-        self.canvas.dress(look)
+        self.canvas.set_look(look)
         self.canvas.setMinimumHeight(round(_LOWEST * look.scale))
         self._times.write_in("ms", 1e3)
         gain = self.plot.getAxis("right")
@@ -128,7 +128,7 @@ class TraceView(QWidget):
         self._measured.setPen(cosmetic_pen(colours.measured, width=1))
         self._pointer.setPen(cosmetic_pen(colours.chosen, width=1, style=Qt.PenStyle.DotLine))
         for part in (self.marks, self.names, self.cursors):
-            part.dress(look)
+            part.set_look(look)
 
     def _draw(self, trace: ChosenTrace | None) -> None:
         self._trace = trace
@@ -166,7 +166,7 @@ class TraceView(QWidget):
         if self._duration == trace.duration or self._shown is None:
             return  # a zoom lasts from one reading to the next
         self._duration = trace.duration
-        reach = first_look(self._shown)
+        reach = initial_range(self._shown)
         end = trace.duration if reach is None else min(trace.duration, trace.time_at(reach))
         self.plot.setLimits(xMin=0.0, xMax=trace.duration)
         self.plot.setXRange(0.0, end, padding=0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.plan.plan_words import standing_words, surface_words
+from sonarhw_gui.plan.plan_texts import pose_text, surface_text
 from sonarhw_gui.scene.grips import Grip, GripPart, room_grip, sensor_grip, surface_at
 from sonarhw_gui.scene.plan_geometry import bounce_losses
 from sonarhw_gui.scene.room_edit import add_post
@@ -123,7 +123,7 @@ def test_over_a_low_post_a_high_sensor_may_stand() -> None:
 
 def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) -> None:
     def said(room: Room, at: tuple[float, float]) -> bool:
-        return "outside the walls" in standing_words(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
+        return "outside the walls" in pose_text(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
 
     assert not said(scene.room, (0.4, 0.4))
     assert said(scene.room, (1.4, 0.4))
@@ -132,9 +132,9 @@ def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) ->
 
 
 def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> None:
-    assert surface_words(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
+    assert surface_text(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
     doorstep: Room = load_room(ROOM.with_name("doorstep.toml"))
-    assert surface_words(doorstep, doorstep.names.index("rug")).startswith(
+    assert surface_text(doorstep, doorstep.names.index("rug")).startswith(
         "rug · rug, reflectance 0.60, scatters 50% (−7.4 dB)"
     )
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 from sonarhw_compare.fit import free_parameters
 from sonarhw_gui.look.appearance import LengthUnit
-from sonarhw_gui.panels.fit_words import in_words
+from sonarhw_gui.panels.fit_texts import value_text
 from sonarhw_gui.scene.fit_scene import fitted
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import sensor_at
@@ -48,7 +48,7 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     assert panel.accept.isVisible()
     # a position in the unit of its error: m beside mm were read as one
     assert len(re.findall(r"\d mm</td><td>&nbsp;&nbsp;± [\d.]+ mm", panel.table.text())) >= 2
-    assert "within 5 cm: " in panel.told.text()
+    assert "within 5 cm: " in panel.notes.text()
     assert window.session.shown.scene is before
     found = window.session.fitting.state.found
     assert found.within_5cm < 0.7 < found.answers[0].within_5cm
@@ -72,7 +72,7 @@ def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
     find(qtbot, window)
     assert panel.answers.isVisible()
     assert panel.answers.count() == 2
-    assert "the room may be symmetric" in panel.told.text()
+    assert "the room may be symmetric" in panel.notes.text()
     wide, deep = scene.room.walls.reshape(-1, 2).max(axis=0)
     (x, y), turned = scene.pose.position, scene.pose.heading + math.pi
     poses = [((x, y), scene.pose.heading), ((wide - x, deep - y), turned)]
@@ -135,7 +135,7 @@ def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene
     found = {"heading": math.radians(-0.01), "offset": -0.00001, "temperature": -5.04, "x": -0.00001}
     free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
     values = {one: found.get(one.name, 0.5) for one in free}
-    told = {one.name: in_words(one, value, LengthUnit.M) for one, value in values.items()}
+    told = {one.name: value_text(one, value, LengthUnit.M) for one, value in values.items()}
     assert told == {
         "x": "0.000 m",
         "y": "0.500 m",
@@ -144,7 +144,7 @@ def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene
         "temperature": "−5.0 °C",
     }
     heading = next(one for one in free if one.name == "heading")
-    assert in_words(heading, math.radians(-90), LengthUnit.M) == "270.00°"
+    assert value_text(heading, math.radians(-90), LengthUnit.M) == "270.00°"
 
 
 def test_what_was_found_stands_in_room_and_profile(scene: Scene) -> None:

@@ -76,7 +76,7 @@ def drag_slider(qtbot: QtBot, slider: QSlider, *values: int) -> None:
 
 
 def test_one_drag_of_a_slider_is_one_step_and_the_walls_take_it(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
-    reflectance, scatter = panel.materials.amounts["shelving"]
+    reflectance, scatter = panel.materials.sliders["shelving"]
     drag_slider(qtbot, reflectance.slider, 80, 60, 40)
     assert len(keeper.labels) >= 3
     assert len(set(map(id, keeper.gestures))) == 1
@@ -104,8 +104,8 @@ def test_air_is_typed_and_what_was_not_typed_stays_as_it_was(qtbot: QtBot, panel
 
 
 def test_receiver_unit_and_edges_are_chosen_by_key(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
-    hearing = panel.hearing
-    for field in (hearing.receiver, hearing.unit, hearing.edges):
+    group = panel.model
+    for field in (group.receiver, group.unit, group.edges):
         qtbot.keyClick(field, Qt.Key.Key_Down)
     options = keeper.scene.options
     assert options.receiver is Receiver.BOARD
@@ -120,7 +120,7 @@ def test_a_board_is_chosen_by_key_brings_its_receiver_and_the_scans_own_can_be_h
     own = replace(keeper.scene.board, range_offset=0.01)
     keeper.scene = replace(keeper.scene, board=own)
     keeper.show()
-    board = panel.hearing.board
+    board = panel.model.board
     assert board.currentText() == f"{own.name}, changed"
     board.setFocus()
     qtbot.keyClicks(board, "lego")
@@ -136,7 +136,7 @@ def test_a_board_of_ones_own_is_taken_from_its_file_and_a_wrong_file_is_told(
 ) -> None:
     window = open_with()
     window.docks.show("Room")
-    board = window.room.hearing.board
+    board = window.room.model.board
 
     def take(text: str) -> None:
         (tmp_path / "own.toml").write_text(text)
@@ -161,7 +161,7 @@ def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith
     window = open_with()
     window.docks.show("Room")
     until(qtbot, lambda: predicted(window))
-    board = window.room.hearing.board
+    board = window.room.model.board
     board.setFocus()
     qtbot.keyClick(board, Qt.Key.Key_Down)
     assert board.currentText() == "hc-sr04"
@@ -216,7 +216,7 @@ def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper)
 def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
     qtbot.keyClicks(panel.materials.name, "felt")
     qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
-    assert [*panel.materials.amounts] == ["shelving", "felt"]
+    assert [*panel.materials.sliders] == ["shelving", "felt"]
     panel.choose_surface("top")
     qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
     room = keeper.scene.room
@@ -248,7 +248,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     qtbot.keyClick(window, Qt.Key.Key_F8)
     before = window.session.shown
     window.session.showing.choose(27)
-    reflectance = window.room.materials.amounts["shelving"][0]
+    reflectance = window.room.materials.sliders["shelving"][0]
     drag_slider(qtbot, reflectance.slider, 50)
     until(qtbot, lambda: predicted(window) and window.session.shown.outline is not before.outline)
     shown = window.session.shown
@@ -274,7 +274,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
 def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F8)
-    window.views.plan.drawing.hands.choose_surface("top")
+    window.views.plan.drawing.controller.choose_surface("top")
     assert window.room.surface.surface.currentText() == "top"
     qtbot.keyClick(window.room.surface.surface, Qt.Key.Key_Down)
-    assert window.views.plan.drawing.hands.chosen_surface == 3
+    assert window.views.plan.drawing.controller.chosen_surface == 3

@@ -59,7 +59,7 @@ def test_the_session_loads_signals_and_timers_but_no_widgets() -> None:
     assert loaded_by("sonarhw_gui.session", ("PySide6.QtWidgets", "pyqtgraph")) == []
 
 
-@pytest.mark.parametrize("module", ["sonarhw_gui.plan.plan_words", "sonarhw_gui.parts.pixels"])
+@pytest.mark.parametrize("module", ["sonarhw_gui.plan.plan_texts", "sonarhw_gui.parts.pixels"])
 def test_words_and_pixels_load_no_qt(module: str) -> None:
     script = f"import sys, {module}; print([m for m in sys.modules if 'PySide' in m])"
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -278,10 +278,10 @@ def show_large_views(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 
 def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     dock(qtbot, window, "Room")
-    window.views.plan.drawing.hands.choose_surface(window.session.shown.scene.room.names[0])
+    window.views.plan.drawing.controller.choose_surface(window.session.shown.scene.room.names[0])
     qtbot.wait(50)
     album.keep(window, "room")
-    window.views.plan.drawing.hands.choose_surface(None)
+    window.views.plan.drawing.controller.choose_surface(None)
     dock(qtbot, window, "Fit")
     if FOLDER:  # finding takes a while
         window.fit_panel.begin.click()

@@ -18,7 +18,7 @@ def test_marks_follow_readings_that_come_move_and_go(qtbot: QtBot) -> None:
     plot = pg.PlotWidget()
     qtbot.addWidget(plot)
     marks = ReadingMarks(plot.plotItem, str)
-    marks.dress(LIGHT)
+    marks.set_look(LIGHT)
     scatter = marks.scatters[Kind.MATCH]
     steps = _placed(1), _placed(1, 4, 5), _placed(1, 4, 5), _placed(4, 5), _placed(4, 5, shift=0.1), _placed()
     for points, places in steps:

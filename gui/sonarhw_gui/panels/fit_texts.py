@@ -20,7 +20,7 @@ def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str,
     """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
     values = found.answers[answer].values
     if answer > 0:
-        return [(_name(one), in_words(one, value, unit), "") for one, value in values.items()]
+        return [(_name(one), value_text(one, value, unit), "") for one, value in values.items()]
     estimates = found.result.estimates
     return [
         (_name(one), _as_known(one, value, estimates[one.name], unit), _deviation(one, estimates[one.name], unit))
@@ -37,7 +37,7 @@ def share_line(found: FitFound, answer: int) -> str:
 def answer_line(found: FitFound, answer: int, unit: LengthUnit) -> str:
     """An answer in a few words: its pose."""
     values = found.answers[answer].values
-    pose = {one.quantity.name: in_words(one, value, unit) for one, value in values.items()}
+    pose = {one.quantity.name: value_text(one, value, unit) for one, value in values.items()}
     place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
     return f"{answer + 1}: {place or 'no other place'}"
 
@@ -55,7 +55,7 @@ def _name(one: "Parameter") -> str:
     return f"{one.quantity.label} {one.of}".strip()
 
 
-def in_words(one: "Parameter", value: float, unit: LengthUnit) -> str:
+def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
     """A value as people read it, with its unit."""
     match one.quantity.unit:
         case "°":
@@ -74,7 +74,7 @@ def in_words(one: "Parameter", value: float, unit: LengthUnit) -> str:
 def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
     """A value with as many digits as it is known to; a position in the unit of its deviation."""
     if one.quantity.word != "position":
-        return in_words(one, value, unit)
+        return value_text(one, value, unit)
     small = residual_unit(unit)
     decimals = min(2, _decimals(estimate.deviation * small.per_metre))
     return _signed(f"{value * small.per_metre:z.{decimals}f} {small.label}")

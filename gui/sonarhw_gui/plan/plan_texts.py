@@ -17,26 +17,26 @@ from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
 
 
-def words_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
+def text_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
     """One line on what a hand would take hold of at a point, or on what is there."""
     scene, unit = shown.scene, shown.look.unit
-    place = point_words(at, unit)
+    place = point_text(at, unit)
     if grip is not None and grip.part is GripPart.SENSOR:
-        return f"sensor, {standing_words(scene, unit)}; drag to move it"
+        return f"sensor, {pose_text(scene, unit)}; drag to move it"
     if grip is not None and grip.part is GripPart.BEAM:
-        return f"beam, {standing_words(scene, unit)}; drag to turn it"
+        return f"beam, {pose_text(scene, unit)}; drag to turn it"
     if grip is not None and grip.part is GripPart.CORNER:
         return f"corner, {place}; drag to move it"
     room = scene.room
     surface = surface_at(room, at, pixel) if room else None
     if room is not None and surface is not None:
-        return surface_words(room, surface)
+        return surface_text(room, surface)
     middle = scene.pose.position
     away = f"{unit.text(math.dist(middle, at))} at {heading_text(bearing(middle, at))} from the sensor"
     return f"{place} · {away}"
 
 
-def surface_words(room: Room, surface: int) -> str:
+def surface_text(room: Room, surface: int) -> str:
     """A wall or post with its material and what that takes of an echo."""
     mirrored = float(room.reflectances[surface])
     loss = f" ({decibels_text(20 * math.log10(mirrored))})" if mirrored > 0 else ""
@@ -45,13 +45,13 @@ def surface_words(room: Room, surface: int) -> str:
     return f"{room.names[surface]} · {room.materials[surface]}, reflectance {math.sqrt(power):.2f}{scatters}{loss}"
 
 
-def point_words(at: Point, unit: LengthUnit) -> str:
+def point_text(at: Point, unit: LengthUnit) -> str:
     """A point as people read it."""
     return f"x {unit.text(at[0])}, y {unit.text(at[1])}"
 
 
-def standing_words(scene: Scene, unit: LengthUnit) -> str:
+def pose_text(scene: Scene, unit: LengthUnit) -> str:
     """Where the sensor stands and looks; said, too, where that is outside the walls."""
     place = scene.pose
     outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
-    return f"{point_words(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"
+    return f"{point_text(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"

@@ -1,6 +1,6 @@
 """The controller of a plan: passes mouse and keys to the tool in use, and what the tool does to the window.
 
-It is the `Table` of the tools, and needs of the drawing only what `Paper` lists.
+It is the `ToolContext` of the tools, and needs of the drawing only what `Paper` lists.
 """
 
 import math
@@ -12,8 +12,8 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
 
 from sonarhw.errors import InputError
+from sonarhw_gui.plan.plan_texts import text_at
 from sonarhw_gui.plan.plan_tools import Hand, Tool
-from sonarhw_gui.plan.plan_words import words_at
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.room_edit import Point
 from sonarhw_gui.scene.scene import Scene
@@ -59,26 +59,26 @@ class Paper(Protocol):
     def draw_cursor(self, shape: Qt.CursorShape) -> None:
         """Change the shape of the mouse cursor."""
 
-    def write(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         """Write a line beside the tools."""
 
     def pick(self, event: MouseClickEvent) -> None:
         """Choose the reading under a click."""
 
 
-class PlanHands:
+class PlanController:
     """Holds a tool, and remembers which wall or post is chosen."""
 
     def __init__(self, paper: Paper, gestures: Gestures) -> None:
         self._paper, self._gestures = paper, gestures
         self.tool: Tool = Hand(self)
         self._busy = False  # in a gesture
-        self._over = False  # what remains of the gesture does nothing: it was cancelled
+        self._cancelled = False  # what remains of the gesture does nothing: it was cancelled
         self.chosen: str | None = None  # by name: numbers change
         self._before: str | None = None  # chosen, as the drag began
         self.clock: Callable[[], float] = time.monotonic
         self._nudged, self._nudging = -math.inf, object()
-        self._asked: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
+        self._last_edit: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
 
     # the table of the tools
 
@@ -91,8 +91,8 @@ class PlanHands:
     @property
     def scene(self) -> Scene:
         """The scene with all edits, those that are not shown yet as well."""
-        if self._asked is not None and self._asked[1] is self.shown:
-            return self._asked[0]
+        if self._last_edit is not None and self._last_edit[1] is self.shown:
+            return self._last_edit[0]
         return self.shown.scene
 
     @property
@@ -110,10 +110,10 @@ class PlanHands:
         try:
             changed, label = edit(scene)
         except InputError as error:
-            self.tell(f"⚠ {error}")
+            self.show_message(f"⚠ {error}")
             return False
-        self.tell("")
-        self._asked = changed, self.shown
+        self.show_message("")
+        self._last_edit = changed, self.shown
         self._gestures.edited.emit(changed, label, gesture)
         return True
 
@@ -128,9 +128,9 @@ class PlanHands:
         """Lay the ruler."""
         self._paper.draw_ruler(start, end, text)
 
-    def tell(self, text: str) -> None:
+    def show_message(self, text: str) -> None:
         """Say something beside the tools."""
-        self._paper.write(text)
+        self._paper.show_message(text)
 
     # keys and buttons
 
@@ -140,19 +140,19 @@ class PlanHands:
         room = self.scene.room if self._paper.shown else None
         return room.names.index(self.chosen) if room and self.chosen in room.names else None
 
-    def hold(self, tool: type[Tool]) -> None:
+    def set_tool(self, tool: type[Tool]) -> None:
         """Take another tool."""
         self.tool = tool(self)
         self._paper.clear_ruler()
         self._paper.draw_cursor(self.tool.shape)
         self._paper.draw_room()
-        self.tell("")
+        self.show_message("")
 
     def remove_chosen(self) -> None:
         """Take out the chosen wall or post."""
         surface = self.chosen_surface
         if surface is None:
-            self.tell("click a wall or a post with Edit (E) first")
+            self.show_message("click a wall or a post with Edit (E) first")
         elif self.change(lambda scene: without_surface(scene, surface), self.scene, None):
             self.choose_surface(None)
 
@@ -185,23 +185,23 @@ class PlanHands:
             return False
         if event.isStart():
             self._before = self.chosen
-            self._busy, self._over = self.tool.press(self._paper.point_at(event.buttonDownScenePos())), False
+            self._busy, self._cancelled = self.tool.press(self._paper.point_at(event.buttonDownScenePos())), False
         taken = self._busy
-        if taken and not self._over:
+        if taken and not self._cancelled:
             self.tool.drag(self._paper.point_at(event.scenePos()))
         if event.isFinish():
             self._busy = False
         return taken
 
-    def let_go(self) -> bool:
+    def cancel_drag(self) -> bool:
         """Undo the drag under way, and do nothing more until the button is up; whether there was one."""
-        if not self._busy or self._over:
+        if not self._busy or self._cancelled:
             return self._busy
-        self._over, self._asked = True, None
+        self._cancelled, self._last_edit = True, None
         self._gestures.cancelled.emit(self.tool.gesture)
         self.choose_surface(self._before)
         self._paper.clear_ruler()
-        self.tell("")
+        self.show_message("")
         return True
 
     def click(self, event: MouseClickEvent) -> None:
@@ -233,10 +233,10 @@ class PlanHands:
         grip = self.tool.grip(at)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
         self._paper.draw_cursor(shape)
-        self.tell(words_at(self.shown, grip, at, self.pixel))
+        self.show_message(text_at(self.shown, grip, at, self.pixel))
         middle = self.shown.scene.pose.position
         self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 
     def _leave(self) -> None:
         self._gestures.pointed.emit(None)
-        self.tell("")
+        self.show_message("")

@@ -46,9 +46,9 @@ def hover(qtbot: QtBot, window: MainWindow, at: Point) -> str:
     for k in range(_STROKES):  # moves that come too soon after one another are left out
         qtbot.mouseMove(window.views.plan.drawing.viewport(), pixel + QPoint(k % 2, 0))
         qtbot.wait(15)
-        if k and window.views.plan.said.text():
+        if k and window.views.plan.message.text():
             break
-    return window.views.plan.said.text()
+    return window.views.plan.message.text()
 
 
 def wall(window: MainWindow, name: str) -> list[float]:
@@ -127,7 +127,7 @@ def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
 
 def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
     now = 0.0
-    window.views.plan.drawing.hands.clock = lambda: now
+    window.views.plan.drawing.controller.clock = lambda: now
     x, y = stands(window)
     shift = Qt.KeyboardModifier.ShiftModifier
     for pressed in (Qt.Key.Key_Left, Qt.Key.Key_Left, Qt.Key.Key_Up):
@@ -149,7 +149,7 @@ def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow)
     drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.4))
     key(qtbot, window, Qt.Key.Key_H)
     drag_in_plan(qtbot, window, stands(window), (0.5, 0.3), (0.3, 0.4))
-    assert "cannot stand inside post 1" in window.views.plan.said.text()
+    assert "cannot stand inside post 1" in window.views.plan.message.text()
     assert math.dist(stands(window), (0.3, 0.4)) > 0.1
     assert window.banner.message == ""
 
@@ -157,7 +157,7 @@ def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow)
 def test_outside_the_walls_a_sensor_may_stand_and_it_is_said(qtbot: QtBot, window: MainWindow) -> None:
     drag_in_plan(qtbot, window, stands(window), (0.85, 0.3), (0.98, 0.3))
     assert stands(window) == pytest.approx((0.98, 0.3), abs=0.003)
-    assert "outside the walls" in window.views.plan.said.text()
+    assert "outside the walls" in window.views.plan.message.text()
     assert "outside the walls" in hover(qtbot, window, stands(window))
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.outline.place.position == stands(window)
@@ -204,7 +204,7 @@ def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBo
 def test_the_ruler_tells_distance_and_angle_from_corner_to_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_M)
     drag_in_plan(qtbot, window, (0.004, 0.003), (0.925, 0.739))
-    assert window.views.plan.said.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
+    assert window.views.plan.message.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
     assert window.views.plan.drawing.ruler.label.toPlainText() == "1.188 m at 38.6°"
     assert wall(window, "top") == [0.928, 0.742, 0.0, 0.742]
     key(qtbot, window, Qt.Key.Key_H)
@@ -298,7 +298,7 @@ def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open
     window = open_with(scene=replace(scene, room=None, place=None))
     key(qtbot, window, Qt.Key.Key_W)
     drag_in_plan(qtbot, window, (0.1, 0.1), (0.5, 0.5))
-    assert "open a room file" in window.views.plan.said.text()
+    assert "open a room file" in window.views.plan.message.text()
     key(qtbot, window, Qt.Key.Key_Left, Qt.KeyboardModifier.ShiftModifier)
     assert window.session.shown.scene.room is None
 

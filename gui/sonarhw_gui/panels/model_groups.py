@@ -14,7 +14,7 @@ from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw_gui.panels.room_groups import Change, Group, short_list, show_names
-from sonarhw_gui.parts.amount import Amount
+from sonarhw_gui.parts.slider_field import SliderField
 from sonarhw_gui.scene.scene_edit import with_air_state, with_board, with_options
 from sonarhw_gui.shown.shown import Shown
 
@@ -24,13 +24,13 @@ class AirGroup(Group):
 
     def __init__(self, change: Change) -> None:
         super().__init__("Air", change)
-        self.temperature = Amount(-40, 60, 1, " °C", "The warmer the air, the faster sound: 0.18 % a degree")
-        self.humidity = Amount(0, 100, 0, " %", "Relative humidity: how much the air takes of ultrasound")
-        self.pressure = Amount(30, 120, 1, " kPa", "101.3 kPa at the sea, about 90 kPa at 1000 m")
+        self.temperature = SliderField(-40, 60, 1, " °C", "The warmer the air, the faster sound: 0.18 % a degree")
+        self.humidity = SliderField(0, 100, 0, " %", "Relative humidity: how much the air takes of ultrasound")
+        self.pressure = SliderField(30, 120, 1, " kPa", "101.3 kPa at the sea, about 90 kPa at 1000 m")
         self.speed = QLabel()
         rows = (("Temperature", self.temperature), ("Humidity", self.humidity), ("Pressure", self.pressure))
-        for name, amount in rows:
-            self.rows.addRow(name, amount)
+        for name, slider in rows:
+            self.rows.addRow(name, slider)
         self.temperature.changed.connect(self._warm)
         self.humidity.changed.connect(self._moisten)
         self.pressure.changed.connect(self._press)
@@ -74,7 +74,7 @@ _MEANINGS: dict[Enum, tuple[str, str]] = {
 _FROM_FILE = "From file…"
 
 
-class HearingGroup(Group):
+class ModelGroup(Group):
     """Which board sends and hears, and how echoes are followed and received."""
 
     board_file_wanted = Signal()

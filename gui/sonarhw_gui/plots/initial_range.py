@@ -10,7 +10,7 @@ from sonarhw_gui.shown.shown import Shown
 _BEYOND = 1.5  # times the farthest first echo
 
 
-def first_look(shown: Shown) -> float | None:
+def initial_range(shown: Shown) -> float | None:
     """The range up to which to show traces at first, m; None where no echo is known yet."""
     measured = [reading.range for reading in shown.readings if reading.range is not None]
     predicted = [] if shown.outline is None else shown.outline.ranges[~np.isnan(shown.outline.ranges)].tolist()

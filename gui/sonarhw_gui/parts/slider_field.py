@@ -7,10 +7,10 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QSlider, QWidget
 
 from sonarhw_gui.parts.number_field import NumberField
-from sonarhw_gui.parts.wheel import take_the_wheel_with_the_focus_only
+from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 
 
-class Amount(QWidget):
+class SliderField(QWidget):
     """One amount between two bounds."""
 
     changed = Signal(float, object)  # the value, the gesture
@@ -23,7 +23,7 @@ class Amount(QWidget):
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setRange(0, round((high - low) / self._step))
         self.slider.setPageStep(max(1, self.slider.maximum() // 10))
-        take_the_wheel_with_the_focus_only(self.slider)
+        ignore_wheel_without_focus(self.slider)
         self.field = NumberField(low, high, decimals, suffix)
         self.field.setSingleStep(self._step)
         self.field.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)

@@ -8,7 +8,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QLabel, QWidget
 
 
-class Steady(QWidget):
+class LabelSlot(QWidget):
     """As high as its label wants to be, and as wide as it is given."""
 
     def __init__(self, label: QLabel) -> None:

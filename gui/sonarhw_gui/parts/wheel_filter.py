@@ -22,7 +22,7 @@ class _Passing(QObject):
         return True
 
 
-def take_the_wheel_with_the_focus_only(widget: QWidget) -> None:
+def ignore_wheel_without_focus(widget: QWidget) -> None:
     """Let a widget have the wheel only after a click or the tab key."""
     widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
     widget.installEventFilter(_Passing(widget))
