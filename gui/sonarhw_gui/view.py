@@ -1,6 +1,6 @@
-"""The `View` protocol: what the window needs of everything that draws readings and their prediction.
+"""The `View` protocol: the interface between the window and a widget that draws readings and their prediction.
 
-A view lives in a folder of its own. `shell/view_area.py` lists all views, one line each; nothing else names them.
+`shell/view_area.py` lists all views, one line each. No other module names them.
 """
 
 from collections.abc import Sequence
@@ -19,42 +19,42 @@ class ViewEntry:
     """How commands, menus and file names list a view."""
 
     name: str
-    tip: str = ""  # of the command that shows it
-    key: str = ""  # shows it; of large views
-    picture_key: str = ""  # keeps a picture of it; of views beside the large one
-    menu: str = ""  # of its actions; the view of that name comes first in it
-    is_text: bool = False  # redrawn ten times a second only while a scan runs
+    tip: str = ""  # tooltip of the command that shows the view
+    key: str = ""  # key that shows the view; large views only
+    picture_key: str = ""  # key that saves a picture of the view; small views only
+    menu: str = ""  # menu of its actions; the view of the same name comes first in it
+    is_text: bool = False  # whether it is updated only ten times a second during a scan
 
 
 class Gestures(QObject):
-    """What a person does in a view. The window connects every gesture of every view with the session."""
+    """User actions in a view. The window connects all of them with the session."""
 
     picked = Signal(int)  # a reading
-    pointed = Signal(object)  # Cursor, or None where nothing is pointed at
-    edited = Signal(object, str, object)  # Scene, what was done, the gesture that it belongs to or None
-    cancelled = Signal(object)  # the gesture whose edits are taken back
+    pointed = Signal(object)  # Cursor, or None when the mouse points at nothing
+    edited = Signal(object, str, object)  # Scene, label for Undo, gesture or None; edits of one gesture are one step
+    cancelled = Signal(object)  # the gesture whose edits are undone
     surface_chosen = Signal(object)  # name of a wall or post, or None
     bscan_requested = Signal(object)  # BScanSettings, or None while no B-scan is visible
 
 
 @runtime_checkable
 class View(Protocol):
-    """A widget that draws what is shown. Every method is called in the window's thread."""
+    """A widget that draws a `Shown`. Every method is called in the window's thread."""
 
     entry: ViewEntry
     gestures: Gestures
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what differs from the last call; called while the view is visible."""
+        """Draw the changes since the last call. Called only while the view is visible."""
 
     def fit(self) -> None:
         """Reset the range of its plots."""
 
     def picture(self) -> QWidget | None:
-        """Return the widget that a picture of this view contains; None: there is no such picture."""
+        """Return the widget to save as a picture, or None if this view has no picture."""
 
     def actions(self) -> Sequence[QAction]:
-        """Return the commands of this view, for the menus. Every QWidget has this."""
+        """Return the commands of this view, for the menus. Implemented by QWidget."""
 
     def isVisibleTo(self, ancestor: QWidget) -> bool:
-        """Return whether it is visible when `ancestor` is. Every QWidget has this."""
+        """Return whether it is visible when `ancestor` is. Implemented by QWidget."""

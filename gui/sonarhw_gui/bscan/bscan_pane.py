@@ -1,6 +1,6 @@
-"""One pane of the B-scan: an image with axes, colour bar, blanking and cursor, and if it is polar the room's walls.
+"""One pane of the B-scan: an image with axes, colour bar, blanking and cursor; a polar image also has the walls.
 
-Takes pictures and what is shown; draws them. Flat images lie over degrees and metres, polar ones over metres.
+Coordinates of a flat image are degrees and metres, those of a polar image metres.
 """
 
 import math
@@ -21,10 +21,10 @@ from sonarhw_gui.scene.plan_geometry import wall_lines
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.work.bscan_picture import Arm, BScans, ColourScale, Pane, flat_area, polar_area
 
-_FIGURES = 48  # pixels of an axis' figures and label at the usual size of text
-_BAR = 16  # pixels of the colours in a colour bar, and its frame
+_FIGURES = 48  # pixels for tick values and label of an axis at the default text size
+_BAR = 16  # pixels, width of the colour bar with its frame
 _BESIDE = 6  # pixels between image and colour bar
-_RING, _HALO = (11, 1.5), (11, 4.5)  # pixels of the cursor, and of what sets it off on any colour: size, line
+_RING, _HALO = (11, 1.5), (11, 4.5)  # pixels, size and line width of the cursor and of its contrasting border
 _ROUND = np.linspace(0.0, math.tau, 181)
 
 
@@ -50,7 +50,7 @@ class BScanPane:
         self._middle, self._arm = (0.0, 0.0), Arm()
 
     def set_look(self, look: Look) -> None:
-        """Draw in the colours and the unit of this look from now on."""
+        """Use the colours, unit and text size of `look`."""
         self._look = look
         colours = look.palette
         style_plot(self.plot, look, grid=False)
@@ -66,9 +66,9 @@ class BScanPane:
         self._label()
 
     def turn(self, polar: bool, among: int = 1, lowest: bool = True) -> None:
-        """Lay axes for a polar image, or for a flat one; it says which it is where it is one of several.
+        """Set the axes for a polar or a flat image. One of several panes has a title.
 
-        Of flat ones below each other only the lowest names the heading.
+        Of several flat panes, only the lowest labels the heading axis.
         """
         self._polar, self._lowest = polar, lowest
         title = self.kind.value if among > 1 else None
@@ -78,12 +78,12 @@ class BScanPane:
         self._label()
 
     def fit(self, reach: float | None = None) -> None:
-        """Show the image up to a range, m; None: all of it."""
+        """Show the image up to a range, m; None shows all of it."""
         cells = self._cells if reach is None else RangeCells(min(reach, self._cells.reach), 1)
         self.plot.vb.setRange(QRectF(*self._area(cells)), padding=0.02 if self._polar else 0)
 
     def draw(self, bscan: BScans, shown: Shown) -> None:
-        """Put the picture, and what lies round it, in its place."""
+        """Draw the picture, the walls and the blanking line."""
         picture, self._cells = bscan.pictures[self.kind], bscan.rows.cells
         self._middle, self._arm = shown.scene.pose.position, Arm(*arm(shown.scene.board))
         area = QRectF(*self._area(self._cells))
@@ -118,7 +118,7 @@ class BScanPane:
             self._cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
 
     def place_at(self, position: QPointF) -> Cursor | None:
-        """Heading and range under a point of the scene; None beside the image."""
+        """Return heading and range at a point in scene coordinates; None outside the image."""
         if not self.plot.vb.sceneBoundingRect().contains(position):
             return None
         at = self.plot.vb.mapSceneToView(position)
@@ -133,13 +133,13 @@ class BScanPane:
         return polar_area(cells, self._middle, self._arm) if self._polar else flat_area(cells)
 
     def _places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
-        """Where headings (rad) and ranges (m) lie in the plot, (n, 2)."""
+        """Return plot coordinates, (n, 2) float, of headings (rad) and ranges (m)."""
         if self._polar:
             return self._arm.places(headings, ranges) + self._middle
         return np.column_stack((np.degrees(headings) % 360, ranges))
 
     def _at_range(self, distance: float, closed: bool = False) -> FloatArray:
-        """A line at one range, or what lies within it."""
+        """Return a line at one range, or, if `closed`, the outline of the area within it."""
         if self._polar:
             return self._places(_ROUND, np.full(len(_ROUND), distance))
         left, _, width, _ = flat_area(self._cells)
@@ -148,7 +148,7 @@ class BScanPane:
 
     def _label(self) -> None:
         bottom, left = self.plot.getAxis("bottom"), self.plot.getAxis("left")
-        left.setWidth(round(_FIGURES * self._look.scale))  # of all panes the same: linked plots lie on one line
+        left.setWidth(round(_FIGURES * self._look.scale))  # the same in all panes, so that linked plots are aligned
         if self._polar:
             label_length(bottom, "x", self._look)
             label_length(left, "y", self._look)
@@ -175,6 +175,6 @@ class BScanPane:
 
 
 def _blanked(shown: Shown) -> float:
-    """Range below which nothing is heard, m."""
+    """Return the range below which blanking suppresses echoes, m."""
     room = shown.scene.room
     return shown.scene.board.blanked_range(room.air if room else Air())

@@ -1,6 +1,6 @@
 """The view "B-scan": heading by range as an image, measured, predicted and their difference, flat or polar.
 
-The images are computed in a worker thread (`work/bscan_picture.py`). This view only puts them in their place.
+`work/bscan_picture.py` computes the images in a worker thread; this view displays them.
 """
 
 import math
@@ -23,15 +23,15 @@ from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.bscan_picture import BScans, BScanSettings, Pane
 
 _CHOICES = (
-    ("Measured", "F2", (Pane.MEASURED,), "What the board received"),
-    ("Predicted", "F3", (Pane.PREDICTED,), "What it should have received"),
-    ("Difference", "F4", (Pane.DIFFERENCE,), "Measured less predicted"),
-    ("All three", "Shift+F4", tuple(Pane), "Measured, predicted and difference, with one zoom"),
+    ("Measured", "F2", (Pane.MEASURED,), "Traces that the board recorded"),
+    ("Predicted", "F3", (Pane.PREDICTED,), "Traces that the model predicts"),
+    ("Difference", "F4", (Pane.DIFFERENCE,), "Measured minus predicted"),
+    ("All three", "Shift+F4", tuple(Pane), "Measured, predicted and difference, with common pan and zoom"),
 )
 
 
 class BScanView(QWidget):
-    """Draws traces side by side."""
+    """Draws the traces of all headings as images."""
 
     entry = ViewEntry("B-scan", "Heading by range as an image", key="3", menu="Trace")
 
@@ -41,7 +41,7 @@ class BScanView(QWidget):
         self._shown: Shown | None = None
         self._drawn: BScans | None = None
         self._laid_out: BScanSettings | None = None
-        self._zoomed = False  # whether the zoom is one for these images
+        self._zoomed = False  # whether the zoom was set for these images
         self._cells: RangeCells | None = None
         self.choices = QActionGroup(self)
         for name, key, panes, tip in _CHOICES:
@@ -49,22 +49,22 @@ class BScanView(QWidget):
             choice.setData(panes)
             self.choices.addAction(choice)
         self.choices.actions()[0].setChecked(True)
-        self.polar = view_action(self, "Polar", "O", "Range round the place, over the room; else heading by range")
-        self.decibels = view_action(self, "dB", "B", "Levels in decibels of full scale; else linear")
+        self.polar = view_action(self, "Polar", "O", "Polar, over the room; off: heading by range")
+        self.decibels = view_action(self, "dB", "B", "Levels in dB of full scale; off: linear")
         self.decibels.setChecked(True)
         self.note = QLabel()
         self.canvas = Canvas()
-        self.panes: dict[Pane, BScanPane] = {}  # each is made when it is first looked at
+        self.panes: dict[Pane, BScanPane] = {}  # each is created when first visible
         self._arrange()
         self._connect()
 
     @property
     def settings(self) -> BScanSettings:
-        """What is to be seen."""
+        """The selected panes, coordinates and scale."""
         return BScanSettings(self.choices.checkedAction().data(), self.polar.isChecked(), self.decibels.isChecked())
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             self.canvas.set_look(shown.look)
@@ -87,17 +87,17 @@ class BScanView(QWidget):
                 self.panes[kind].fit(reach)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Somebody looks: have it worked out."""
+        """Request the images, now that the view is visible."""
         self.gestures.bscan_requested.emit(self.settings)
         if self._shown is not None:
             self._draw(self._shown)
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Nobody looks any more."""
+        """Cancel the request; hidden images are not computed."""
         self.gestures.bscan_requested.emit(None)
 
     def picture(self) -> QWidget:
-        """Return the images with their choices."""
+        """Return the images with their buttons."""
         return self
 
     def _arrange(self) -> None:
@@ -138,7 +138,7 @@ class BScanView(QWidget):
                 self.panes[kind].set_look(look)
 
     def _lay_out(self) -> None:
-        """Flat images one below the other, polar ones two beside each other; one pan and zoom for all."""
+        """Arrange flat images in one column and polar images in two, with common pan and zoom."""
         settings, before = self.settings, self._laid_out
         first = self.panes[settings.panes[0]]
         if before is not None and before.polar == settings.polar:
@@ -190,7 +190,7 @@ class BScanView(QWidget):
 
 
 def reading_along(shown: Shown, heading: float) -> int | None:
-    """The newest of the readings whose heading lies nearest to `heading`, rad; None without readings."""
+    """Return the newest of the readings nearest to `heading`, rad; None without readings."""
     if not shown.readings:
         return None
     zero = shown.scene.pose.heading
@@ -201,16 +201,16 @@ def reading_along(shown: Shown, heading: float) -> int | None:
 
 
 def _pointed(bscan: BScans | None, shown: Shown) -> str:
-    """What measured and predicted are where the cursor points; empty where it points nowhere."""
+    """Return measured and predicted level at the cursor; empty without a cursor."""
     cursor = shown.cursor
     if bscan is None or cursor is None:
         return ""
-    told = [f"{heading_text(cursor.heading)}, {shown.look.unit.text(cursor.range)}:"]
+    texts = [f"{heading_text(cursor.heading)}, {shown.look.unit.text(cursor.range)}:"]
     for name, image in (("measured", bscan.measured), ("predicted", bscan.predicted)):
         level = image.level_at(cursor.heading, cursor.range)
         if level is not None:
-            told.append(f"{name} {_decibels(level)}")
-    return "  ".join(told) if len(told) > 1 else ""
+            texts.append(f"{name} {_decibels(level)}")
+    return "  ".join(texts) if len(texts) > 1 else ""
 
 
 def _decibels(level: float) -> str:
@@ -219,14 +219,14 @@ def _decibels(level: float) -> str:
 
 def _note(bscan: BScans | None, settings: BScanSettings) -> str:
     if bscan is None:
-        return "being worked out"
-    told = []
+        return "computing …"
+    notes = []
     if Pane.MEASURED in settings.panes and not bscan.rows.traced and len(bscan.measured.headings):
-        told.append("no traces recorded: marks at the reported ranges, without a level")
+        notes.append("no traces recorded: marks show the reported ranges, without a level")
     if Pane.DIFFERENCE in settings.panes and not bscan.rows.traced:
-        told.append("no difference without recorded traces")
+        notes.append("no difference: it needs recorded traces")
     if bscan.rows.outline is None:
-        told.append("no prediction")
+        notes.append("no prediction")
     if bscan.rows.done < 1:
-        told.append(f"{bscan.rows.done:.0%} worked out")
-    return " · ".join(told)
+        notes.append(f"{bscan.rows.done:.0%} computed")
+    return " · ".join(notes)

@@ -1,7 +1,4 @@
-"""The materials of the room: how much of an echo each leaves, and how much of that it scatters.
-
-Takes what is shown; hands on edits through the function that it is given.
-"""
+"""The group "Materials" of the room panel: reflectance and scatter of each material."""
 
 from functools import partial
 
@@ -18,7 +15,7 @@ from sonarhw_gui.shown.shown import Shown
 
 
 class MaterialGroup(Group):
-    """Two sliders a material, and a line for a new one."""
+    """Two sliders for each material, and a field to add a new one."""
 
     def __init__(self, change: Change) -> None:
         super().__init__("Materials", change)
@@ -27,7 +24,7 @@ class MaterialGroup(Group):
         self._known: dict[str, Material] = {}
         self.name = QLineEdit(placeholderText="name of a new material")
         self.add = QPushButton("Add")
-        self.add.setToolTip("Define a material; a wall takes it under Wall or post")
+        self.add.setToolTip("Define a material. Assign it under Wall or post")
         last = QHBoxLayout()
         last.addWidget(self.name, stretch=1)
         last.addWidget(self.add)
@@ -36,8 +33,8 @@ class MaterialGroup(Group):
         self.name.returnPressed.connect(self._define)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw them."""
-        if room is not self._room:  # its text takes milliseconds to read
+        """Draw the materials of the room."""
+        if room is not self._room:  # parsing its text takes milliseconds
             self._room, self._known = room, materials(room)
         known = self._known
         if [*known] != [*self.sliders]:
@@ -51,10 +48,8 @@ class MaterialGroup(Group):
             self.rows.removeRow(0)
         self.sliders = {}
         for row, name in enumerate(known):
-            reflectance = SliderField(0, 1, 2, "", "Amplitude of the echo, 0 none to 1 all of the incident sound")
-            scatter = SliderField(
-                0, 1, 2, "", "Diffuse share of the echo: 0 like a mirror, 1 fully diffuse"
-            )
+            reflectance = SliderField(0, 1, 2, "", "Ratio of reflected to incident amplitude, 0 to 1")
+            scatter = SliderField(0, 1, 2, "", "Diffuse share of the reflected sound: 0 mirror, 1 fully diffuse")
             self.sliders[name] = reflectance, scatter
             reflectance.changed.connect(self._coat)
             scatter.changed.connect(self._coat)

@@ -1,6 +1,6 @@
-"""The controller of a plan: passes mouse and keys to the tool in use, and what the tool does to the window.
+"""The controller of a plan: passes mouse and key events to the active tool, and its edits to the window.
 
-It is the `ToolContext` of the tools, and needs of the drawing only what `Paper` lists.
+It implements `ToolContext` for the tools and uses the drawing only through `Paper`.
 """
 
 import math
@@ -21,17 +21,17 @@ from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, sensor_turned, 
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures
 
-NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key stroke
-_PAUSE = 1.0  # s: key strokes closer than this are undone together
+NUDGE, TURN = 0.01, math.radians(1.0)  # m, rad: of one key press
+_PAUSE = 1.0  # s: key presses with shorter pauses are one undo step
 _GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.CursorShape.PointingHandCursor}
 
 
 class Paper(Protocol):
-    """What a controller needs of the drawing that it controls."""
+    """The interface of the drawing for its controller."""
 
     @property
     def shown(self) -> Shown | None:
-        """What is drawn; None at first."""
+        """What is drawn; None before the first update."""
 
     @property
     def handle_at(self) -> Point | None:
@@ -42,13 +42,13 @@ class Paper(Protocol):
         """The length of a pixel, m."""
 
     def contains(self, position: QPointF) -> bool:
-        """Return whether a point of the scene lies in the plan."""
+        """Return whether a point in scene coordinates lies in the plan."""
 
     def point_at(self, position: QPointF) -> Point:
-        """Return the visible point of the plan that is nearest to a point of the scene, m."""
+        """Return the visible plan point, m, nearest to a point in scene coordinates."""
 
     def draw_room(self) -> None:
-        """Draw the room again: another surface is chosen, or another tool is in use."""
+        """Draw the room again, after a change of the chosen surface or of the tool."""
 
     def draw_ruler(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
@@ -60,19 +60,19 @@ class Paper(Protocol):
         """Change the shape of the mouse cursor."""
 
     def show_message(self, text: str) -> None:
-        """Write a line beside the tools."""
+        """Show one line of text beside the tools."""
 
     def pick(self, event: MouseClickEvent) -> None:
         """Choose the reading under a click."""
 
 
 class PlanController:
-    """Holds a tool, and remembers which wall or post is chosen."""
+    """Holds the active tool and the chosen wall or post."""
 
     def __init__(self, paper: Paper, gestures: Gestures) -> None:
         self._paper, self._gestures = paper, gestures
         self.tool: Tool = Hand(self)
-        self._busy = False  # in a gesture
+        self._busy = False  # during a drag that the tool uses
         self._cancelled = False  # what remains of the gesture does nothing: it was cancelled
         self.chosen: str | None = None  # by name: numbers change
         self._before: str | None = None  # chosen, as the drag began
@@ -80,33 +80,33 @@ class PlanController:
         self._nudged, self._nudging = -math.inf, object()
         self._last_edit: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
 
-    # the table of the tools
+    # the interface `ToolContext`
 
     @property
     def shown(self) -> Shown:
-        """What lies on it."""
+        """What is drawn."""
         assert self._paper.shown is not None, "nothing is shown yet"
         return self._paper.shown
 
     @property
     def scene(self) -> Scene:
-        """The scene with all edits, those that are not shown yet as well."""
+        """The scene with all edits, including those not drawn yet."""
         if self._last_edit is not None and self._last_edit[1] is self.shown:
             return self._last_edit[0]
         return self.shown.scene
 
     @property
     def handle_at(self) -> Point | None:
-        """Where the beam can be taken hold of, m."""
+        """Where the beam can be dragged, m."""
         return self._paper.handle_at
 
     @property
     def pixel(self) -> float:
-        """How long one is, m."""
+        """The length of a pixel, m."""
         return self._paper.pixel
 
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
-        """Do an edit to the scene as it was when the gesture began; what cannot be is told and not done."""
+        """Apply an edit to the scene from before the gesture. A rejected edit shows its error and returns False."""
         try:
             changed, label = edit(scene)
         except InputError as error:
@@ -118,30 +118,30 @@ class PlanController:
         return True
 
     def choose_surface(self, name: str | None) -> None:
-        """Let a wall or post be the one that keys and panel are about."""
+        """Choose the wall or post that keys and panel act on."""
         if name != self.chosen:
             self.chosen = name
             self._paper.draw_room()
             self._gestures.surface_chosen.emit(name)
 
     def measure(self, start: Point, end: Point, text: str) -> None:
-        """Lay the ruler."""
+        """Draw the ruler."""
         self._paper.draw_ruler(start, end, text)
 
     def show_message(self, text: str) -> None:
-        """Say something beside the tools."""
+        """Show one line of text beside the tools."""
         self._paper.show_message(text)
 
     # keys and buttons
 
     @property
     def chosen_surface(self) -> int | None:
-        """Number of the chosen wall or post."""
+        """Index of the chosen wall or post, or None."""
         room = self.scene.room if self._paper.shown else None
         return room.names.index(self.chosen) if room and self.chosen in room.names else None
 
     def set_tool(self, tool: type[Tool]) -> None:
-        """Take another tool."""
+        """Activate another tool."""
         self.tool = tool(self)
         self._paper.clear_ruler()
         self._paper.draw_cursor(self.tool.shape)
@@ -149,7 +149,7 @@ class PlanController:
         self.show_message("")
 
     def remove_chosen(self) -> None:
-        """Take out the chosen wall or post."""
+        """Remove the chosen wall or post."""
         surface = self.chosen_surface
         if surface is None:
             self.show_message("click a wall or a post with Edit (E) first")
@@ -157,7 +157,7 @@ class PlanController:
             self.choose_surface(None)
 
     def nudge(self, right: int, up: int) -> None:
-        """Move the sensor by so many small steps; where the tool edits, the chosen wall or post."""
+        """Move the sensor by steps of `NUDGE`; with a tool that edits, move the chosen wall or post."""
         surface, room = self.chosen_surface, self.scene.room
         by = right * NUDGE, up * NUDGE
         if self.tool.edits and surface is not None and room is not None:
@@ -167,7 +167,7 @@ class PlanController:
             self._by_key(lambda scene: dragged(scene, Grip(GripPart.SENSOR, (0.0, 0.0)), by))
 
     def turn(self, left: int) -> None:
-        """Turn the sensor counter-clockwise by so many small steps."""
+        """Turn the sensor counter-clockwise by steps of `TURN`."""
         self._by_key(lambda scene: sensor_turned(scene, left * TURN))
 
     def _by_key(self, edit: Callable[[Scene], Edit]) -> None:
@@ -180,7 +180,7 @@ class PlanController:
     # the mouse
 
     def drag(self, event: MouseDragEvent) -> bool:
-        """Offer a drag to the tool; whether it took it."""
+        """Offer a drag to the tool; return whether the tool uses it."""
         if self._paper.shown is None:
             return False
         if event.isStart():
@@ -194,7 +194,7 @@ class PlanController:
         return taken
 
     def cancel_drag(self) -> bool:
-        """Undo the drag under way, and do nothing more until the button is up; whether there was one."""
+        """Undo the current drag and ignore the rest of it; return whether there was one."""
         if not self._busy or self._cancelled:
             return self._busy
         self._cancelled, self._last_edit = True, None
@@ -205,7 +205,7 @@ class PlanController:
         return True
 
     def click(self, event: MouseClickEvent) -> None:
-        """Choose a surface where the tool edits, else ask about a reading."""
+        """Choose a surface with a tool that edits; otherwise choose a reading."""
         if self._paper.shown is None:
             return
         room = self.scene.room
@@ -220,7 +220,7 @@ class PlanController:
             self.choose_surface(None if surface is None else room.names[surface])
 
     def hover(self, position: QPointF | None) -> None:
-        """Write what lies there, and point at it in all views; None: the mouse has left the plan."""
+        """Describe the object under the mouse and link the cursor of all views. None: the mouse has left the plan."""
         if position is None:
             self._leave()
             return

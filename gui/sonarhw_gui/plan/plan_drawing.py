@@ -1,6 +1,6 @@
-"""The plan: the room to scale, what is predicted and measured in it, the beam, and the rays of the chosen reading.
+"""The plan: the room to scale, predicted and measured points, the beam, and the rays of the chosen reading.
 
-Mouse and keys are in `plan.plan_controller` and `plan.plan_tools`, what is drawn in `plan.plan_layers`.
+`plan.plan_controller` and `plan.plan_tools` handle mouse and keys; `plan.plan_layers` draws the parts.
 """
 
 from collections.abc import Callable
@@ -30,13 +30,13 @@ from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.view import Gestures
 
-_BEYOND = 0.17  # of the room's longer side: echoes by several walls seem to lie outside
+_BEYOND = 0.17  # margin, share of the room's longer side: multipath readings are drawn outside the room
 
 
 class PlanDrawing(Canvas):
-    """Draws the plan of what is shown: all of it, or only what was measured, or only what is predicted."""
+    """Draws the plan with measured and predicted points, or with one of them only."""
 
-    message_changed = Signal(str)  # what lies under the mouse, what the ruler measures, or why an edit is refused
+    message_changed = Signal(str)  # the object under the mouse, the ruler's result, or why an edit is rejected
 
     def __init__(self, gestures: Gestures, measured: bool = True, predicted: bool = True) -> None:
         self._box = _Box()
@@ -44,7 +44,7 @@ class PlanDrawing(Canvas):
         super().__init__(self.plot)
         self.shown: Shown | None = None
         self._measured, self._predicted = measured, predicted
-        self._by_hand = False  # whether a person has moved the paper or zoomed
+        self._by_hand = False  # whether the user has panned or zoomed
         self.plot.setAspectLocked(True)
         self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
         self._outline = Outline()
@@ -60,7 +60,7 @@ class PlanDrawing(Canvas):
         self.hovered.connect(self.controller.hover)
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self.shown = self.shown, shown
         self.repaint_whole()
         if before is None or before.look != shown.look:
@@ -78,14 +78,14 @@ class PlanDrawing(Canvas):
         if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
             self._fit()
         if before is None or before.chosen != shown.chosen:
-            self._reach(self._marks.place_of(shown.chosen))
+            self._show_reading(self._marks.place_of(shown.chosen))
 
     def fit(self) -> None:
-        """Show the room, the sensor and the chosen reading, and some way beyond; without a room everything."""
+        """Show the room, the sensor and the chosen reading with a margin; without a room, all points."""
         self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
 
-    def _reach(self, reading: FloatArray | None) -> None:
-        """See the chosen reading too, unless a person has message by hand what they want to see."""
+    def _show_reading(self, reading: FloatArray | None) -> None:
+        """Extend the visible range to the chosen reading, unless the user has panned or zoomed."""
         seen = self._box.viewRect()
         if reading is not None and not self._by_hand and not seen.contains(QPointF(*reading)):
             self._fit(reading, besides=seen)
@@ -103,17 +103,17 @@ class PlanDrawing(Canvas):
         self._box.setRange(area.united(besides or area), padding=0)
 
     def zoom(self, scale: float) -> None:
-        """See `scale` times as much, about the middle."""
+        """Scale the visible range by `scale` about its middle."""
         self._by_hand = True
         self._box.scaleBy((scale, scale))
 
     def pan(self, right: int, up: int) -> None:
-        """See what lies so many tenths of the view further on."""
+        """Move the visible range by tenths of its size."""
         self._by_hand = True
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
-    # what the controller needs: see `plan_controller.Paper`
+    # the interface `plan_controller.Paper`
 
     @property
     def handle_at(self) -> Point | None:
@@ -126,11 +126,11 @@ class PlanDrawing(Canvas):
         return float(abs(self._box.viewPixelSize()[0]))
 
     def contains(self, position: QPointF) -> bool:
-        """Return whether a point of the scene lies in the plan."""
+        """Return whether a point in scene coordinates lies in the plan."""
         return bool(self._box.sceneBoundingRect().contains(position))
 
     def point_at(self, position: QPointF) -> Point:
-        """Return the visible point of the plan that is nearest to a point of the scene, m."""
+        """Return the visible plan point, m, nearest to a point in scene coordinates."""
         at = self._box.mapSceneToView(position)
         (left, right), (low, high) = self._box.viewRange()
         return min(max(at.x(), left), right), min(max(at.y(), low), high)
@@ -148,16 +148,16 @@ class PlanDrawing(Canvas):
         self.setCursor(shape)
 
     def show_message(self, text: str) -> None:
-        """Write a line beside the tools."""
+        """Show one line of text beside the tools."""
         self.message_changed.emit(text)
 
     def draw_room(self) -> None:
-        """Draw the room as the tool in use needs it."""
+        """Draw the room, with handles if the active tool edits it."""
         if self.shown is not None:
             self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
 
     def pick(self, event: MouseClickEvent) -> None:
-        """Ask about the reading nearest to a click, if one is near; where none is drawn, of that heading."""
+        """Choose the reading nearest to a click, if one is close. Without measured points, choose by heading."""
         if self._measured:
             index = nearest_reading(self._box, self._marks.placed, event.scenePos())
         else:
@@ -175,9 +175,9 @@ class PlanDrawing(Canvas):
         return int(np.argmin(apart))
 
     def event(self, event: QEvent) -> bool:
-        """Esc lets go of what is being dragged; else it is for the window."""
-        asked = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
-        if asked and self.controller.cancel_drag():
+        """Let Esc cancel a drag; without a drag, the window handles it."""
+        escape = event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if escape and self.controller.cancel_drag():
             event.accept()
             return True
         return bool(super().event(event))
@@ -219,7 +219,7 @@ class PlanDrawing(Canvas):
 
 
 class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
-    """Where the plan is drawn: a drag with the left button is offered to the tool before it moves the paper."""
+    """View box that offers a drag with the left button to the tool before it pans."""
 
     offer_drag: Callable[[MouseDragEvent], bool] | None = None
 
@@ -227,7 +227,7 @@ class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
         super().__init__(enableMenu=False)
 
     def mouseDragEvent(self, ev: MouseDragEvent, axis: int | None = None) -> None:
-        """Offer it; a drag that the tool does not use moves the paper."""
+        """Offer the drag to the tool; pan if the tool does not use it."""
         left = axis is None and ev.button() == Qt.MouseButton.LeftButton
         if left and self.offer_drag is not None and self.offer_drag(ev):
             ev.accept()
@@ -236,12 +236,12 @@ class _Box(pg.ViewBox):  # type: ignore[misc]  # pyqtgraph has no types
 
 
 def _differ(before: Shown | None, shown: Shown, *parts: str) -> bool:
-    """Whether any of those parts is another one than before."""
+    """Return whether any of these parts is a different object than before."""
     return before is None or any(getattr(before, part) is not getattr(shown, part) for part in parts)
 
 
 def _is_elsewhere(before: Shown, shown: Shown) -> bool:
-    """Whether another room was opened: an edited one stays where it is on the screen."""
+    """Return whether another room was opened. An edited room keeps its place on the screen."""
     was, now = before.scene, shown.scene
     if was.room is None or now.room is None:
         return was.room is not now.room

@@ -1,7 +1,4 @@
-"""The layers of the plan: room, sensor with its beam, rays of one path, cursor, ruler. Each draws its part.
-
-Takes a plot and what is shown; changes the plot.
-"""
+"""The layers of the plan: room, sensor with its beam, rays of one path, cursor and ruler."""
 
 import math
 
@@ -22,16 +19,16 @@ from sonarhw_gui.scene.plan_geometry import beam_wedge, bounce_labels, bounce_lo
 from sonarhw_gui.scene.room_edit import Point, corners
 from sonarhw_gui.shown.shown import Shown
 
-_BEAM_LENGTH, _HANDLE = 0.3, 0.12  # of the room's diagonal
-_MOST_LABELLED = 9  # points; labels at more would hide the rays
-_AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in their own size
-_ROWS = 4  # in which a label looks for a place above and below its point
+_BEAM_LENGTH, _HANDLE = 0.3, 0.12  # shares of the room's diagonal
+_MOST_LABELLED = 9  # points; more labels would hide the rays
+_AFTER, _BEFORE, _ABOVE, _BELOW = -0.1, 1.1, 1.3, -0.3  # anchors of labels, in units of their size
+_ROWS = 4  # rows tried above and below a point for its label
 _SENSOR = 14  # pixels
 _NOTHING = np.empty((0, 2))
 
 
 class RoomLayer:
-    """Walls and posts, the one that is chosen thicker, and the corners where they can be dragged."""
+    """Walls and posts, the chosen one thicker, and handles at the corners."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._walls = pg.PlotCurveItem(connect="pairs")
@@ -44,7 +41,7 @@ class RoomLayer:
             plot.addItem(item, ignoreBounds=item in (self._chosen_wall, self._chosen_post))
 
     def set_look(self, look: Look) -> None:
-        """Draw in this look from now on."""
+        """Use the colours and sizes of `look`."""
         colours = look.palette
         self._walls.setPen(cosmetic_pen(colours.wall, width=2))
         self._posts.setBrush(pg.mkBrush(colours.wall))
@@ -53,7 +50,7 @@ class RoomLayer:
         self._corners.setPen(cosmetic_pen(colours.ink, width=1))
 
     def draw(self, room: Room | None, name: str | None, handles: bool) -> None:
-        """Draw a room with the surface of that name chosen; `handles`: with its corners."""
+        """Draw a room, with the surface `name` highlighted and, if `handles`, its corners."""
         chosen = room.names.index(name) if room and name in room.names else None
         self._walls.setData(*(wall_lines(room) if room else _NOTHING).T)
         self._posts.setPath(_posts_path(room.posts if room else np.empty((0, 3))))
@@ -69,7 +66,7 @@ class RoomLayer:
 
 
 class SensorLayer:
-    """The sensor, the beam that the chosen reading was made with, and where the turntable stands meanwhile."""
+    """The sensor, the beam of the chosen reading, and the current direction of the turntable."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
@@ -88,7 +85,7 @@ class SensorLayer:
             plot.addItem(item, ignoreBounds=item is not self._sensor)
 
     def set_look(self, look: Look) -> None:
-        """Draw in this look from now on."""
+        """Use the colours and sizes of `look`."""
         colours = look.palette
         self._beam.setBrush(colours.beam)
         self._axis.setPen(cosmetic_pen(colours.ink, width=1, style=Qt.PenStyle.DashLine))
@@ -99,7 +96,7 @@ class SensorLayer:
         self._sensor.setBrush(pg.mkBrush(colours.ink))
 
     def draw(self, shown: Shown) -> None:
-        """Draw it as it looked at the chosen reading, dotted where it looks now; before the first as it stands."""
+        """Draw the beam at the chosen reading's heading, and dotted the newest heading; without readings, step 0."""
         scene, room = shown.scene, shown.scene.room
         self._sensor.setData(*np.array([scene.pose.position]).T)
         wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
@@ -120,7 +117,7 @@ class SensorLayer:
 
 
 class PathLayer:
-    """The path that accounts for the chosen reading, bounce by bounce, with what each takes of it."""
+    """The path that explains the chosen reading, with the loss at each bounce."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._rays = pg.PlotCurveItem()
@@ -133,7 +130,7 @@ class PathLayer:
         plot.vb.sigRangeChanged.connect(self._lay_out)
 
     def set_look(self, look: Look) -> None:
-        """Draw in this look from now on."""
+        """Use the colours and sizes of `look`."""
         self._colour = look.palette.chosen
         for label in self._labels:
             label.setColor(look.palette.paper)
@@ -141,9 +138,9 @@ class PathLayer:
             label.setFont(text_font(look, 0.8))
 
     def draw(self, shown: Shown) -> None:
-        """Draw it; where no path accounts for the reading, dotted the one that was expected."""
-        points, losses, accounts = _chosen_path(shown)
-        style = Qt.PenStyle.SolidLine if accounts else Qt.PenStyle.DotLine
+        """Draw the path that explains the reading; if there is none, draw the predicted path dotted."""
+        points, losses, explains = _chosen_path(shown)
+        style = Qt.PenStyle.SolidLine if explains else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
         self._rays.setData(*points.T)
         self._texts, self._sensor = bounce_labels(points, losses), shown.scene.pose.position
@@ -154,14 +151,14 @@ class PathLayer:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Put the labels where each can be read: how near they are depends on how much of the room is seen."""
+        """Place the labels without overlap. Their distance on the screen depends on the zoom."""
         taken = [_sensor_box(self._labels[0].getViewBox(), self._sensor)]
         for label, (_, at) in zip(self._labels, self._texts, strict=False):
             _set_beside(label, at, taken)
 
 
 class CursorLayer:
-    """Where a hand points in another view."""
+    """The position that the mouse points at in another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._cross = Spots(size=17, symbol="crosshair", brush=None)
@@ -169,20 +166,20 @@ class CursorLayer:
         plot.addItem(self._cross, ignoreBounds=True)
 
     def set_look(self, look: Look) -> None:
-        """Draw in this look from now on."""
+        """Use the colours and sizes of `look`."""
         self._cross.setPen(cosmetic_pen(look.palette.chosen, width=1))
 
     def draw(self, shown: Shown) -> None:
-        """Draw it; nothing where nothing is pointed at."""
+        """Draw the cursor, or hide it if there is none."""
         at, cursor = _NOTHING, shown.cursor
         if cursor is not None:
             at = points_at(shown.scene.pose.position, np.array([cursor.heading]), np.array([cursor.range]))
         self._cross.setData(*at.T)
-        self._cross.setVisible(cursor is not None)  # what is not seen costs no time
+        self._cross.setVisible(cursor is not None)  # hidden items take no time
 
 
 class RulerLayer:
-    """A line between two points, with its length and direction written beside it."""
+    """A line between two points, labelled with its length and direction."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._line = pg.PlotCurveItem()
@@ -194,7 +191,7 @@ class RulerLayer:
         self.clear()
 
     def set_look(self, look: Look) -> None:
-        """Draw in this look from now on."""
+        """Use the colours and sizes of `look`."""
         self._line.setPen(cosmetic_pen(look.palette.ink, width=1.5, style=Qt.PenStyle.DashDotLine))
         self._ends.setPen(cosmetic_pen(look.palette.ink, width=1.5))
         self.label.setColor(look.palette.ink)
@@ -202,7 +199,7 @@ class RulerLayer:
         self.label.setFont(text_font(look))
 
     def draw(self, start: Point, end: Point, text: str) -> None:
-        """Lay it from one point to another."""
+        """Draw the ruler from one point to another."""
         ends = np.array([start, end])
         self._line.setData(*ends.T)
         self._ends.setData(*ends.T)
@@ -212,13 +209,13 @@ class RulerLayer:
             item.setVisible(True)
 
     def clear(self) -> None:
-        """Take it away."""
+        """Remove the ruler."""
         for item in (self._line, self._ends, self.label):
             item.setVisible(False)
 
 
 def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
-    """Corners and losses of the path of the chosen reading; whether it accounts for it or was only expected."""
+    """Return corners and losses of the chosen reading's path, and whether it explains the reading."""
     row, prediction = shown.chosen_row, shown.prediction
     if row is None or prediction is None or prediction.place.position != shown.scene.pose.position:
         return _NOTHING, [], False
@@ -236,7 +233,7 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
 
 
 def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
-    """Put a label beside a point, where there is more room to be seen and no other label of these places stands."""
+    """Put a label beside a point, towards the middle of the view and clear of the places in `taken`."""
     label.setPos(*at)
     box = label.getViewBox()
     if box is None:

@@ -1,7 +1,4 @@
-"""What lies under the hand in the plan, in words: wall and material, the sensor, or merely where one points.
-
-Takes what is shown and a point; hands on one line.
-"""
+"""One-line descriptions of the object under the mouse in the plan: sensor, corner, wall, post or plain point."""
 
 import math
 
@@ -18,7 +15,7 @@ from sonarhw_gui.shown.shown import Shown
 
 
 def text_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
-    """One line on what a hand would take hold of at a point, or on what is there."""
+    """Return one line about the part that a drag at a point would move, or about the object there."""
     scene, unit = shown.scene, shown.look.unit
     place = point_text(at, unit)
     if grip is not None and grip.part is GripPart.SENSOR:
@@ -37,7 +34,7 @@ def text_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
 
 
 def surface_text(room: Room, surface: int) -> str:
-    """A wall or post with its material and what that takes of an echo."""
+    """Return name, material, reflectance and loss of a wall or post."""
     mirrored = float(room.reflectances[surface])
     loss = f" ({decibels_text(20 * math.log10(mirrored))})" if mirrored > 0 else ""
     power = mirrored**2 + float(room.scattered[surface]) ** 2
@@ -46,12 +43,12 @@ def surface_text(room: Room, surface: int) -> str:
 
 
 def point_text(at: Point, unit: LengthUnit) -> str:
-    """A point as people read it."""
+    """Return the coordinates of a point in `unit`."""
     return f"x {unit.text(at[0])}, y {unit.text(at[1])}"
 
 
 def pose_text(scene: Scene, unit: LengthUnit) -> str:
-    """Where the sensor stands and looks; said, too, where that is outside the walls."""
+    """Return position and heading of the sensor, and whether it is outside the walls."""
     place = scene.pose
     outside = ", outside the walls" if scene.room and scene.room.is_outside(place.position) else ""
     return f"{point_text(place.position, unit)}{outside}, step 0 at {heading_text(place.heading)}"

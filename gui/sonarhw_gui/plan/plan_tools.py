@@ -1,7 +1,4 @@
-"""The tools of the plan: what a hand does in it. One class a tool; a tool holds nothing but the gesture it is in.
-
-Takes points on the plan (m); hands on edits, words and a sketch through the `ToolContext` that it works on.
-"""
+"""The tools of the plan, one class each. A tool keeps the state of one drag only; points are in metres."""
 
 import math
 from collections.abc import Callable
@@ -18,97 +15,97 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, bearing, dragged, on_grid, room_and_place, with_room
 from sonarhw_gui.shown.shown import Shown
 
-_SHORTEST = 0.005  # m: of a wall or a radius; less is a slip of the hand
+_SHORTEST = 0.005  # m, of a wall or a radius; a shorter drag is ignored
 _SNAP = 9.0  # pixels
 
 
 class ToolContext(Protocol):
-    """What a tool works on."""
+    """The interface of the plan for a tool."""
 
     @property
     def shown(self) -> Shown:
-        """What lies there."""
+        """What is drawn."""
 
     @property
     def scene(self) -> Scene:
-        """The scene with all edits, those that are not shown yet as well."""
+        """The scene with all edits, including those not drawn yet."""
 
     @property
     def handle_at(self) -> Point | None:
-        """Where the beam can be taken hold of, m."""
+        """Where the beam can be dragged, m."""
 
     @property
     def pixel(self) -> float:
-        """How long one is, m."""
+        """The length of a pixel, m."""
 
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
-        """Do an edit to the scene as it was when the gesture began; whether it was allowed."""
+        """Apply an edit to the scene from before the gesture; return whether it was accepted."""
 
     def choose_surface(self, name: str | None) -> None:
-        """Let a wall or post be the one that keys and panel are about."""
+        """Choose the wall or post that keys and panel act on."""
 
     def measure(self, start: Point, end: Point, text: str) -> None:
-        """Lay the ruler."""
+        """Draw the ruler."""
 
     def show_message(self, text: str) -> None:
-        """Say something beside the tools."""
+        """Show one line of text beside the tools."""
 
 
 class Tool:
-    """Does nothing, and so lets the hand move the paper."""
+    """A tool that uses no drag, so that every drag pans the plan."""
 
     name, key, tip = "", "", ""
     shape = Qt.CursorShape.ArrowCursor
-    edits = False  # walls and posts are taken hold of
+    edits = False  # whether it drags or adds walls and posts
 
     def __init__(self, context: ToolContext) -> None:
         self._context = context
 
     @property
     def gesture(self) -> object:
-        """What the edits of a drag under way are known by; None where it edits nothing."""
+        """The identity of the current drag's edits; None if the tool does not edit."""
         return None
 
     def press(self, at: Point) -> bool:
-        """The hand goes down; whether the tool takes the gesture. If not, it moves the paper."""
+        """Begin a drag; return whether the tool uses it. If not, the drag pans the plan."""
         return False
 
     def drag(self, to: Point) -> None:
-        """The hand moves."""
+        """Continue the drag."""
 
     def grip(self, at: Point) -> Grip | None:
-        """What it would take hold of there."""
+        """Return the part that a drag from there would move."""
         return None
 
 
 class Hand(Tool):
-    """Moves and turns the sensor; anywhere else it moves the paper."""
+    """Moves and turns the sensor; any other drag pans."""
 
     name, key = "Hand", "H"
-    tip = "Drag the sensor or the handle on its beam; anywhere else, the paper. A click asks about a reading"
+    tip = "Drag the sensor or the handle on its beam. Drag elsewhere to pan. Click a reading to choose it"
 
     def __init__(self, context: ToolContext) -> None:
         super().__init__(context)
-        self._held: tuple[Grip, Scene] | None = None  # and the scene when it was taken
+        self._held: tuple[Grip, Scene] | None = None  # and the scene when the drag began
 
     @property
     def gesture(self) -> object:
-        """What is held."""
+        """The part being dragged, with the scene when the drag began."""
         return self._held
 
     def grip(self, at: Point) -> Grip | None:
-        """Sensor or beam."""
+        """Return the sensor or the beam, if it is there."""
         context = self._context
         return sensor_grip(context.scene, context.handle_at, at, context.pixel)
 
     def press(self, at: Point) -> bool:
-        """Take hold of what is there."""
+        """Begin to drag the part that is there."""
         grip = self.grip(at)
         self._held = None if grip is None else (grip, self._context.scene)
         return grip is not None
 
     def drag(self, to: Point) -> None:
-        """Have it follow."""
+        """Move the part with the mouse."""
         if self._held is not None:
             grip, before = self._held
             if grip.part is GripPart.CORNER:
@@ -124,20 +121,20 @@ class Hand(Tool):
 
 
 class Pencil(Hand):
-    """Moves corners, walls and posts, too."""
+    """Also moves corners, walls and posts."""
 
     name, key = "Edit", "E"
-    tip = "Drag corners, walls, posts and rims; a click chooses, Del takes out, a double click in a wall adds a corner"
+    tip = "Drag corners, walls, posts or rims. Click to choose, Del to remove, double-click a wall to add a corner"
     edits = True
 
     def grip(self, at: Point) -> Grip | None:
-        """Sensor or beam, then what belongs to the room."""
+        """Return the sensor or beam, or else the part of the room that is there."""
         scene = self._context.scene
         over = super().grip(at)
         return over or (room_grip(scene.room, at, self._context.pixel) if scene.room else None)
 
     def press(self, at: Point) -> bool:
-        """Take hold of what is there, and choose it."""
+        """Begin to drag the part that is there, and choose its wall or post."""
         taken = super().press(at)
         room, surface = self._context.scene.room, self._held[0].surface if self._held else None
         if room is not None and surface is not None:
@@ -146,19 +143,19 @@ class Pencil(Hand):
 
 
 class Ruler(Tool):
-    """Measures."""
+    """Measures distance and angle."""
 
     name, key = "Ruler", "M"
-    tip = "Drag from one point to another: distance and angle. It finds corners and the sensor by itself"
+    tip = "Drag from one point to another to measure distance and angle. Ends snap to corners and to the sensor"
     shape = Qt.CursorShape.CrossCursor
 
     def press(self, at: Point) -> bool:
-        """One end."""
+        """Set the first end."""
         self._start = snapped(self._context, at)
         return True
 
     def drag(self, to: Point) -> None:
-        """The other."""
+        """Set the second end."""
         end = snapped(self._context, to)
         text = ruled(self._start, end, self._context.shown.look.unit)
         self._context.measure(self._start, end, text)
@@ -166,25 +163,25 @@ class Ruler(Tool):
 
 
 class _Drawing(Tool):
-    """Puts something new into the room; the prediction follows while it is drawn."""
+    """Adds a wall or post. The prediction is updated during the drag."""
 
     shape = Qt.CursorShape.CrossCursor
     edits = True
-    stem = ""  # of the name of what is drawn
+    stem = ""  # first word of the new object's name
     _gesture: object = None
 
     @property
     def gesture(self) -> object:
-        """The drawing of one thing."""
+        """The identity of the current drag."""
         return self._gesture
 
     def press(self, at: Point) -> bool:
-        """Where it begins."""
+        """Set the first point."""
         self._before, self._start, self._gesture = self._context.scene, snapped(self._context, at), object()
         return True
 
     def drag(self, to: Point) -> None:
-        """How large it is."""
+        """Set the second point."""
         end = snapped(self._context, to, scene=self._before)
         if math.dist(self._start, end) < _SHORTEST:
             return
@@ -201,10 +198,10 @@ class _Drawing(Tool):
 
 
 class WallPencil(_Drawing):
-    """Draws a wall."""
+    """Adds a wall."""
 
     name, key, stem = "Wall", "W", WALL
-    tip = "Drag from one end of a new wall to the other; ends that come near a corner meet it"
+    tip = "Drag from one end of a new wall to the other. Ends snap to corners"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         room, _ = room_and_place(scene)
@@ -212,10 +209,10 @@ class WallPencil(_Drawing):
 
 
 class PostPencil(_Drawing):
-    """Draws a post."""
+    """Adds a post."""
 
     name, key, stem = "Post", "P", POST
-    tip = "Drag from the middle of a new post to its rim"
+    tip = "Drag from the centre of a new post to its rim"
 
     def _drawn(self, scene: Scene, end: Point) -> Edit:
         room, _ = room_and_place(scene)
@@ -230,7 +227,7 @@ TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 
 
 def snapped(context: ToolContext, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
-    """The corner or sensor near a point, else the point to the millimetre; `besides` is no corner to find."""
+    """Return the corner or sensor near a point, or else the point rounded to 1 mm; the corner `besides` is ignored."""
     scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
     near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * context.pixel]
@@ -238,5 +235,5 @@ def snapped(context: ToolContext, at: Point, besides: Point | None = None, scene
 
 
 def ruled(start: Point, end: Point, unit: LengthUnit) -> str:
-    """Distance and direction as people read them."""
+    """Return the text of distance and direction."""
     return f"{unit.text(math.dist(start, end))} at {heading_text(bearing(start, end))}"

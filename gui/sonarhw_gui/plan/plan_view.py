@@ -1,4 +1,4 @@
-"""The view "Plan": the plan with its tools above it, one key each, and a line on what lies under the mouse."""
+"""The view "Plan": the plan, its tools, and a line that describes the object under the mouse."""
 
 from functools import partial
 
@@ -18,7 +18,7 @@ _TURNS = {"left": ("Shift+PgUp", 1), "right": ("Shift+PgDown", -1)}
 
 
 class PlanView(QWidget):
-    """Tools over a plan."""
+    """The plan with a row of tools above it."""
 
     entry = ViewEntry("Plan", "The room to scale", key="1", menu="Plan")
 
@@ -37,7 +37,7 @@ class PlanView(QWidget):
         self._add_keys()
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         self.drawing.show_state(shown)
 
     def fit(self) -> None:
@@ -59,7 +59,7 @@ class PlanView(QWidget):
             action.setData(tool)
             self.tools.addAction(action)
             row.addWidget(_button(action))
-        self.remove = self._action("Remove", "Del", "Take out the chosen wall or post")
+        self.remove = self._action("Remove", "Del", "Remove the chosen wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
         row.addWidget(_button(self.remove))
         row.addSpacing(8)
@@ -71,16 +71,16 @@ class PlanView(QWidget):
     def _add_keys(self) -> None:
         controller = self.drawing.controller
         for side, by in _MOVES.items():
-            tip = "By 1 cm: the sensor; in Edit, the chosen wall or post"
+            tip = "Move the sensor by 1 cm; with Edit, the chosen wall or post"
             self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(controller.nudge, *by))
         for side, (key, steps) in _TURNS.items():
-            action = self._action(f"Turn {side}", key, "Turn the sensor by a degree")
+            action = self._action(f"Turn {side}", key, "Turn the sensor by 1°")
             action.triggered.connect(partial(controller.turn, steps))
         for name, key, scale in (("Zoom in", "+", 1 / _ZOOM), ("Zoom out", "-", _ZOOM)):
-            action = self._action(name, key, "The wheel does it about the mouse")
+            action = self._action(name, key, "About the middle; the mouse wheel zooms about the pointer")
             action.triggered.connect(partial(self.drawing.zoom, scale))
         for side, by in _MOVES.items():
-            action = self._action(f"Look {side.lower()}", f"Ctrl+Shift+{side}", "Move the paper by a tenth of the view")
+            action = self._action(f"Pan {side.lower()}", f"Ctrl+Shift+{side}", "Pan by a tenth of the view")
             action.triggered.connect(partial(self.drawing.pan, *by))
 
     def _action(self, text: str, key: str, tip: str) -> QAction:

@@ -11,9 +11,9 @@ from sonarhw_gui.view import Gestures, ViewEntry
 
 
 class SideBySide(QWidget):
-    """Two plans: what was measured in the room, and what the model says."""
+    """Two plans: measured readings and predicted readings."""
 
-    entry = ViewEntry("Side by side", "Reality left, simulation right", key="2")
+    entry = ViewEntry("Side by side", "Measured on the left, predicted on the right", key="2")
 
     def __init__(self) -> None:
         super().__init__()
@@ -21,11 +21,11 @@ class SideBySide(QWidget):
         self._row = QHBoxLayout(self)
         self._row.setContentsMargins(0, 0, 0, 0)
         self._row.setSpacing(1)
-        self._looked_at = False
+        self._created = False
 
     @cached_property
     def reality(self) -> PlanDrawing:
-        """The left plan; made when it is first looked at, as the other."""
+        """The left plan. Both plans are created when first visible."""
         return PlanDrawing(self.gestures, predicted=False)
 
     @cached_property
@@ -34,16 +34,16 @@ class SideBySide(QWidget):
         return PlanDrawing(self.gestures, measured=False)
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
-        if not self._looked_at:
-            self._looked_at = True
+        """Draw the changes since the last call."""
+        if not self._created:
+            self._created = True
             self._arrange()
         for view in (self.reality, self.simulation):
             view.show_state(shown)
 
     def fit(self) -> None:
-        """Show the whole room in both."""
-        if self._looked_at:
+        """Show the whole room in both plans."""
+        if self._created:
             self.reality.fit()
 
     def picture(self) -> QWidget:

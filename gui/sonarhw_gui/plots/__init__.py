@@ -1,1 +1,1 @@
-"""What all plots share: axes, marks, picking and export as a picture."""
+"""Parts common to all plots: axes, marks, picking, and pictures of views."""

@@ -1,4 +1,4 @@
-"""The plot factory: every plot of the window and the canvas it lies on, with one set-up of mouse and repaints."""
+"""The plot factory: creates the plots of the window and their canvas, with a common set-up of mouse and repaints."""
 
 from collections.abc import Mapping
 
@@ -14,8 +14,11 @@ from sonarhw_gui.plots.plot_look import style_plot
 def new_plot(
     axes: Mapping[str, pg.AxisItem] | None = None, box: pg.ViewBox | None = None, zooms_height: bool = True
 ) -> pg.PlotItem:
-    """Return an empty plot. `axes`: by side, not only the usual two. `zooms_height`: the mouse changes the y range."""
-    pg.setConfigOptions(antialias=True)  # items read it when they are made
+    """Return an empty plot.
+
+    `axes`: axes by side, to replace or add to the default two. `zooms_height`: the mouse changes the y range.
+    """
+    pg.setConfigOptions(antialias=True)  # items read it when they are created
     plot = pg.PlotItem(axisItems=dict(axes or {}), viewBox=box)
     plot.hideButtons()
     plot.setMouseEnabled(x=True, y=zooms_height)
@@ -25,13 +28,13 @@ def new_plot(
 
 
 class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no types
-    """The widget that the plots of one view lie on."""
+    """The widget that contains the plots of one view."""
 
     clicked = Signal(object)  # MouseClickEvent of the left button
     hovered = Signal(object)  # QPointF in the scene; None when the mouse leaves
 
     def __init__(self, *plots: pg.PlotItem) -> None:
-        """Lay `plots` one below the other. A single plot fills the canvas to its edges."""
+        """Arrange `plots` in one column. A single plot fills the canvas to its edges."""
         super().__init__()
         # a scatter reports less than it leaves: partial updates would keep old points on the screen
         self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
@@ -45,7 +48,7 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         self.scene().sigMouseMoved.connect(self.hovered)
 
     def set_look(self, look: Look) -> None:
-        """Give paper, axes and grid the colours and text size of a look."""
+        """Use the colours and text size of `look` for background, axes and grid."""
         self.setBackground(look.palette.paper)
         for plot in self._plots:
             style_plot(plot, look)
@@ -56,7 +59,7 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
         self.viewport().update()
 
     def leaveEvent(self, event: QEvent) -> None:
-        """Report that the mouse points at nothing."""
+        """Emit `hovered` with None."""
         self.hovered.emit(None)
         super().leaveEvent(event)
 

@@ -1,7 +1,4 @@
-"""The marks of one view, the outline and a scatter for every class: same mark, same colour, everywhere.
-
-Takes a plot; hands on the scatters in it, and their tooltips.
-"""
+"""The predicted outline and the marks of measured readings, with the same shapes and colours in every view."""
 
 from collections.abc import Callable
 
@@ -22,16 +19,16 @@ _SIZE = 9
 _RING = 16
 NOWHERE = np.empty((0, 2))
 NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
-_MOST_MARKS = 2000  # of one class; more are dots, for each mark takes time at every repaint
+_MOST_MARKS = 2000  # of one class; more are drawn as dots, because each mark takes time at every repaint
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
-_LOWEST = 10  # of the marks one upon the other: dots, scatters, ring
-ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # and below the ring
+_LOWEST = 10  # z value of the lowest of dots, scatters and ring
+ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # z value below the ring
 NO_MARKS: Placed = (NO_POINTS, NOWHERE)
 
 
 class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """What is predicted: points and a thin line, broken where no echo is predicted."""
+    """The predicted ranges: points and a thin line, broken where no echo is predicted."""
 
     def __init__(self) -> None:
         super().__init__(connect="finite")
@@ -39,18 +36,18 @@ class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
         self._points.setParentItem(self)
 
     def set_look(self, colours: Palette) -> None:
-        """Draw in the colour of what is predicted."""
+        """Use the colour of predictions."""
         self.setPen(cosmetic_pen(colours.predicted, width=1))
         self._points.setBrush(colours.predicted)
 
     def draw(self, places: FloatArray) -> None:
-        """Draw it there, (n, 2); NaN where no echo is predicted."""
+        """Draw the outline at `places`, (n, 2) float; NaN where no echo is predicted."""
         self.setData(*places.T)
         self._points.setData(*places[~np.isnan(places).any(axis=1)].T)
 
 
 class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
-    """Points by the ten thousand, drawn at one go."""
+    """Tens of thousands of points, drawn in one call."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -60,14 +57,14 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self.setVisible(False)
 
     def set_pen(self, pen: QPen) -> None:
-        """Draw with this pen; its width is that of a dot."""
-        pen.setCapStyle(Qt.PenCapStyle.FlatCap)  # seven times as quick as round ones
+        """Set the pen; its width is the size of a dot."""
+        pen.setCapStyle(Qt.PenCapStyle.FlatCap)  # seven times as fast as round caps
         self._pen = pen
         self.update()
 
     def set_places(self, places: FloatArray) -> None:
-        """Draw dots there, (n, 2)."""
-        self.setVisible(len(places) > 0)  # empty ones still take time at every repaint
+        """Draw dots at `places`, (n, 2) float."""
+        self.setVisible(len(places) > 0)  # an empty item still takes time at every repaint
         if not len(places) and self._polygon.isEmpty():
             return
         self.prepareGeometryChange()
@@ -76,25 +73,25 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self.update()
 
     def boundingRect(self) -> QRectF:
-        """Where the dots are."""
+        """Return the area of the dots."""
         return self._bounds
 
     def dataBounds(self, axis: int, frac: float = 1.0, orthoRange: object = None) -> tuple[float, float] | None:
-        """From where to where they go along an axis, for the view's own zoom."""
+        """Return their extent along an axis, for automatic zoom."""
         if self._polygon.isEmpty():
             return None
         along_x = (self._bounds.left(), self._bounds.right())
         return along_x if axis == 0 else (self._bounds.top(), self._bounds.bottom())
 
     def paint(self, painter: QPainter, *_: object) -> None:
-        """Draw them."""
+        """Draw the dots."""
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
         painter.setPen(self._pen)
         painter.drawPoints(self._polygon)
 
 
 class ReadingMarks:
-    """One scatter a class, and a ring round the chosen reading."""
+    """One scatter for each class, and a ring around the chosen reading."""
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Kind | Unclassed, Placed] = {}
@@ -109,7 +106,7 @@ class ReadingMarks:
             scatter.setVisible(False)
 
     def set_look(self, colours: Palette) -> None:
-        """Draw in these colours from now on."""
+        """Use these colours."""
         for kind, scatter in self.scatters.items():
             scatter.setPen(cosmetic_pen(colours.paper, width=1))
             scatter.setBrush(pg.mkBrush(colours.of(kind)))
@@ -117,10 +114,10 @@ class ReadingMarks:
         self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
-        """Draw the readings of each class at their places, (n, 2) in the plot's coordinates."""
+        """Draw the readings of each class at their places, (n, 2) float in plot coordinates."""
         for kind, scatter in self.scatters.items():
             before, (points, places) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
-            known = _known(before, (points, places))
+            known = _unchanged_count(before, (points, places))
             if known == len(places) == len(before[1]):
                 continue
             few = 0 < len(places) <= _MOST_MARKS
@@ -128,12 +125,12 @@ class ReadingMarks:
             scatter.setVisible(few)
             if not few or not known:
                 scatter.clear()
-            if few:  # a scan grows at its end, and each point that is added takes time
+            if few:  # draw only new points of a growing scan; each added point takes time
                 scatter.addPoints(*places[known:].T, data=points.readings[known:])
         self.placed = placed
 
     def ring(self, chosen: int | None) -> None:
-        """Draw the ring round one reading; none where that is not drawn."""
+        """Draw the ring around one reading; remove it if the reading is not drawn."""
         place = self.place_of(chosen)
         if place is None:
             self._ring.clear()
@@ -141,15 +138,15 @@ class ReadingMarks:
             self._ring.setData(*place[:, None])
 
     def place_of(self, reading: int | None) -> FloatArray | None:
-        """Where a reading is drawn, (2,) in the plot's coordinates; None where it is not."""
+        """Return the place of a reading, (2,) float in plot coordinates; None if it is not drawn."""
         for points, places in self.placed.values():
             if reading in points.readings:
                 return np.asarray(places[points.readings.index(reading)])
         return None
 
 
-def _known(before: Placed, now: Placed) -> int:
-    """How many of the readings placed now were placed the same before, where those were no others; else 0."""
+def _unchanged_count(before: Placed, now: Placed) -> int:
+    """Return how many readings are drawn already if the new ones only extend them; otherwise 0."""
     count = len(before[1])
     same = before[0].readings == now[0].readings[:count] and np.array_equal(before[1], now[1][:count])
     return count if same else 0
@@ -160,7 +157,7 @@ def _scatter(kind: Kind | Unclassed, tip: Callable[[int], str]) -> Spots:
 
 
 class _Scatter(Spots):
-    """Looks for a mark under the hand before it makes an object of every mark, which takes milliseconds."""
+    """Checks for a mark under the mouse before pyqtgraph creates an object for every mark, which takes milliseconds."""
 
     def hoverEvent(self, ev: HoverEvent) -> None:
         if not self._toolTipCleared or (not ev.exit and self._maskAt(ev.pos()).any()):

@@ -1,7 +1,4 @@
-"""Which drawn reading a click means.
-
-Takes the readings of a view as points and a click; hands on the index of the nearest reading on the screen.
-"""
+"""Find the drawn reading that is nearest to a click."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,19 +11,19 @@ from PySide6.QtCore import QPointF, Qt
 from sonarhw.readings import FloatArray
 from sonarhw_gui.shown.shown import ClassPoints
 
-REACH = 14.0  # pixels
+PICK_DISTANCE = 14.0  # pixels
 
 
 def nearest_reading(
-    view: pg.ViewBox, drawn: Mapping[Any, tuple[ClassPoints, FloatArray]], click: QPointF, reach: float = REACH
+    view: pg.ViewBox, drawn: Mapping[Any, tuple[ClassPoints, FloatArray]], click: QPointF, within: float = PICK_DISTANCE
 ) -> int | None:
-    """The reading whose point lies nearest to `click` (scene coordinates); None where none is within `reach` pixels.
+    """Return the reading nearest to `click` (scene coordinates); None if no reading is within `within` pixels.
 
-    `drawn` holds for every class its readings and where they are drawn, (n, 2) in the view's coordinates.
+    `drawn` contains for every class its readings and their places, (n, 2) float in view coordinates.
     """
     at = view.mapSceneToView(click)
     size = np.array([abs(length) for length in view.viewPixelSize()])
-    best, nearest = None, reach
+    best, nearest = None, within
     for points, places in drawn.values():
         away = np.hypot(*((places - (at.x(), at.y())) / size).T)
         k = int(np.nanargmin(away))
@@ -36,5 +33,5 @@ def nearest_reading(
 
 
 def is_plain_click(event: MouseClickEvent) -> bool:
-    """Whether a click of pyqtgraph's scene is one with the left button; a mark under it may have taken it already."""
+    """Return whether the left button was clicked. A mark below may have accepted the event already."""
     return bool(event.button() == Qt.MouseButton.LeftButton)

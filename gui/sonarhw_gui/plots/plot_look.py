@@ -1,6 +1,6 @@
-"""How plots look: axes, grid and labels in the palette, unit and text size of a look.
+"""Appearance of plots: axes, grid and labels in the palette, unit and text size of a look.
 
-Takes a plot and a `Look`; changes the plot. What is drawn in it stays in metres: only its axes are written in the unit.
+Plot coordinates stay in metres; only the tick values of the axes use the unit.
 """
 
 from typing import cast
@@ -14,19 +14,19 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
 
 _AXES = ("left", "bottom", "right", "top")
-# figures and grid take a third of a repaint, and change only with the zoom
+# tick values and grid take a third of a repaint, and change only with the zoom
 _CACHED = QGraphicsItem.CacheMode.DeviceCoordinateCache
 
 
 def cosmetic_pen(colour: str, width: float = 1.0, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
-    """A pen whose `width` stays while one zooms: in pixels of a usual screen, more of them on a finer one."""
+    """Return a pen whose `width` does not depend on the zoom; in pixels, scaled on high-resolution screens."""
     ratio = cast(QGuiApplication, QGuiApplication.instance()).devicePixelRatio()
     pen: QPen = pg.mkPen(colour, width=width * ratio, style=style)
     return pen
 
 
 def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
-    """Give axes, their figures and the grid the colours and text size of a look."""
+    """Use the colours and text size of a look for axes, tick values and grid."""
     font = text_font(look, 0.9)
     for name in _AXES:
         axis = plot.getAxis(name)
@@ -40,14 +40,14 @@ def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
 
 
 def label_axis(axis: pg.AxisItem, text: str) -> None:
-    """A label of the axis in the colour that it was dressed in; its figures are written as they are."""
-    # before prefixes are switched off they are worked out once more, and that would stay
+    """Set the label of an axis, without SI prefixes."""
+    # switching prefixes off computes the prefix once more, and that one would stay
     axis.setSIPrefixEnableRanges(())
     axis.enableAutoSIPrefix(False)
     axis.setLabel(text, siPrefixEnableRanges=(), **axis.labelStyle)
 
 
 def label_length(axis: pg.AxisItem, what: str, look: Look) -> None:
-    """An axis over metres, written in the look's unit."""
+    """Label an axis over metres in the unit of the look."""
     axis.setScale(look.unit.per_metre)
     label_axis(axis, f"{what} ({look.unit.label})")

@@ -1,7 +1,4 @@
-"""What hovers over a reading: number, heading, measured, predicted, what lies between, class.
-
-Takes what is shown and the index of a reading; hands on a few short lines.
-"""
+"""The tooltip of a reading: number, heading, measured and predicted range, residual and class."""
 
 from sonarhw_compare.headings import heading_text
 
@@ -12,7 +9,7 @@ from sonarhw_gui.shown.shown import Shown
 
 
 def reading_tip(shown: Shown, index: int) -> str:
-    """The reading in a few lines."""
+    """Return the tooltip of a reading, a few short lines."""
     reading, row = shown.readings[index], shown.row(index)
     lines = [f"reading {index} at {heading_text(shown.heading(index))}"]
     lines.append(f"measured {_length(reading.range, shown.look.unit)}")

@@ -1,7 +1,6 @@
-"""Marks of a few pixels at many places, for plots that are painted thirty times a second.
+"""A scatter plot that is fast enough for 30 repaints per second.
 
-Takes what pyqtgraph's scatter takes, and hands on the same; what has not moved since the last paint is not worked out
-again: bounds and places on the screen cost more than drawing.
+It caches bounds and screen positions between repaints, because computing them takes longer than drawing.
 """
 
 import pyqtgraph as pg
@@ -11,21 +10,21 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 
 class Spots(pg.ScatterPlotItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """A scatter that remembers; `bounds` is a new list whenever spots, their look or the zoom have changed."""
+    """A scatter with cached bounds. pyqtgraph replaces the list `bounds` when spots, their style or the zoom change."""
 
     def __init__(self, *args: object, **options: object) -> None:
-        self._around: tuple[object, QRectF] = (None, QRectF())  # with the `bounds` that it is of
+        self._around: tuple[object, QRectF] = (None, QRectF())  # with the `bounds` it was computed for
         self._painted: tuple[object, QTransform | None] = (None, None)  # likewise
         super().__init__(*args, **options)
 
     def boundingRect(self) -> QRectF:
-        """Where the spots are, with the pixels round them."""
+        """Return the area of the spots, including their size in pixels."""
         if self._around[0] is not self.bounds:
             self._around = self.bounds, super().boundingRect()
         return self._around[1]
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None) -> None:
-        """Draw them, as they were drawn before where nothing has moved."""
+        """Draw the spots, from the cache if nothing has moved."""
         if not len(self.data):
             return
         placing = painter.transform()

@@ -1,7 +1,4 @@
-"""Choices of a view: each an action with its key, which menus and the help page list too, and a button that shows it.
-
-Takes a view; hands on actions that belong to it.
-"""
+"""Actions of a view, each with a key and a button. Menus and the help page list them too."""
 
 from collections.abc import Sequence
 
@@ -11,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QToolButton, QWidget
 
 
 def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool = True) -> QAction:
-    """An action of `owner`, with a key that works in the whole window."""
+    """Return an action of `owner` with a key that works in the whole window."""
     action = QAction(text, owner)
     action.setShortcut(QKeySequence(key))
     action.setToolTip(f"{tip} ({key})")
@@ -22,7 +19,7 @@ def view_action(owner: QWidget, text: str, key: str, tip: str, checkable: bool =
 
 
 def add_buttons(row: QHBoxLayout, actions: Sequence[QAction]) -> None:
-    """A flat button for each action."""
+    """Add a flat button for each action."""
     for action in actions:
         button = QToolButton()
         button.setAutoRaise(True)

@@ -1,7 +1,6 @@
-"""Pictures of views: what is on the screen, with its legend, as pixels or as lines that can be scaled.
+"""Pictures of views with title and legend, as pixels or as SVG.
 
-Takes a view and what stands over it; hands on plain arrays and text, which a thread writes. Draws, and so runs in the
-window's own thread.
+Drawing needs the window's thread. The results are plain arrays and text, which another thread writes to files.
 """
 
 import re
@@ -21,12 +20,12 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.legend import Legend
 from sonarhw_gui.parts.pixels import Pixels
 
-_SVG_RESOLUTION = 96  # pixels an inch, of every program that draws SVG
-_RATIO = 2  # pixels for one of the screen: pictures are for paper, too
+_SVG_RESOLUTION = 96  # pixels per inch, the SVG standard
+_RATIO = 2  # picture pixels per screen pixel, for print
 
 
 def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
-    """The view with its title and legend; without a title the widget alone."""
+    """Return the pixels of the view with title and legend; without a title, the widget alone."""
     parts = _with_legend(widget, title, look)
     size = _size(parts) * _RATIO
     image = QImage(size, QImage.Format.Format_RGBA8888)
@@ -39,9 +38,9 @@ def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
 
 
 def svg_text(widget: QWidget, title: str, look: Look) -> str:
-    """The same as SVG, scaled as Qt does it: see `sonarhw_gui.parts.svg_strokes`.
+    """Return the same as SVG with Qt's scaling: see `sonarhw_gui.parts.svg_strokes`.
 
-    What lies in a plot's box is a drawing within the drawing: Qt's generator clips nothing.
+    Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """
     parts = _with_legend(widget, title, look)
     size = _size(parts)
@@ -58,7 +57,7 @@ def svg_text(widget: QWidget, title: str, look: Look) -> str:
 
 
 def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
-    """The content of a box, as an element that clips it."""
+    """Return the content of a view box as an element that clips it."""
     seen = view.mapFromScene(box.sceneBoundingRect()).boundingRect()
     drawn = _svg(QRect(QPoint(0, 0), seen.size()), None, lambda painter: _draw_seen(painter, view, seen))
     at = offset + seen.topLeft()
@@ -68,7 +67,7 @@ def _inset(view: pg.GraphicsView, box: pg.ViewBox, offset: QPoint) -> str:
 
 def _draw_seen(painter: QPainter, view: pg.GraphicsView, seen: QRect) -> None:
     paper = view.backgroundBrush()
-    view.setBackgroundBrush(QBrush())  # the grid lies below
+    view.setBackgroundBrush(QBrush())  # the grid is drawn below
     try:
         view.render(painter, QRectF(QPoint(0, 0), seen.size()), seen)
     finally:
@@ -100,7 +99,7 @@ def _items(view: pg.GraphicsView, kind: type[QGraphicsItem]) -> list[Any]:
 
 @contextmanager
 def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
-    """Draw without them; nothing that listens to them notices."""
+    """Make items invisible without signals to their observers."""
     before = [item.opacity() for item in items]
     for item in items:
         item.setOpacity(0.0)
@@ -135,6 +134,6 @@ def _draw(painter: QPainter, parts: Sequence[QWidget]) -> None:
     for part in parts:
         painter.save()
         painter.translate(0, top)
-        QWidget.render(part, painter, QPoint(0, 0))  # a graphics view has another one, of its scene alone
+        QWidget.render(part, painter, QPoint(0, 0))  # QGraphicsView.render would draw the scene only
         painter.restore()
         top += part.height()

@@ -1,4 +1,4 @@
-"""The view "Ranges": range against heading, measured and predicted, and the residuals below."""
+"""The view "Ranges": measured and predicted range over heading, with the residuals below."""
 
 import math
 
@@ -25,11 +25,11 @@ from sonarhw_gui.scene.plan_geometry import outline_ranges
 from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.view import Gestures, ViewEntry
 
-_MOST_RESIDUAL = 0.25  # m; what is farther off is an arrow at the edge
-_BEYOND = 18  # pixels of an arrow, which covers the mark of its reading
+_MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
+_BEYOND = 18  # pixels, size of an arrow; it covers the mark of its reading
 _ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
-_WIDEST = "-000.0"  # figure on a left axis
-_ROW_REACH = 1e6  # pixels: a click beside all points means the nearest one
+_WIDEST = "-000.0"  # tick value on a left axis
+_ANY_DISTANCE = 1e6  # pixels: a click anywhere chooses the nearest point
 
 
 class RangeView(Canvas):
@@ -53,7 +53,10 @@ class RangeView(Canvas):
         self.ranges.addItem(self._outline)
         self._tolerance = self._add_tolerance()
         self._marks = tuple(ReadingMarks(plot, self._tip) for plot in (self.ranges, self.residuals))
-        self.beyond = {Kind.SHORT: self._add_arrows(1), Kind.LONG: self._add_arrows(-1)}  # by what the scale ends
+        self.beyond = {
+            Kind.SHORT: self._add_arrows(1),
+            Kind.LONG: self._add_arrows(-1),
+        }  # arrows at the ends of the scale
         self._chosen = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer = [self._add_line(plot, 90) for plot in (self.ranges, self.residuals)]
         self._pointer.append(self._add_line(self.ranges, 0))
@@ -62,7 +65,7 @@ class RangeView(Canvas):
         self.fit()
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         self.repaint_whole()
         if before is None or before.look != shown.look:
@@ -73,7 +76,7 @@ class RangeView(Canvas):
             self._marks[0].draw(_ranges(shown))
             self._marks[1].draw(_residuals(shown))
             self._draw_beyond(shown)
-        self._reach(shown)
+        self._extend_range_axis(shown)
         for marks in self._marks:
             marks.ring(shown.chosen)
         for line in self._chosen:
@@ -83,19 +86,19 @@ class RangeView(Canvas):
         self._point(shown.cursor)
 
     def fit(self) -> None:
-        """Show all headings, ranges and residuals."""
+        """Show all headings, ranges and residuals on the scale."""
         self.ranges.setXRange(0, 360, padding=0.01)
         self.residuals.setYRange(-_MOST_RESIDUAL, _MOST_RESIDUAL, padding=0.08)
         self._top = 0.0
         if self._shown is not None:
-            self._reach(self._shown)
+            self._extend_range_axis(self._shown)
 
     def picture(self) -> QWidget:
         """Return both plots."""
         return self
 
-    def _reach(self, shown: Shown) -> None:
-        """Reach as far as anything drawn; while that changes little the axis stays, or it would jump under a hand."""
+    def _extend_range_axis(self, shown: Shown) -> None:
+        """Fit the range axis to what is drawn. A small change keeps the axis, so that it does not jump."""
         drawn = [float(np.max(points.ranges)) for points in shown.classes.values()]
         if shown.outline is not None and not np.isnan(shown.outline.ranges).all():
             drawn.append(float(np.nanmax(shown.outline.ranges)))
@@ -108,9 +111,9 @@ class RangeView(Canvas):
         self.set_look(look)
         metrics = QFontMetrics(text_font(look, 0.9))
         for plot in (self.ranges, self.residuals):
-            # the same for both, so that they begin at one line
+            # the same for both plots, to align them
             plot.getAxis("left").setWidth(metrics.horizontalAdvance(_WIDEST) + metrics.height() + 8)
-        # high enough for the names of the axes, one beside each plot
+        # high enough for the axis labels
         upper = metrics.horizontalAdvance("range (m)") + 8
         lower = metrics.horizontalAdvance("residual (mm)") + 3 * metrics.height()
         self.ranges.setMinimumHeight(upper)
@@ -136,7 +139,7 @@ class RangeView(Canvas):
         axis.setScale(unit.per_metre)
         label_axis(axis, f"residual ({unit.label})")
         edge = f"{_MOST_RESIDUAL * unit.per_metre:.3g} {unit.label}"
-        self.residuals.setToolTip(f"measured less predicted; what is beyond ±{edge} is an arrow at the edge")
+        self.residuals.setToolTip(f"measured minus predicted; a residual beyond ±{edge} is an arrow at the edge")
         self._tolerance.setBrush(look.palette.tolerance)
         for line in self._tolerance.lines:
             line.setPen(cosmetic_pen(look.palette.tolerance))
@@ -194,7 +197,7 @@ class RangeView(Canvas):
             self.gestures.picked.emit(index)
 
     def _move(self, place: QPointF | None) -> None:
-        """Point at a heading and range in every view; over the residuals, at the range of the nearest reading."""
+        """Link the cursor of all views; over the residuals, use the range of the nearest reading."""
         for plot in (self.ranges, self.residuals):
             if place is not None and self._shown is not None and plot.vb.sceneBoundingRect().contains(place):
                 at = plot.vb.mapSceneToView(place)
@@ -204,7 +207,7 @@ class RangeView(Canvas):
         self.gestures.pointed.emit(None)
 
     def _range_near(self, heading: float) -> float:
-        """The range that the reading nearest to a heading (degrees) is drawn at, m; 0 where there is none."""
+        """Return the range, m, of the reading nearest to a heading, degrees; 0 without readings."""
         near, far = math.inf, 0.0
         for _, places in self._marks[0].placed.values():
             away = np.abs((places[:, 0] - heading + 180) % 360 - 180)
@@ -224,7 +227,7 @@ class RangeView(Canvas):
     def _under(self, click: QPointF) -> int | None:
         for plot, marks in zip((self.ranges, self.residuals), self._marks, strict=True):
             if plot.sceneBoundingRect().contains(click):
-                return nearest_reading(plot.vb, marks.placed, click, _ROW_REACH)
+                return nearest_reading(plot.vb, marks.placed, click, _ANY_DISTANCE)
         return None
 
 
@@ -237,7 +240,7 @@ def _ranges(shown: Shown) -> dict[Kind | Unclassed, Placed]:
 
 
 def _residuals(shown: Shown) -> dict[Kind | Unclassed, Placed]:
-    """Measured less predicted of the readings that have both, m, at the edge where they are beyond it."""
+    """Return measured minus predicted, m, of readings that have both, clipped to the scale."""
     placed: dict[Kind | Unclassed, Placed] = {}
     residuals = np.clip(shown.rows.residuals, -_MOST_RESIDUAL, _MOST_RESIDUAL)
     for kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):

@@ -1,7 +1,7 @@
-"""The rows of readings as Qt's table view wants to ask for them.
+"""The Qt model of the table of readings.
 
-Takes what is shown and which rows are wanted; hands on cells. Sorting and filtering are done on whole arrays in
-`reading_order`: Qt's own proxy asks Python for two cells a comparison, and a log of an hour has half a million of them.
+`reading_order` sorts and filters whole arrays. Qt's own proxy model would fetch two cells from Python for each of
+half a million comparisons in a log of one hour.
 """
 
 from typing import Any
@@ -28,61 +28,61 @@ _ANSWERED = frozenset(
             *(_Role.TextAlignmentRole, _Role.ForegroundRole),
         ),
     )
-)  # of the seven that Qt asks for at each paint of a cell
+)  # of the seven roles that Qt requests at each paint of a cell
 _PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
 
 class ReadingModel(QAbstractTableModel):
-    """The rows that are wanted, in the order that is wanted."""
+    """The filtered rows in the selected order."""
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
         self.rows: ReadingRows = NO_ROWS
-        self.order: IntArray = np.empty(0, np.int64)  # which row of `rows` each row of the table is
+        self.order: IntArray = np.empty(0, np.int64)  # index into `rows` for each row of the table
         self.wanted = RowQuery()
         self._shown: Shown | None = None
         self._sentences: dict[int, str] = {}
         self._marks: dict[Class, QPixmap] = {}
-        self._faint: QBrush | None = None  # what is predicted, while that belongs to a scene before
+        self._faint: QBrush | None = None  # colour of predicted values while they are outdated
 
     def show_state(self, shown: Shown) -> None:
-        """Take in other readings, classes or another look."""
+        """Update readings, classes and look."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             self._marks = {kind: _mark(kind, shown.look) for kind in CLASSES}
             self._sentences.clear()
             self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(Column) - 1)
-            self._tell_all()
+            self._emit_data_changed()
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
             self._change(shown.rows, order_of(shown.rows, self.wanted))
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
-            self._tell_all()
+            self._emit_data_changed()
 
     def want(self, wanted: RowQuery) -> None:
-        """Show these rows in this order from now on."""
+        """Apply a filter and an order."""
         self.wanted = wanted
         self._change(self.rows, order_of(self.rows, wanted))
 
     def place_of(self, reading: int) -> int | None:
-        """The row of the table where a reading stands; None where it is filtered out."""
+        """Return the table row of a reading; None if it is filtered out."""
         places = np.flatnonzero(self.order == reading)
         return int(places[0]) if len(places) else None
 
     # QAbstractTableModel
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:
-        """How many rows are wanted."""
+        """Return the number of rows."""
         return 0 if parent.isValid() else len(self.order)
 
     def columnCount(self, parent: Index = QModelIndex()) -> int:
-        """As many as there are columns."""
+        """Return the number of columns."""
         return 0 if parent.isValid() else len(Column)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Text, mark, alignment, tooltip and colour of a cell."""
+        """Return text, mark, alignment, tooltip or colour of a cell."""
         if role not in _ANSWERED or not index.isValid() or self._shown is None:
             return None
         row, column = int(self.order[index.row()]), Column(index.column())
@@ -100,13 +100,13 @@ class ReadingModel(QAbstractTableModel):
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """The name of a column, with its unit."""
+        """Return the name of a column with its unit."""
         if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and self._shown:
             return column_name(Column(section), self._shown.look)
         return None
 
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
-        """Sort by a column; the sentence begins with the range, so its order is that."""
+        """Sort by a column. Sentences begin with the range and are sorted by it."""
         by = Column.MEASURED if column == Column.SENTENCE else Column(column)
         descending = order is Qt.SortOrder.DescendingOrder
         self.want(RowQuery(by, descending, self.wanted.hidden, self.wanted.text))
@@ -121,7 +121,7 @@ class ReadingModel(QAbstractTableModel):
         return self._sentences[row]
 
     def _change(self, rows: ReadingRows, order: IntArray) -> None:
-        """Put other rows in place so that the view keeps where it is: a scan grows at the end of the table."""
+        """Replace the rows so that the view keeps its scroll position while a scan adds rows at the end."""
         before, after = len(self.order), len(order)
         both = min(before, after)
         if not np.array_equal(self.order[:both], order[:both]):
@@ -138,15 +138,15 @@ class ReadingModel(QAbstractTableModel):
             self.rows, self.order = rows, order
             self.endRemoveRows()
         self.rows, self.order = rows, order
-        self._tell_all()
+        self._emit_data_changed()
 
-    def _tell_all(self) -> None:
+    def _emit_data_changed(self) -> None:
         if len(self.order):
             self.dataChanged.emit(self.index(0, 0), self.index(len(self.order) - 1, len(Column) - 1))
 
 
 def _mark(kind: Class, look: Look) -> QPixmap:
-    """The mark of a class; an empty one of the same size where it has none."""
+    """Return the mark of a class, or an empty picture of the same size."""
     if kind in MARKS:
         return mark_picture(kind, look.palette, 1.0)
     empty = QPixmap(mark_picture(Unclassed.MEASURED, look.palette, 1.0).size())

@@ -1,7 +1,4 @@
-"""The sentence about the chosen reading, always in sight and never cut: what does not fit is in the tooltip.
-
-Takes what is shown; hands on nothing.
-"""
+"""The sentence that explains the chosen reading. The tooltip has the full text of a sentence that does not fit."""
 
 from math import ceil
 
@@ -13,13 +10,13 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.shown.shown import Shown
 
-_LINES = 2  # room for so many, so that the views do not jump when a long one comes
+_LINES = 2  # fixed height, so that a longer sentence does not move the views
 _MARGIN, _ABOVE = 12, 6
-_SIZE = 1.2  # of usual text
+_SIZE = 1.2  # of the default text size
 
 
 class Sentence(QLabel):
-    """Says how the chosen reading came about."""
+    """Explains the chosen reading."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -32,7 +29,7 @@ class Sentence(QLabel):
         self.setMinimumWidth(1)
 
     def show_state(self, shown: Shown) -> None:
-        """Say the sentence of the chosen reading; faintly while it is that of the prediction before."""
+        """Show the sentence of the chosen reading, in grey while it belongs to an older prediction."""
         self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look
@@ -55,7 +52,7 @@ class Sentence(QLabel):
 
 
 def shortened_to_lines(text: str, font: QFont, width: float, lines: int) -> str:
-    """The text as far as it goes into so many lines of `width` pixels, ended by … where that is not all of it."""
+    """Return the text that fits into `lines` lines of `width` pixels; a shortened text ends in …."""
     layout = QTextLayout(text, font)
     layout.beginLayout()
     starts = []

@@ -1,4 +1,4 @@
-"""The view "Readings": a table that sorts, filters by class and by words, copies as CSV, and follows the choice."""
+"""The view "Readings": a table to sort, filter by class and by text, and copy as CSV."""
 
 from dataclasses import replace
 
@@ -39,15 +39,15 @@ _LEAST = {
     Column.SENTENCE: "0.827 m at 270.0°: three reflections",
 }
 _USUAL_PATH = "bottom>top>bottom"
-_LEFT_OUT_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # where the table is narrow
-_MARK = 20  # pixels of a class's mark and what parts it from the name
-_BESIDE = 12  # pixels: the margins
-_ARROW = 14  # pixels: the sign of the order, over the column that it is of
+_LEFT_OUT_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
+_MARK = 20  # pixels, mark of a class with the gap before the name
+_BESIDE = 12  # pixels, margins
+_ARROW = 14  # pixels, sort indicator in the header
 _SELECT = QItemSelectionModel.SelectionFlag.ClearAndSelect | QItemSelectionModel.SelectionFlag.Rows
 
 
 class _Rows(QTableView):
-    """Qt's table; but what it copies is for the whole table to say."""
+    """A table view that leaves copying to its owner."""
 
     copied = Signal()
     resized = Signal()
@@ -60,14 +60,14 @@ class _Rows(QTableView):
             super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the chosen row in sight."""
+        """Keep the chosen row visible."""
         super().resizeEvent(event)
         self.resized.emit()
         self.scrollTo(self.currentIndex())
 
 
 class TableView(QWidget):
-    """One row a reading, and over them what is wanted of them."""
+    """A table with one row for each reading, and filters above it."""
 
     entry = ViewEntry("Readings", is_text=True)
 
@@ -76,16 +76,16 @@ class TableView(QWidget):
         self.gestures = Gestures(self)
         self._shown: Shown | None = None
         self._sorted_by = Column.NUMBER
-        self._path_width = 0  # pixels, where the sentence stands behind it
-        self._following = False  # whether the selection moves because the choice did
+        self._path_width = 0  # pixels, while the column of sentences is visible
+        self._following = False  # whether the selection changes because the chosen reading or the rows changed
         self.model = ReadingModel(self)
         self.view = self._made_view()
         self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
-        self.words.setToolTip("Only readings whose path, heading or class has all these words")
+        self.words.setToolTip("Show only readings whose path, heading or class contains all these words")
         self.classes = {kind: self._made_button(kind) for kind in CLASSES}
         self.copy = QToolButton()
         self.copy.setText("Copy CSV")
-        self.copy.setToolTip("Copy the selected rows, or all that are listed where there are no two (Ctrl+C)")
+        self.copy.setToolTip("Copy the selected rows; with fewer than two selected, copy all listed rows (Ctrl+C)")
         bar = QHBoxLayout()
         bar.setContentsMargins(6, 2, 6, 2)
         bar.setSpacing(2)
@@ -99,11 +99,11 @@ class TableView(QWidget):
         self._connect()
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             self._set_look(shown)
-        self._following = True  # rows that come or go move the selection, and nobody has picked anything
+        self._following = True  # added or removed rows move the selection; the user has picked nothing
         self.model.show_state(shown)
         self._following = False
         if before is None or not shown.same_readings(before):
@@ -115,14 +115,14 @@ class TableView(QWidget):
         self._follow(shown.chosen)
 
     def fit(self) -> None:
-        """A table has no range."""
+        """Do nothing: a table has no range."""
 
     def picture(self) -> None:
-        """Pictures are of plots."""
+        """Return None: only plots are saved as pictures."""
 
     @Slot()
     def copy_rows(self) -> None:
-        """Copy rows as CSV: the selected ones, or all that are listed where there are no two."""
+        """Copy the selected rows as CSV; with fewer than two selected, copy all listed rows."""
         if self._shown is not None:
             selected = sorted(index.row() for index in self.view.selectionModel().selectedRows())
             order = self.model.order[selected] if len(selected) > 1 else self.model.order
@@ -150,7 +150,7 @@ class TableView(QWidget):
         button.setChecked(True)
         button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         meaning = MARKS[kind].meaning if kind in MARKS else "neither measured nor predicted"
-        button.setToolTip(f"{class_name(kind)}: {meaning}. Press to hide them or show them again")
+        button.setToolTip(f"{class_name(kind)}: {meaning}. Click to hide or show these readings")
         button.toggled.connect(self._filter)
         return button
 
@@ -183,13 +183,13 @@ class TableView(QWidget):
             button.setFixedSize(button.sizeHint())
 
     def _make_room(self, shown: Shown) -> None:
-        """For numbers and words that have become longer."""
+        """Widen the columns for longer numbers and class names."""
         for column in (Column.NUMBER, Column.CLASS):
             self.view.setColumnWidth(column, max(self._needed(shown, column), self.view.columnWidth(column)))
         self._choose_columns()
 
     def _needed(self, shown: Shown, column: Column) -> int:
-        """How many pixels it takes to read what stands in a column; of a path or a sentence, the least worth seeing."""
+        """Return the pixels that a column needs to be readable; for a path or a sentence, a useful minimum."""
         widest = _LEAST.get(column, "")
         if column is Column.NUMBER:
             widest = "0" * _digits(shown)
@@ -200,7 +200,7 @@ class TableView(QWidget):
 
     @Slot()
     def _choose_columns(self) -> None:
-        """Leave out what can best be done without, until the others can be read."""
+        """Hide the least important columns until the others are readable."""
         if self._shown is None:
             return
         needed = {column: self._needed(self._shown, column) for column in Column}
@@ -209,7 +209,7 @@ class TableView(QWidget):
                 del needed[column]
         for column in Column:
             self.view.setColumnHidden(column, column not in needed)
-        # where it is the last it is stretched, but never made smaller
+        # the last column is stretched but never made smaller
         self.view.setColumnWidth(Column.PATH, self._path_width if Column.SENTENCE in needed else needed[Column.PATH])
 
     @Slot(int)
@@ -224,12 +224,12 @@ class TableView(QWidget):
         for kind, count in self.model.rows.counts().items():
             button = self.classes[kind]
             button.setText(str(count) if not button.icon().isNull() else f"{class_name(kind)} {count}")
-            button.setFixedSize(button.sizeHint())  # or each count lays out the whole window anew
-            waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # classed a moment later
+            button.setFixedSize(button.sizeHint())  # otherwise each count triggers a new layout of the window
+            waiting = kind is Unclassed.MEASURED and shown.scene.room is not None  # about to be compared
             button.setVisible((count > 0 and not waiting) or not button.isChecked())
 
     def _fade_counts(self, shown: Shown) -> None:
-        """Grey while they belong to the prediction before."""
+        """Show the counts in grey while they belong to an older prediction."""
         colours = QPalette()
         if shown.outdated:
             colours.setColor(QPalette.ColorRole.ButtonText, shown.look.palette.faint)
@@ -244,17 +244,17 @@ class TableView(QWidget):
         self._following = False
         self._follow_again()
 
-    # the selection and the choice
+    # selection and chosen reading
 
     def _follow(self, chosen: int | None) -> None:
-        """Select the chosen reading, where it is another one and listed."""
+        """Select the row of the chosen reading if it is listed."""
         place = None if chosen is None else self.model.place_of(chosen)
         current, selection = self.view.currentIndex(), self.view.selectionModel()
-        # where the chosen row went away, Qt makes its neighbour the current one without selecting it
+        # if the chosen row was removed, Qt makes its neighbour current without selecting it
         if place is None or (place == current.row() and selection.hasSelection()):
             return
         self._following = True
-        # not by the view, which selects otherwise while Ctrl or Shift is down
+        # not through the view, which selects differently while Ctrl or Shift is held
         selection.setCurrentIndex(self.model.index(place, max(current.column(), 0)), _SELECT)
         self._following = False
 
@@ -276,7 +276,7 @@ class TableView(QWidget):
 
 
 def _to_be_read(shown: Shown) -> tuple[Look, int, bool]:
-    """What the widths of the columns depend on."""
+    """Return the values that the column widths depend on."""
     return shown.look, _digits(shown), shown.scene.room is None
 
 

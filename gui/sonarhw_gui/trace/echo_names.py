@@ -1,6 +1,6 @@
-"""Names at the predicted echoes of the trace, in a few rows above it: the important ones first, none over another.
+"""Names of the predicted echoes, in a few rows above the trace, the strongest first and without overlap.
 
-Takes echoes; draws a stem to each, and the names that fit at this zoom. The others appear when one zooms in or hovers.
+Each name has a stem to its echo. Names that do not fit appear after a zoom, or as a tooltip.
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.trace.trace_axes import EMPTY, Heights
 from sonarhw_gui.work.chosen_trace import NamedEcho
 
-_ROWS = 5  # at most; where there is little room, fewer
-_SHARE = 0.4  # of the height, that they may take
-_ROW = 15.0  # pixels at the usual size of text
+_ROWS = 5  # at most; fewer if there is little room
+_SHARE = 0.4  # of the plot's height, at most
+_ROW = 15.0  # pixels at the default text size
 _GAP = 9.0  # pixels between two names in a row
-_LONGEST = 30  # characters; the middle gives way
+_LONGEST = 30  # characters; the middle of a longer name is left out
 _LONGEST_REPORTED = 64
 _POINTS = 8.0  # of the font
 
@@ -31,11 +31,11 @@ class _Name:
     echo: NamedEcho
     text: str
     row: int
-    leftward: bool  # it ends at its stem instead of beginning there
+    leftward: bool  # the text ends at its stem instead of beginning there
 
 
 class EchoNames:
-    """Names and stems of the echoes of one trace; the rows lie above the top of its heights, where no trace is."""
+    """Names and stems of the echoes of one trace. The rows are above the highest level, where no trace is drawn."""
 
     def __init__(self, view: pg.ViewBox) -> None:
         self._view = view
@@ -54,7 +54,7 @@ class EchoNames:
         view.sigResized.connect(self._lay_out)
 
     def set_look(self, look: Look) -> None:
-        """Write in the colours and the size of this look from now on."""
+        """Use the colours and text size of `look`."""
         self._look = look
         self._font.setPointSizeF(_POINTS * look.scale)
         self._metrics = QFontMetricsF(self._font)
@@ -64,7 +64,7 @@ class EchoNames:
             item.fill = pg.mkBrush(look.palette.paper)
 
     def draw(self, echoes: Sequence[NamedEcho], heights: Heights) -> None:
-        """Name these echoes from now on, and set how high the view reaches."""
+        """Draw the names of these echoes and set the height range of the plot."""
         self._echoes = tuple(sorted(echoes, key=lambda echo: (not echo.first, -echo.level_db)))
         self._heights = heights
         self._heads.setData(
@@ -98,20 +98,20 @@ class EchoNames:
             item.setVisible(True)
 
     def _middle(self, row: int) -> float:
-        """The height of the middle of a row; row 0 is the highest."""
+        """Return the height of the middle of a row; row 0 is the highest."""
         return self._heights.top + (self._rows - row - 0.5) * _ROW * self._look.scale * self._per_pixel
 
     def _colour(self, echo: NamedEcho) -> str:
         return self._look.palette.predicted if echo.detectable else self._look.palette.ink
 
     def _fitting(self) -> list[_Name]:
-        """A row for every echo in view that finds room in one, the most important first."""
+        """Return the names that fit, the strongest first."""
         rows: list[list[tuple[float, float]]] = [[] for _ in range(self._rows)]
         names = (self._placed(echo, rows) for echo in self._echoes)
         return [name for name in names if name is not None]
 
     def _placed(self, echo: NamedEcho, rows: list[list[tuple[float, float]]]) -> _Name | None:
-        """The name in the first row with room for it, right of its stem or left of it; `rows` then has it too."""
+        """Place the name in the first row with room, right or left of its stem, and add it to `rows`."""
         left, right = self._view.viewRange()[0]
         whole = self._view.width()
         at = (echo.time - left) * whole / (right - left)
@@ -136,13 +136,13 @@ class EchoNames:
         return np.array(ends).reshape(-1, 2)
 
     def _tip(self, echo: NamedEcho) -> str:
-        state = "reported" if echo.first else "heard later" if echo.detectable else "within blanking"
+        state = "reported" if echo.first else "detected later" if echo.detectable else "within blanking"
         at = f"{self._look.unit.text(echo.range)}, {echo.time * 1e3:.2f} ms"
         return f"{echo.via}\n{at}, {echo.level_db:.1f} dB, {state}"
 
 
 def shortened(via: str, longest: int) -> str:
-    """A long path with its middle left out."""
+    """Return the name of a path, without its middle if it is longer than `longest`."""
     if len(via) <= longest:
         return via
     half = (longest - 1) // 2

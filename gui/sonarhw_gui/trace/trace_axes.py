@@ -1,7 +1,4 @@
-"""Axes of the trace view: heights that are levels or signals, and axes that write something else than what is drawn.
-
-Takes a chosen trace; hands on a frozen `Heights`, and axes for a plot.
-"""
+"""Axes of the trace view, and the meaning of a height: a level in dB or a signal amplitude."""
 
 from dataclasses import dataclass
 
@@ -13,25 +10,25 @@ from sonarhw_gui.plots.plot_look import label_axis
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve, TraceCurves
 
 _HAIR = 1e-9
-_REACHES = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0  # of full scale
+_LIMITS = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0  # of full scale
 
 
 @dataclass(frozen=True)
 class Heights:
-    """What the height in a plot of traces means; names stand above `top`."""
+    """The height scale of a plot of traces. Names of echoes are above `top`."""
 
     decibels: bool
     bottom: float
     top: float
 
     def of(self, level_db: float) -> float:
-        """How high a level lies, dB of full scale."""
+        """Return the height of a level, dB of full scale."""
         height = level_db if self.decibels else 10 ** (level_db / 20)
         return min(max(height, self.bottom), self.top)
 
     @property
     def label(self) -> str:
-        """The name of the axis with its unit."""
+        """The label of the axis with its unit."""
         return "dB of full scale" if self.decibels else "signal (of full scale)"
 
 
@@ -39,23 +36,23 @@ EMPTY = Heights(True, -52.0, 0.0)
 
 
 def heights_of(trace: ChosenTrace, rf: bool) -> Heights:
-    """Levels from the floor up; a signal as far as the loudest that is heard once blanking is over."""
+    """Return the scale for a trace: levels from the floor up, or `rf` up to the loudest signal after blanking."""
     if not rf:
         return Heights(True, trace.floor_db, 0.0)
     loudest = max((_loudest(sound, trace.blanking) for sound in (trace.measured, trace.predicted) if sound), default=1)
-    # in steps, so that the axis stands still from one reading to the next
-    reach = next(step for step in _REACHES if step >= min(1.0, loudest))
-    return Heights(False, -reach, reach)
+    # in steps, so that the axis rarely changes between readings
+    limit = next(step for step in _LIMITS if step >= min(1.0, loudest))
+    return Heights(False, -limit, limit)
 
 
 def _loudest(sound: TraceCurves, after: float) -> float:
-    heard = sound.envelope.values[sound.envelope.times >= after]
-    loud = heard[np.isfinite(heard)]
-    return float(10 ** (loud.max() / 20)) if len(loud) else 0.0
+    levels = sound.envelope.values[sound.envelope.times >= after]
+    known = levels[np.isfinite(levels)]
+    return float(10 ** (known.max() / 20)) if len(known) else 0.0
 
 
 def signal_curve(sound: TraceCurves) -> Curve:
-    """The signal with its carrier; where only the envelope is known that, above and below zero."""
+    """Return the signal with its carrier; without a carrier, the envelope above and below zero."""
     if sound.rf is not None:
         return sound.rf
     times, levels = sound.envelope.times, 10 ** (sound.envelope.values / 20)
@@ -64,7 +61,7 @@ def signal_curve(sound: TraceCurves) -> Curve:
 
 
 class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
-    """Every figure with its unit, which takes less height than a label beside the axis."""
+    """An axis whose tick values include the unit, which takes less height than a label."""
 
     def __init__(self, side: str) -> None:
         super().__init__(side)
@@ -72,57 +69,57 @@ class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
         self.unit = ""
 
     def write_in(self, unit: str, scale: float) -> None:
-        """Write figures in this unit, `scale` of which are 1 of what is drawn."""
+        """Show tick values in `unit`; `scale` converts from plot coordinates."""
         self.setScale(scale)
         if unit != self.unit:
             self.unit = unit
             self.picture = None
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """The figures with their unit."""
+        """Return the tick values with their unit."""
         return [f"{text} {self.unit}" for text in super().tickStrings(values, scale, spacing)]
 
 
 class HeightAxis(pg.AxisItem):  # type: ignore[misc]
-    """Figures up to `top`; above it are names, not levels."""
+    """Axis without tick values above `top`, where names are drawn."""
 
     def __init__(self) -> None:
         super().__init__("left")
         self._heights: Heights | None = None
 
     def write_for(self, heights: Heights) -> None:
-        """Write figures for these heights."""
+        """Set the height scale."""
         if heights != self._heights:
             self._heights = heights
             label_axis(self, heights.label)
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """The figures, empty above the top."""
-        told = super().tickStrings(values, scale, spacing)
+        """Return the tick values, empty above the top."""
+        texts = super().tickStrings(values, scale, spacing)
         top = self._heights.top + _HAIR if self._heights else 0.0
-        return [text if value <= top else "" for text, value in zip(told, values, strict=True)]
+        return [text if value <= top else "" for text, value in zip(texts, values, strict=True)]
 
 
 class GainAxis(pg.AxisItem):  # type: ignore[misc]
-    """Decibels of a gain that is drawn between the bottom and the top of other heights."""
+    """Axis in dB for the gain curve, which is scaled to the height range of the traces."""
 
     def __init__(self) -> None:
         super().__init__("right")
         self._low, self._per_height, self._bottom, self._top = 0.0, 1.0, 0.0, 1.0
 
     def place(self, gains: FloatArray, heights: Heights) -> FloatArray:
-        """Where gains (n,) dB lie among these heights, (n,) float; the axis is written for them from now on."""
+        """Return the heights, (n,) float, of gains (n,) in dB, and scale the axis for them."""
         low, high = float(gains.min()), float(gains.max())
         per_height = max(high - low, 1.0) / (heights.top - heights.bottom)
         written = low, per_height, heights.bottom, heights.top
         if written != (self._low, self._per_height, self._bottom, self._top):
             self._low, self._per_height, self._bottom, self._top = written
-            self.picture = None  # it is written anew
+            self.picture = None  # redraw the axis
             self.update()
         return np.asarray(heights.bottom + (gains - low) / per_height)
 
     def tickValues(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, list[float]]]:
-        """Round decibels, where they lie."""
+        """Return the heights of round dB values."""
         low, high = (self._gain(height) for height in (minVal, min(maxVal, self._top)))
         if not low < high:
             return []
@@ -131,7 +128,7 @@ class GainAxis(pg.AxisItem):  # type: ignore[misc]
         return [(spacing, [self._bottom + (gain - self._low) / self._per_height for gain in gains])]
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """What gain lies at those heights, dB."""
+        """Return the gains at these heights, dB."""
         return [f"{round(self._gain(value))}" for value in values]
 
     def _gain(self, height: float) -> float:

@@ -1,7 +1,4 @@
-"""Two cursors in the trace that read time and range, and what lies between them.
-
-Takes a chosen trace; hands on what they read, as text. They are moved with the mouse, or with the keys of the view.
-"""
+"""Two cursors in the trace that show time, range and their differences. Mouse and keys move them."""
 
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Signal
@@ -10,7 +7,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plots.plot_look import cosmetic_pen
 from sonarhw_gui.work.chosen_trace import ChosenTrace
 
-_AT = 1 / 3, 2 / 3  # of the trace, at first
+_AT = 1 / 3, 2 / 3  # initial positions, shares of the visible trace
 _NAMES = "AB"
 
 
@@ -29,7 +26,7 @@ class TraceCursors(QObject):
             line.sigPositionChanged.connect(self.moved)
 
     def set_look(self, look: Look) -> None:
-        """Draw in the colours of this look from now on."""
+        """Use the colours of `look`."""
         for line in self._lines:
             line.setPen(cosmetic_pen(look.palette.chosen, width=1))
             line.setHoverPen(cosmetic_pen(look.palette.chosen, width=3))
@@ -43,11 +40,11 @@ class TraceCursors(QObject):
 
     @property
     def times(self) -> list[float]:
-        """Where they are, s."""
+        """The positions, s."""
         return [line.value() for line in self._lines]
 
     def fit(self, duration: float, seen: float) -> None:
-        """Keep them within a trace of that length, s; at first they stand in the part of it that is seen."""
+        """Keep the cursors within `duration`, s. The first call places them in the visible part, `seen` s."""
         if self._duration == 0:
             for line, share in zip(self._lines, _AT, strict=True):
                 line.setValue(share * seen)
@@ -56,14 +53,14 @@ class TraceCursors(QObject):
             line.setBounds((0.0, duration))
 
     def step(self, which: int, by: float) -> None:
-        """Move one by so many s."""
+        """Move one cursor by a time, s."""
         self._lines[which].setValue(self._lines[which].value() + by)
 
     def text(self, trace: ChosenTrace, look: Look) -> str:
-        """What they read."""
-        told = [f"{name} {_read(trace, time, look)}" for name, time in zip(_NAMES, self.times, strict=True)]
+        """Return time and range of both cursors and their differences."""
+        texts = [f"{name} {_read(trace, time, look)}" for name, time in zip(_NAMES, self.times, strict=True)]
         first, second = self.times
-        return "   ".join([*told, f"B − A {_read(trace, second - first, look)}"])
+        return "   ".join([*texts, f"B − A {_read(trace, second - first, look)}"])
 
 
 def _read(trace: ChosenTrace, time: float, look: Look) -> str:

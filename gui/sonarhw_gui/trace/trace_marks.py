@@ -1,7 +1,4 @@
-"""What is drawn into a trace besides the traces: blanking, threshold, gain, the echoes that the board reported.
-
-Takes a chosen trace and what heights mean; draws into a plot.
-"""
+"""Marks in the trace plot: blanking, threshold, gain, and the echoes that the board reported."""
 
 import math
 
@@ -15,12 +12,12 @@ from sonarhw_gui.plots.spots import Spots
 from sonarhw_gui.trace.trace_axes import GainAxis, Heights
 from sonarhw_gui.work.chosen_trace import ChosenTrace
 
-_FROM = 3e-4  # s: before it the gain of an ideal receiver falls to nothing
+_FROM = 3e-4  # s; earlier, the gain of an ideal receiver approaches zero
 _BEHIND = -20  # z value
 
 
 class TraceMarks:
-    """The marks of one plot, whose right axis tells the gain."""
+    """The marks of one plot. Its right axis shows the gain."""
 
     def __init__(self, plot: pg.PlotItem, gain_axis: GainAxis) -> None:
         self._gain_axis = gain_axis
@@ -36,7 +33,7 @@ class TraceMarks:
             plot.addItem(item, ignoreBounds=True)
 
     def set_look(self, look: Look) -> None:
-        """Draw in the colours of this look from now on."""
+        """Use the colours of `look`."""
         colours = look.palette
         self._blanking.setBrush(colours.blanking)
         for line in self._blanking.lines:
@@ -46,7 +43,7 @@ class TraceMarks:
         self._reported.setBrush(colours.measured)
 
     def draw(self, trace: ChosenTrace | None, heights: Heights, look: Look) -> None:
-        """Draw the marks of a trace; None: none."""
+        """Draw the marks of a trace; None hides them."""
         for item in self._items:
             item.setVisible(trace is not None)
         if trace is None:

@@ -1,6 +1,6 @@
-"""The view "Trace": the chosen heading's trace, measured over predicted, with blanking, gain, threshold and echoes.
+"""The view "Trace": the measured and predicted trace of the chosen heading, with blanking, gain, threshold and echoes.
 
-Time is on the bottom axis, the range that belongs to it on the top axis.
+The bottom axis is time; the top axis is the range at that time.
 """
 
 from functools import partial
@@ -29,8 +29,8 @@ from sonarhw_gui.trace.trace_marks import TraceMarks
 from sonarhw_gui.view import Gestures, ViewEntry
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve
 
-_LOWEST = 120  # pixels of the plot at the usual size of text: its axes keep room for their names
-_STEPS = 200  # of a cursor across the view
+_LOWEST = 120  # pixels, minimum height at the default text size; leaves room for the axis labels
+_STEPS = 200  # key presses that move a cursor across the view
 
 
 class TraceView(QWidget):
@@ -45,13 +45,13 @@ class TraceView(QWidget):
         self._look = Look()
         self._trace: ChosenTrace | None = None
         self._duration = 0.0
-        self.envelope = view_action(self, "Envelope", "V", "The level of the trace")
-        self.rf = view_action(self, "RF", "R", "The trace with its carrier")
+        self.envelope = view_action(self, "Envelope", "V", "Show the envelope in dB")
+        self.rf = view_action(self, "RF", "R", "Show the signal with its carrier")
         self.forms = QActionGroup(self)
         for form in (self.envelope, self.rf):
             self.forms.addAction(form)
         self.envelope.setChecked(True)
-        self.cursors_shown = view_action(self, "Cursors", "C", "Two cursors that read time and range; drag them")
+        self.cursors_shown = view_action(self, "Cursors", "C", "Show two cursors for time and range; drag to move")
         self.title, self.readout = ElidedLabel(), QLabel()
         self.title.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         gain_axis = GainAxis()
@@ -71,7 +71,7 @@ class TraceView(QWidget):
         self._connect()
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.trace is not shown.trace or before.cursor != shown.cursor:
             self.canvas.repaint_whole()
@@ -80,8 +80,8 @@ class TraceView(QWidget):
         if before is None or before.trace is not shown.trace or before.look != shown.look:
             self._draw(shown.trace)
         if shown.trace is None and not self._duration:
-            self._look_as_far_as_the_board_hears(shown.scene)
-        self._name()
+            self._show_board_range(shown.scene)
+        self._update_title()
         self._point(shown.cursor)
 
     def _arrange(self) -> None:
@@ -100,14 +100,16 @@ class TraceView(QWidget):
         column.addWidget(self.readout)
 
     def _connect(self) -> None:
-        self.forms.triggered.connect(self._draw_anew)
+        self.forms.triggered.connect(self._redraw)
         self.cursors_shown.toggled.connect(self._show_cursors)
         self.cursors.moved.connect(self._read_cursors)
         self.canvas.hovered.connect(self._point_at)
         for which, name in enumerate("AB"):
             for side, by in (("Left", -1), ("Right", 1)):
                 key = f"Alt+Shift+{side}" if which else f"Alt+{side}"
-                action = view_action(self, f"Cursor {name} {side.lower()}", key, "A small step", checkable=False)
+                action = view_action(
+                    self, f"Cursor {name} {side.lower()}", key, "Move the cursor by a small step", checkable=False
+                )
                 action.triggered.connect(partial(self._step_cursor, which, by))
 
     def picture(self) -> QWidget:
@@ -145,13 +147,13 @@ class TraceView(QWidget):
             _set_curve(item, curve, heights)
         self.marks.draw(trace, heights, self._look)
         self.names.draw(trace.echoes if trace else (), heights)
-        self._name()
+        self._update_title()
         self._measured.setZValue(1 if rf else -1)
         if trace is not None:
-            self._look_at(trace)
+            self._set_time_range(trace)
         self._read_cursors()
 
-    def _name(self) -> None:
+    def _update_title(self) -> None:
         shown = self._shown
         due = None if shown is None or shown.chosen is None else shown.heading(shown.chosen)
         self.title.setText(_title(self._trace, self.rf.isChecked(), due))
@@ -162,22 +164,22 @@ class TraceView(QWidget):
         if self._trace is not None:
             self.plot.setXRange(0.0, self._trace.duration, padding=0)
 
-    def _look_at(self, trace: ChosenTrace) -> None:
+    def _set_time_range(self, trace: ChosenTrace) -> None:
         if self._duration == trace.duration or self._shown is None:
-            return  # a zoom lasts from one reading to the next
+            return  # keep the zoom from one reading to the next
         self._duration = trace.duration
-        reach = initial_range(self._shown)
-        end = trace.duration if reach is None else min(trace.duration, trace.time_at(reach))
+        farthest = initial_range(self._shown)
+        end = trace.duration if farthest is None else min(trace.duration, trace.time_at(farthest))
         self.plot.setLimits(xMin=0.0, xMax=trace.duration)
         self.plot.setXRange(0.0, end, padding=0)
         self.cursors.fit(trace.duration, end)
 
-    def _look_as_far_as_the_board_hears(self, scene: Scene) -> None:
+    def _show_board_range(self, scene: Scene) -> None:
         air = scene.room.air if scene.room else Air()
         self.plot.setXRange(0.0, 2 * scene.board.max_range / air.speed_of_sound, padding=0)
 
     @Slot()
-    def _draw_anew(self) -> None:
+    def _redraw(self) -> None:
         self._draw(self._trace)
 
     @Slot(bool)
@@ -212,7 +214,7 @@ class TraceView(QWidget):
 
 
 def _curve_item() -> pg.PlotDataItem:
-    # of a thousand samples on a pixel the highest and the lowest are drawn
+    # draws the highest and the lowest of all samples at one pixel
     return pg.PlotDataItem(connect="finite", autoDownsample=True, downsampleMethod="peak", clipToView=True)
 
 
@@ -220,7 +222,7 @@ def _set_curve(item: pg.PlotDataItem, curve: Curve | None, heights: Heights) -> 
     if curve is None:
         item.setData(np.empty(0), np.empty(0))
     else:
-        # what the board hears of its own burst is louder than any echo
+        # the board's own burst is louder than any echo
         item.setData(curve.times, curve.values.clip(heights.bottom, heights.top))
 
 
@@ -229,20 +231,20 @@ def _degrees(heading: float) -> str:
 
 
 def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
-    """What the trace is of; `due`: the heading that all other views are about already."""
+    """Return the title; `due` is the heading that the other views show already."""
     if trace is None:
         return "Trace: no reading yet"
-    told = [f"Trace at {_degrees(trace.heading)}"]
+    parts = [f"Trace at {_degrees(trace.heading)}"]
     if due is not None and _degrees(due) != _degrees(trace.heading):
-        told.append(f"{_degrees(due)} follows")
+        parts.append(f"{_degrees(due)} follows")
     if trace.measured is None:
-        told.append("no trace recorded")
+        parts.append("no trace recorded")
     elif rf and trace.measured.rf is None:
-        told.append("measured: envelope only")
+        parts.append("measured: envelope only")
     if trace.predicted is None:
-        told.append("no prediction")
+        parts.append("no prediction")
     elif rf and trace.predicted.undersampled:
-        told.append(f"both as {trace.predicted.rate / 1e3:.1f} kHz fold it")
+        parts.append(f"both undersampled at {trace.predicted.rate / 1e3:.1f} kHz")
     if trace.gain.stepped:
-        told.append("stepped gain")
-    return " · ".join(told)
+        parts.append("stepped gain")
+    return " · ".join(parts)

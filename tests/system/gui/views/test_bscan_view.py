@@ -158,7 +158,7 @@ def test_a_log_without_traces_says_so(view: BScanView, scene: Scene) -> None:
 
 def test_before_anything_is_worked_out_the_view_says_so(view: BScanView, scene: Scene) -> None:
     view.show_state(Shown(scene))
-    assert "being worked out" in view.note.text()
+    assert "computing …" in view.note.text()
 
 
 def test_a_picture_of_another_wish_is_not_drawn(qtbot: QtBot, view: BScanView, scene: Scene) -> None:
