@@ -1,7 +1,7 @@
-"""The banner: a line over the views for what went wrong, until it is put away, is over, or a new scan begins.
+"""The banner: a line above the views with errors, warnings and offers.
 
-Takes messages and how things stand; hands on what somebody takes up of what is offered there. Never a dialog: the scan
-goes on underneath.
+A message stays until the user dismisses it, its cause is gone, or a new scan begins. It is never a dialog, so it does
+not block a running scan.
 """
 
 from PySide6.QtCore import Signal, Slot
@@ -13,9 +13,9 @@ from sonarhw_gui.shown.notices import Notice, Notices
 
 
 class Banner(QFrame):
-    """Hidden where there is nothing to say."""
+    """Shows one notice at a time; hidden without notices."""
 
-    answered = Signal(object)  # the answer of an offer, or of its refusal
+    answered = Signal(object)  # the value of the accepted or declined offer
 
     def __init__(self) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class Banner(QFrame):
         self.decline_button.clicked.connect(self._decline)
         self.close_button = QToolButton(autoRaise=True)
         self.close_button.setText("×")
-        self.close_button.setToolTip("Put this message away")
+        self.close_button.setToolTip("Dismiss this message")
         self.close_button.clicked.connect(self._dismiss)
         row = QHBoxLayout(self)
         row.setContentsMargins(10, 4, 6, 4)
@@ -44,24 +44,24 @@ class Banner(QFrame):
 
     @property
     def message(self) -> str:
-        """What it says; empty where it is hidden."""
+        """The visible text; empty while the banner is hidden."""
         return self._label.text() if not self.isHidden() else ""
 
     def show_look(self, look: Look) -> None:
-        """Draw in the colours of this look."""
+        """Use the colours of `look`."""
         ink, paper = look.palette.warning_ink, look.palette.warning_paper
         self.setStyleSheet(
             f"#banner {{ background: {paper}; }} #banner QLabel, #banner QToolButton {{ color: {ink}; }}"
         )
 
     def show_state(self, status: Status) -> None:
-        """Say what stands in the way now, for as long as it does."""
+        """Show a problem with the scanner for as long as it lasts."""
         self._notices.set_state(status.trouble)
         self._show()
 
     @Slot(str)
     def show_message(self, message: str) -> None:
-        """Say it, more what has not been put away yet; nothing to say puts all away."""
+        """Queue a message behind those not dismissed yet. An empty message clears all."""
         if message:
             self._notices.add(message)
         else:
@@ -70,7 +70,7 @@ class Banner(QFrame):
 
     @Slot(object)
     def show_notice(self, notice: Notice) -> None:
-        """Say it, with a button for what can be done about it."""
+        """Queue a notice with buttons."""
         self._notices.add(notice)
         self._show()
 
@@ -82,9 +82,9 @@ class Banner(QFrame):
 
     @Slot()
     def _decline(self) -> None:
-        refused = self._notices.first.decline_value
+        answer = self._notices.first.decline_value
         self._dismiss()
-        self.answered.emit(refused)
+        self.answered.emit(answer)
 
     @Slot()
     def _dismiss(self) -> None:
@@ -94,8 +94,8 @@ class Banner(QFrame):
     def _show(self) -> None:
         notice, more = self._notices.first, self._notices.more
         self._label.setText(f"⚠ {notice.text}" if notice.text else "")
-        for button, says in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
-            button.setText(says)
-            button.setVisible(bool(says))
+        for button, text in ((self.accept_button, notice.accept_text), (self.decline_button, notice.decline_text)):
+            button.setText(text)
+            button.setVisible(bool(text))
         self._more.setText(f"{more} more" if more else "")
         self.setVisible(bool(notice.text))

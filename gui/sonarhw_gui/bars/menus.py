@@ -1,4 +1,4 @@
-"""The menus: every command by name, where a person looks for it."""
+"""The menus, which list every command."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,7 +12,7 @@ _Group = Sequence[QAction]  # separated from the next one by a line
 
 
 def fill_menus(bar: QMenuBar, commands: Commands, recent: QMenu, views: Sequence[View], docks: _Group) -> None:
-    """Add every action to its menu, those of a view to the menu that its entry names."""
+    """Add every action to its menu. Actions of a view go to the menu that its `ViewEntry` names."""
     for name, groups in (
         *_menus_of_scans(commands, recent),
         *_menus_of_views(views),

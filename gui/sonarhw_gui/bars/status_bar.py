@@ -1,7 +1,4 @@
-"""The status bar: live or replay, readings per second, readings lost, temperature, and where the scan is recorded.
-
-Takes the status; hands on nothing.
-"""
+"""The status bar: activity, recording file, number and rate of readings, lost readings, temperature, live or replay."""
 
 from pathlib import Path
 
@@ -13,14 +10,14 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.parts.label_slot import LabelSlot
 
-# badges carry their own ground, the same on every paper
+# badges have the same background in both palettes
 _COLOURS = {Badge.LIVE: LIGHT.live, Badge.REPLAY: LIGHT.replay}
 
-_A_WHILE = 10_000  # ms
+_MESSAGE_TIME = 10_000  # ms
 
 
 class StatusBar(QStatusBar):
-    """One line at the bottom."""
+    """The line at the bottom of the window."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,8 +25,8 @@ class StatusBar(QStatusBar):
         self.activity = QLabel()
         self.badge = QLabel()
         self.figures = QLabel()
-        self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air")
-        # room for the longest line, or a number that grows by a digit is cut off until the next layout
+        self.figures.setToolTip("Readings shown · readings per second · readings lost on the link · air temperature")
+        # width of the longest text; otherwise an additional digit is cut off until the next layout
         widest = self.figures.fontMetrics().horizontalAdvance("00000 readings · 000.0 Hz · 0000 lost · -00.0 °C")
         self.figures.setMinimumWidth(widest)
         self.figures.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -41,33 +38,33 @@ class StatusBar(QStatusBar):
 
     @Slot(str)
     def show_briefly(self, message: str) -> None:
-        """Say it for a while."""
-        self.showMessage(message, _A_WHILE)
+        """Show a message for 10 s."""
+        self.showMessage(message, _MESSAGE_TIME)
 
     def show_look(self, look: Look) -> None:
-        """Write in the colours of this look: under a style sheet Qt keeps those of the look before."""
+        """Set the text colour; with a style sheet, Qt does not take it from the palette."""
         ink = look.palette.ink
         self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")
 
     def show_state(self, status: Status) -> None:
-        """Say how things stand."""
+        """Show the status."""
         self.activity.setText(activity_text(status))
         self.figures.setText(figures_text(status))
         self.badge.setText(badge_text(status))
-        ground = _COLOURS.get(status.badge, LIGHT.idle)
-        style = f"color: white; background: {ground}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
-        if self.badge.styleSheet() != style:  # Qt reads it anew each time, and lays out the window after it
+        background = _COLOURS.get(status.badge, LIGHT.idle)
+        style = f"color: white; background: {background}; border-radius: 4px; padding: 1px 8px; margin: 2px;"
+        if self.badge.styleSheet() != style:  # setting a style sheet triggers a new layout of the window
             self.badge.setStyleSheet(style)
 
 
 def badge_text(status: Status) -> str:
-    """How it stands with what is shown."""
+    """Return the text of the badge."""
     return f"● {status.badge}" if status.badge is Badge.LIVE else str(status.badge)
 
 
 def figures_text(status: Status) -> str:
-    """The numbers."""
-    rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # nothing comes: no rate to tell
+    """Return the numbers of readings, their rate, and the temperature."""
+    rate = [f"{status.rate:.1f} Hz"] if status.rate else []  # no rate without new readings
     parts = [f"{status.readings} readings", *rate, f"{status.lost} lost"]
     if status.temperature_c is not None:
         parts.append(f"{status.temperature_c:.1f} °C")
@@ -75,7 +72,7 @@ def figures_text(status: Status) -> str:
 
 
 def activity_text(status: Status) -> str:
-    """What goes on now."""
+    """Return the current activity."""
     parts = []
     if status.source is Source.LIVE and status.phase is not None:
         parts.append("waiting for the scanner" if status.trouble else str(status.phase))
@@ -84,13 +81,13 @@ def activity_text(status: Status) -> str:
     if status.source is Source.REPLAY:
         parts.append(f"replaying {status.log_name}")
     if status.outdated:
-        parts.append("predicting … what is grey belongs to the prediction before")
+        parts.append("predicting … grey values belong to the previous prediction")
     elif status.predicting:
         parts.append("predicting …")
     return " · ".join(parts)
 
 
 def _short(path: Path) -> str:
-    """A path with the person's own folder as ~."""
+    """Return a path with the home folder as ~."""
     home = Path.home()
     return f"~/{path.relative_to(home).as_posix()}" if path.is_relative_to(home) else str(path)

@@ -1,7 +1,4 @@
-"""The toolbar: what is always needed within one click, and the list of places.
-
-Takes the commands; hands on the place that was chosen.
-"""
+"""The toolbar: the most frequent commands, and the list of places."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
@@ -9,11 +6,11 @@ from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.shown.shown import Shown
 
-_PLACE = 11  # characters: as X,Y with millimetres
+_PLACE = 11  # characters of a place given as X,Y in millimetres
 
 
 class ToolBar(QToolBar):
-    """What is always within one click."""
+    """The most frequent commands, and the list of places."""
 
     def __init__(self, commands: Commands) -> None:
         super().__init__("Main", movable=False)
@@ -21,7 +18,7 @@ class ToolBar(QToolBar):
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         self.place = QComboBox()
-        self.place.setToolTip("Where in the room the scanner stands")
+        self.place.setToolTip("Place of the scanner in the room")
         self.place.setMinimumContentsLength(_PLACE)
         self.addActions([commands.open_room, commands.open_log, commands.connect_scanner])
         self.addSeparator()
@@ -38,7 +35,7 @@ class ToolBar(QToolBar):
         self.addAction(commands.dark)
 
     def show_state(self, shown: Shown) -> None:
-        """Offer the places of the room."""
+        """List the places of the room."""
         names = [*shown.scene.room.places] if shown.scene.room else []
         here = shown.scene.pose.name
         if here and here not in names:

@@ -1,18 +1,15 @@
-"""How everything looks: palette, unit of length, size of text.
-
-Takes nothing; hands on a frozen `Look`. A view that is shown another look draws itself anew.
-"""
+"""The appearance of the window: palette, unit of length and text size, as a frozen `Look`."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
 
 from sonarhw_gui.look.palette import LIGHT, Palette
 
-_SMALLEST, _LARGEST = 0.7, 2.5  # scale of text
+_SMALLEST, _LARGEST = 0.7, 2.5  # text scale
 
 
 class LengthUnit(Enum):
-    """In what lengths are read; everything is metres until it is written on the screen."""
+    """The unit of displayed lengths. All values are metres until they are displayed."""
 
     M = ("m", 1.0, 3)
     CM = ("cm", 100.0, 1)
@@ -24,26 +21,26 @@ class LengthUnit(Enum):
         self.decimals = decimals
 
     def of(self, metres: float) -> float:
-        """A length in this unit."""
+        """Return a length in this unit."""
         return metres * self.per_metre
 
     def metres(self, length: float) -> float:
-        """A length in this unit, in metres."""
+        """Return in metres a length in this unit."""
         return length / self.per_metre
 
     def text(self, metres: float) -> str:
-        """A length as people read it, with its unit."""
+        """Return the text of a length with its unit."""
         return f"{self.of(metres):z.{self.decimals}f} {self.label}"
 
 
 @dataclass(frozen=True)
 class Look:
-    """Palette, unit and size of text."""
+    """Palette, unit and text size."""
 
     palette: Palette = LIGHT
     unit: LengthUnit = LengthUnit.M
-    scale: float = 1.0  # of text; 1 is the system's own size
+    scale: float = 1.0  # text scale; 1 is the system's text size
 
     def scaled(self, scale: float) -> "Look":
-        """The same with text of another size, within what can be read and fits."""
+        """Return the same look with another text scale, limited to readable sizes that fit the window."""
         return replace(self, scale=min(max(scale, _SMALLEST), _LARGEST))

@@ -1,7 +1,4 @@
-"""The legend: one line over all views, for the marks mean the same in each.
-
-Takes the palette; a hand held over an entry says more.
-"""
+"""The legend above the views. Marks and colours mean the same in all views; tooltips explain each entry."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,13 +14,13 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.look.palette import MARKS, Palette, Unclassed
 from sonarhw_gui.parts.flow_layout import FlowLayout
 
-Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels a pixel
+Picture = Callable[[Palette, float], QPixmap]  # palette, device pixels per pixel
 _SIZE = 14  # pixels
 _LINE = 26  # pixels
 
 
 class Legend(QWidget):
-    """What the marks and lines mean."""
+    """Explains marks, lines and areas."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,7 +33,7 @@ class Legend(QWidget):
             self._add(row, picture, name, meaning)
 
     def show_look(self, look: Look) -> None:
-        """Draw the marks in the colours of this look."""
+        """Use the colours of `look`."""
         for label, picture in self._pictures:
             label.setPixmap(picture(look.palette, self.devicePixelRatioF()))
 
@@ -61,7 +58,7 @@ def _blank(width: int, height: int, ratio: float) -> QPixmap:
 
 
 def mark_picture(kind: Kind | Unclassed, colours: Palette, ratio: float) -> QPixmap:
-    """The mark of a class, for legends and lists."""
+    """Return the mark of a class, for legends and lists."""
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -82,7 +79,7 @@ def _line_picture(colour: str, style: Qt.PenStyle, colours: Palette, ratio: floa
 def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
     picture = _blank(_SIZE, _SIZE, ratio)
     with QPainter(picture) as painter:
-        painter.setPen(QColor(colours.faint))  # the patch alone is hardly seen on dark paper
+        painter.setPen(QColor(colours.faint))  # a patch without a frame is hardly visible in the dark palette
         painter.setBrush(QColor(getattr(colours, colour)))
         painter.drawRect(QRectF(0.5, 1.5, _SIZE - 1, _SIZE - 3))
     return picture
@@ -90,18 +87,18 @@ def _patch_picture(colour: str, colours: Palette, ratio: float) -> QPixmap:
 
 _SOLID, _DASHED = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
 _LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
-    (partial(_line_picture, "measured", _SOLID), "measured trace", "the receive signal that the board recorded"),
+    (partial(_line_picture, "measured", _SOLID), "measured trace", "the received signal that the board recorded"),
     (
         partial(_line_picture, "predicted", _SOLID),
         "predicted",
-        "what the model says the board reports; in the trace view dashed",
+        "what the model predicts that the board reports; dashed in the trace view",
     ),
-    (partial(_line_picture, "threshold", _DASHED), "threshold", "echoes fainter than this are not heard"),
+    (partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"),
     (
         partial(_line_picture, "chosen", _SOLID),
         "rays",
-        "the path of the chosen reading by bounce; dotted: expected, not measured",
+        "the path of the chosen reading, bounce by bounce; dotted: predicted, not measured",
     ),
-    (partial(_patch_picture, "beam"), "beam", "within it the sound has over half its power"),
-    (partial(_patch_picture, "blanking"), "blanking", "what arrives so early the board cannot hear"),
+    (partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"),
+    (partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"),
 )

@@ -1,7 +1,7 @@
-"""Colours and marks: one meaning, one colour and one shape in every view, on light paper and on dark.
+"""Colours and marks, the same in every view, in a light and a dark palette.
 
-Takes the classes of a comparison; hands on how each is drawn. The hues are Okabe and Ito's; a shape or a line style
-always says the same again.
+The hues are those of Okabe and Ito. Each colour also has its own shape or line style, so that colour is never the
+only difference.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PRED
 
 
 class Unclassed(Enum):
-    """The class of a reading that has not been compared: no room, or not yet."""
+    """The class of a reading that is not compared: without a room, or not yet."""
 
     MEASURED = auto()
 
 
 @dataclass(frozen=True)
 class Mark:
-    """How readings of one class are drawn, whatever the paper."""
+    """The mark of readings of one class, in every palette."""
 
     name: str
     symbol: str  # of pyqtgraph
@@ -29,29 +29,29 @@ class Mark:
 UNCLASSED = Mark("measured", "o", "measured, not compared with a prediction")
 MARKS: dict[Kind | Unclassed, Mark] = {
     Kind.MATCH: Mark("match", "o", "measured and predicted range differ by at most 5 cm"),
-    Kind.SHORT: Mark("short", "t", "measured nearer than predicted, by more than 5 cm"),
-    Kind.LONG: Mark("long", "t1", "measured farther than predicted, by more than 5 cm"),
-    Kind.EXTRA: Mark("extra", "s", "an echo was measured where silence was predicted"),
-    Kind.MISSED: Mark("missed", "x", "an echo was predicted, drawn where, and none was measured"),
+    Kind.SHORT: Mark("short", "t", "measured range is shorter than predicted by more than 5 cm"),
+    Kind.LONG: Mark("long", "t1", "measured range is longer than predicted by more than 5 cm"),
+    Kind.EXTRA: Mark("extra", "s", "an echo was measured, none was predicted"),
+    Kind.MISSED: Mark("missed", "x", "an echo was predicted, none was measured; drawn at the predicted range"),
     Unclassed.MEASURED: UNCLASSED,
 }
 
 
 @dataclass(frozen=True)
 class Palette:
-    """The colour of everything that is drawn."""
+    """The colours of all parts of the window."""
 
     name: str
-    paper: str  # behind every view
-    ink: str  # text and axes on it
-    faint: str  # text that does not matter now
-    window: str  # behind the widgets
+    paper: str  # background of views
+    ink: str  # text and axes in views
+    faint: str  # disabled or outdated text
+    window: str  # background of widgets
     button: str
-    stripe: str  # every other row of a table
+    stripe: str  # alternate rows of a table
     tip_paper: str
     wall: str
-    chosen: str  # ring, rays and cursor of the chosen reading
-    beam: str  # opaque: transparency costs time at every repaint
+    chosen: str  # chosen reading: ring, rays, cursor
+    beam: str  # opaque, because transparency takes time at every repaint
     blanking: str
     threshold: str
     tolerance: str  # the band within which measured and predicted match
@@ -64,13 +64,13 @@ class Palette:
     long: str = LONG
     extra: str = EXTRA
     highlight: str = "#0072B2"
-    live: str = "#00694C"  # badges, with white in them
+    live: str = "#00694C"  # badges, with white text
     replay: str = "#7A4B00"
     idle: str = "#666666"
     grid_alpha: float = 0.15
 
     def of(self, kind: Kind | Unclassed) -> str:
-        """The colour of the readings of one class."""
+        """Return the colour of the readings of one class."""
         match kind:
             case Kind.SHORT:
                 return self.short

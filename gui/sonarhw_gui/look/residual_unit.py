@@ -1,7 +1,4 @@
-"""In what residuals are read: they are a hundredth of a range, so in the small unit of the same family.
-
-Takes a unit of length; hands on the small one that goes with it.
-"""
+"""The unit of displayed residuals. They are about a hundredth of a range, so their unit is smaller."""
 
 from dataclasses import dataclass
 
@@ -17,7 +14,7 @@ class ResidualUnit:
     decimals: int
 
     def text(self, metres: float) -> str:
-        """A residual as people read it, with its sign and without the unit."""
+        """Return the text of a residual with its sign, without the unit."""
         length = round(metres * self.per_metre, self.decimals)
         return f"{length:+.{self.decimals}f}" if length else f"{0:.{self.decimals}f}"
 
@@ -30,5 +27,5 @@ _UNITS = {
 
 
 def residual_unit(unit: LengthUnit) -> ResidualUnit:
-    """What residuals are read in where ranges are read in `unit`."""
+    """Return the unit of residuals for ranges in `unit`."""
     return _UNITS[unit]

@@ -1,7 +1,4 @@
-"""The application's own colours and font: what buttons, lists and labels take from a look.
-
-Takes a `Look`; changes the one application.
-"""
+"""Colours and font of all widgets, set for the whole application."""
 
 import pyqtgraph as pg
 from PySide6.QtGui import QColor, QFont, QFontDatabase, QPalette
@@ -12,14 +9,14 @@ from sonarhw_gui.look.palette import Palette
 
 
 def apply_look(look: Look) -> None:
-    """Give every widget of the application the colours and the text size of `look`."""
+    """Use the colours and text size of `look` in all widgets."""
     QApplication.setPalette(_palette(look.palette))
     QApplication.setFont(text_font(look))
     pg.setConfigOptions(background=look.palette.paper, foreground=look.palette.ink)
 
 
 def text_font(look: Look, factor: float = 1.0) -> QFont:
-    """The system's font, `factor` as large as text is in this look."""
+    """Return the system's font, scaled by the look's text size and by `factor`."""
     font = QFontDatabase.systemFont(QFontDatabase.SystemFont.GeneralFont)
     font.setPointSizeF(font.pointSizeF() * look.scale * factor)
     return font

@@ -1,1 +1,1 @@
-"""The panels at the side of the window, and the replay bar."""
+"""The panels beside the views, and the replay bar."""

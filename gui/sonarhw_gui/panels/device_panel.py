@@ -1,7 +1,4 @@
-"""The device panel: who answers, where the turntable points and is to point, what to scan, how the line is.
-
-Takes the commands for scan, stop and home, and how things stand; hands on what a person wants of the scanner.
-"""
+"""The device panel: connection, identity, turntable, scan settings and link quality of the scanner."""
 
 import math
 from dataclasses import replace
@@ -39,25 +36,25 @@ from sonarhw_gui.parts.number_field import NumberField
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.shown.shown import Shown
 
-_FARTHEST = 720.0  # degrees the cable winds
+_FARTHEST = 720.0  # degrees, limit of the cable
 _MOST_SWEEPS, _MOST_PINGS = 10_000, 100
 _LONGEST = 30.0  # m
 
 
 class _AngleField(NumberField):
-    """An angle that is also entered: Qt's own field tells of leaving it, too."""
+    """An angle field with a signal for Enter only. Qt's `editingFinished` also fires when the focus leaves."""
 
     entered = Signal()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Tell of Enter, once what was typed is understood."""
+        """Emit `entered` on Enter, after the value is applied."""
         super().keyPressEvent(event)
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self.entered.emit()
 
 
 class DevicePanel(QWidget):
-    """What the scanner does, and is to do."""
+    """Shows the state of the scanner and controls it."""
 
     connect_wanted = Signal()
     disconnect_wanted = Signal()
@@ -72,23 +69,23 @@ class DevicePanel(QWidget):
         self.hint = QLabel("")
         self.hint.setWordWrap(True)
         self.connect_button, self.disconnect_button = QPushButton("Connect"), QPushButton("Disconnect")
-        self.connect_button.setToolTip("See who answers; nothing turns")
-        self.disconnect_button.setToolTip("Stop what runs and let other programs have the port")
-        self.who, self.temperature, self.angle = QLabel(), QLabel(), QLabel()
-        self.who.setWordWrap(True)
-        self.who.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.target = _degrees(0.0, "Turntable angle to turn to; Enter turns")
+        self.connect_button.setToolTip("Connect and read the scanner's identity; the turntable does not move")
+        self.disconnect_button.setToolTip("Stop and release the port for other programs")
+        self.identity, self.temperature, self.angle = QLabel(), QLabel(), QLabel()
+        self.identity.setWordWrap(True)
+        self.identity.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.target = _degrees(0.0, "Target angle of the turntable; press Enter to turn")
         self.turn = QPushButton("Turn")
-        self.turn.setToolTip("Turn to that angle; the zero is found first where it is not known")
-        self.start, self.end = _degrees(0.0, "Where the sector begins"), _degrees(360.0, "Where it ends, not included")
-        self.step = _degrees(5.0, "From one heading to the next", lowest=0.01, decimals=2)
-        self.sweeps = _count(_MOST_SWEEPS, "How often the sector is scanned, to and fro")
+        self.turn.setToolTip("Turn to this angle; home first if the zero is unknown")
+        self.start, self.end = _degrees(0.0, "Start of the sector"), _degrees(360.0, "End of the sector, excluded")
+        self.step = _degrees(5.0, "Angle from one heading to the next", lowest=0.01, decimals=2)
+        self.sweeps = _count(_MOST_SWEEPS, "Number of passes over the sector, in alternate directions")
         self.pings = _count(_MOST_PINGS, "Readings at each heading")
         self.reach = NumberField(0.0, _LONGEST)
-        self.reach.setToolTip("Listen no farther than this; at the lowest value: as far as the board hears")
-        self.reach.setSpecialValueText("all it hears")
+        self.reach.setToolTip("Ignore echoes beyond this range; lowest value: the board's maximum range")
+        self.reach.setSpecialValueText("maximum")
         self.traces = QCheckBox("Record traces")
-        self.traces.setToolTip("The whole receive signal of each ping; some 3 kB a reading")
+        self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
         self.summary = QLabel()
         self.summary.setWordWrap(True)
         self.figures = [QLabel() for _ in link_figures(None)]
@@ -98,20 +95,20 @@ class DevicePanel(QWidget):
         self._connect()
 
     def show_state(self, shown: Shown) -> None:
-        """Take in another look."""
+        """Apply a changed look."""
         if shown.look != self._look:
             self._look = shown.look
             self._show_settings()
             self._show_summary()
 
     def show_status(self, status: Status) -> None:
-        """Say how things stand, and offer what can be done now."""
+        """Show the status and enable the possible actions."""
         before, self._status = self._status, status
         self.state.setText(state_text(status))
         self.state.setToolTip(status.trouble)
         self.hint.setText(_hint(status))
         self.hint.setVisible(bool(self.hint.text()))
-        self.who.setText(identity_text(status.link))
+        self.identity.setText(identity_text(status.link))
         self.temperature.setText(temperature_text(status))
         self.angle.setText(angle_text(status.angle))
         for label, (_, figure, _) in zip(self.figures, link_figures(status.link), strict=True):
@@ -124,7 +121,7 @@ class DevicePanel(QWidget):
             self._show_settings()
         self._show_summary()
 
-    # what it is made of
+    # layout
 
     def _made_turntable(self, commands: Commands) -> QGroupBox:
         group = QGroupBox("Turntable")
@@ -133,7 +130,7 @@ class DevicePanel(QWidget):
         row.addWidget(self.target, 1)
         row.addWidget(self.turn)
         form = QFormLayout(group)
-        form.addRow("Points at", self.angle)
+        form.addRow("Angle", self.angle)
         form.addRow(row)
         return group
 
@@ -171,15 +168,15 @@ class DevicePanel(QWidget):
         form.addRow(self.state)
         form.addRow(self.hint)
         form.addRow(buttons)
-        form.addRow("Who", self.who)
+        form.addRow("Identity", self.identity)
         form.addRow("Air", self.temperature)
-        line = QGroupBox("Line")
-        books = QFormLayout(line)
+        link = QGroupBox("Link")
+        figures = QFormLayout(link)
         for label, (name, _, meaning) in zip(self.figures, link_figures(None), strict=True):
             label.setToolTip(meaning)
-            books.addRow(name, label)
+            figures.addRow(name, label)
         column = QVBoxLayout(self)
-        for part in (head, _button(commands.stop), self._turntable, self._scan, line):
+        for part in (head, _button(commands.stop), self._turntable, self._scan, link):
             column.addWidget(part)
         column.addStretch(1)
 
@@ -192,7 +189,7 @@ class DevicePanel(QWidget):
             field.valueChanged.connect(self._send_settings)
         self.traces.toggled.connect(self._send_settings)
 
-    # gestures
+    # input
 
     @Slot()
     def _turn(self) -> None:
@@ -211,10 +208,10 @@ class DevicePanel(QWidget):
     def _sector(self) -> tuple[float, float, float, int, int]:
         return self.start.value(), self.end.value(), self.step.value(), self.sweeps.value(), self.pings.value()
 
-    # what it says
+    # display
 
     def _show_settings(self) -> None:
-        """Fill the fields from what is wanted; where they say the same already, leave them as they were typed."""
+        """Fill the fields from the scan settings. Fields with the same meaning keep the typed text."""
         unit = self._look.unit
         fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.reach, self.traces)
         blocked = [QSignalBlocker(field) for field in fields]
@@ -246,7 +243,7 @@ class DevicePanel(QWidget):
             return False
 
     def _show_summary(self) -> ScanOrder | None:
-        """Say what the fields ask for; None where that is no scan."""
+        """Show a summary of the scan and return its order; None if the settings are invalid."""
         try:
             order = order_of_sector(*self._sector())
         except ValueError as error:
@@ -257,11 +254,11 @@ class DevicePanel(QWidget):
 
 
 def _hint(status: Status) -> str:
-    """Why something cannot be done now."""
+    """Return why actions are disabled, and what to do."""
     if status.source is Source.REPLAY:
-        return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner; a scan puts the log away."
+        return "A log is shown. Leave the replay (Ctrl+W) to turn the scanner. A scan closes the log."
     if not status.can_scan:
-        return "Choose one with Connect, or begin with “sonarhw gui PORT”."
+        return "Choose a scanner with Connect (Ctrl+K), or start with “sonarhw gui PORT”."
     return ""
 
 

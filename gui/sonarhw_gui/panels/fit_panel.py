@@ -1,8 +1,4 @@
-"""The fit panel: find where the scanner stood, from what it measured.
-
-Takes what is shown and how the fit stands; hands on what to find, and, when it is accepted, the scene: one undoable
-step.
-"""
+"""The fit panel: find the pose of the scanner from its readings. An accepted result is one undo step."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import (
@@ -32,11 +28,11 @@ _LEAST_WIDTH = 290  # pixels
 
 
 class FitPanel(QWidget):
-    """Asks for a fit and shows what came out."""
+    """Starts a fit and shows its result."""
 
-    edited = Signal(object, str, object)  # Scene, what was done, gesture
-    wanted = Signal(object)  # FitSettings
-    put_away = Signal()  # what is at work, or was found
+    edited = Signal(object, str, object)  # Scene, label for Undo, gesture
+    requested = Signal(object)  # FitSettings
+    cancelled = Signal()  # a running fit is cancelled, or a result is discarded
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,17 +41,17 @@ class FitPanel(QWidget):
         self._state = FitState()
         self.free = {one.word: _box(one.offer) for one in QUANTITIES if one.offer is not None}
         self.where = short_list()
-        self.begin = QPushButton("Find where I stood")
+        self.begin = QPushButton("Find pose")
         self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
         self.answers = QComboBox()
         ignore_wheel_without_focus(self.answers)
-        self.answers.setToolTip("Answers between which the scan hardly tells, the best first")
+        self.answers.setToolTip("Solutions that fit almost equally well, the best first")
         self.table, self.notes = QLabel(), QLabel(wordWrap=True)
         self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
         self._refused = QLabel(wordWrap=True)
-        self._asking, self._work, self._result = self._ask_group(), self._work_row(), self._result_group()
+        self._request, self._work, self._result = self._request_group(), self._work_row(), self._result_group()
         column = QVBoxLayout(self)
-        for part in (self._asking, self._work, self._refused, self._result):
+        for part in (self._request, self._work, self._refused, self._result):
             column.addWidget(part)
         column.addStretch(1)
         self._connect()
@@ -63,12 +59,12 @@ class FitPanel(QWidget):
 
     @property
     def settings(self) -> FitSettings:
-        """What is to be found."""
+        """The selected parameters and search area."""
         free = tuple(word for word, box in self.free.items() if box.isChecked())
         return FitSettings(free, everywhere=self.where.currentIndex() == 1)
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         if before is None or before.look != shown.look:
             unit = shown.look.unit
@@ -78,7 +74,7 @@ class FitPanel(QWidget):
 
     @Slot(object)
     def show_fit(self, state: FitState) -> None:
-        """Draw how the fit stands."""
+        """Show the progress or the result of the fit."""
         fresh = state.found is not self._state.found or state.running != self._state.running
         self._state = state
         self.progress.setValue(round(100 * state.share))
@@ -87,18 +83,18 @@ class FitPanel(QWidget):
             self._draw()
 
     @Slot()
-    def ask(self) -> None:
-        """Have it found, as it is chosen here."""
+    def request_fit(self) -> None:
+        """Start a fit with the selected settings."""
         if self.begin.isEnabled():
-            self.wanted.emit(self.settings)
+            self.requested.emit(self.settings)
 
-    def _ask_group(self) -> QWidget:
-        group = QGroupBox("Free to be chosen")
+    def _request_group(self) -> QWidget:
+        group = QGroupBox("Free parameters")
         column = QVBoxLayout(group)
         for box in self.free.values():
             column.addWidget(box)
         self.where.addItems(["", "in the whole room"])
-        self.where.setToolTip("Where the position is looked for; the whole room takes longer")
+        self.where.setToolTip("Search area for the position; the whole room takes longer")
         column.addWidget(self.where)
         column.addWidget(self.begin)
         return group
@@ -112,22 +108,22 @@ class FitPanel(QWidget):
         return part
 
     def _result_group(self) -> QWidget:
-        group = QGroupBox("Found")
+        group = QGroupBox("Result")
         layout = QGridLayout(group)
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         for row, part in enumerate((self.answers, self.table, self.notes)):
             layout.addWidget(part, row, 0, 1, 2)
         layout.addWidget(self.accept, 3, 0)
         layout.addWidget(self.discard, 3, 1)
-        self.accept.setToolTip("Put the sensor there; Undo puts it back")
+        self.accept.setToolTip("Move the sensor there; Undo moves it back")
         return group
 
     def _connect(self) -> None:
         for box in self.free.values():
             box.toggled.connect(self._enable)
-        self.begin.clicked.connect(self.ask)
-        self.cancel.clicked.connect(self.put_away)
-        self.discard.clicked.connect(self.put_away)
+        self.begin.clicked.connect(self.request_fit)
+        self.cancel.clicked.connect(self.cancelled)
+        self.discard.clicked.connect(self.cancelled)
         self.accept.clicked.connect(self._accept)
         self.answers.activated.connect(self._draw_answer)
 
@@ -136,7 +132,7 @@ class FitPanel(QWidget):
         shown = self._shown
         ready = shown is not None and shown.scene.room is not None and bool(shown.readings)
         self.begin.setEnabled(ready and bool(self.settings.free) and not self._state.running)
-        self.begin.setToolTip("" if ready else "It takes readings and a room")
+        self.begin.setToolTip("" if ready else "Needs readings and a room")
         self.where.setEnabled(self.free["position"].isChecked())
 
     def _draw(self) -> None:
@@ -166,8 +162,8 @@ class FitPanel(QWidget):
         )
         self.table.setText(f"<table>{lines}</table>")
         warned = [f"⚠ {warning}" for warning in warnings(found)]
-        told = f"{len(found.request.readings)} readings; ± is one standard deviation"
-        self.notes.setText("\n\n".join((share_line(found, answer), told, *warned)))
+        count = f"{len(found.request.readings)} readings; ± is one standard deviation"
+        self.notes.setText("\n\n".join((share_line(found, answer), count, *warned)))
 
     @Slot()
     def _accept(self) -> None:
@@ -182,7 +178,7 @@ class FitPanel(QWidget):
             self._refused.show()
             return
         self.edited.emit(scene, label, None)
-        self.put_away.emit()
+        self.cancelled.emit()
 
 
 def _box(offer: Offer) -> QCheckBox:

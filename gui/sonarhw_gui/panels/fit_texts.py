@@ -1,7 +1,4 @@
-"""What a fit has found, in words: a table of values and what they are known to, the share that matches, warnings.
-
-Takes what was found and a unit of length; hands on lines and rows. No widgets.
-"""
+"""The result of a fit as text: values with standard deviations, the share of matching echoes, warnings."""
 
 import math
 from typing import TYPE_CHECKING
@@ -11,13 +8,13 @@ from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.work.fit_request import FitFound
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit import Estimate, Parameter  # what they load takes half a second
+    from sonarhw_compare.fit import Estimate, Parameter  # importing it takes half a second
 
 _SLIGHT = 1.0  # degrees
 
 
 def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
-    """Name, value, and its standard deviation, which is known for the best answer only, both in one unit."""
+    """Return name, value and standard deviation in the same unit. Only the best solution has deviations."""
     values = found.answers[answer].values
     if answer > 0:
         return [(_name(one), value_text(one, value, unit), "") for one, value in values.items()]
@@ -29,26 +26,26 @@ def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str,
 
 
 def share_line(found: FitFound, answer: int) -> str:
-    """How many echoes matched before, and how many do with this answer."""
+    """Return the shares of echoes within 5 cm before the fit and with this solution."""
     before, after = (_percent(share) for share in (found.within_5cm, found.answers[answer].within_5cm))
-    return f"within 5 cm: {before} before, {after} with this"
+    return f"within 5 cm: {before} before, {after} after"
 
 
 def answer_line(found: FitFound, answer: int, unit: LengthUnit) -> str:
-    """An answer in a few words: its pose."""
+    """Return the pose of a solution in one line."""
     values = found.answers[answer].values
     pose = {one.quantity.name: value_text(one, value, unit) for one, value in values.items()}
     place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
-    return f"{answer + 1}: {place or 'no other place'}"
+    return f"{answer + 1}: {place or 'same pose'}"
 
 
 def warnings(found: FitFound) -> list[str]:
-    """What the fit cannot tell, and what became worse."""
-    told = [*found.result.warnings]
+    """Return what the scan cannot determine, and whether the fit matches worse than before."""
+    texts = [*found.result.warnings]
     before, after = found.within_5cm, found.answers[0].within_5cm
     if before is not None and after is not None and after < before:
-        told.append("fewer echoes match than before: something else is not as the room file says")
-    return told
+        texts.append("fewer echoes match than before: the room differs from its file in something else")
+    return texts
 
 
 def _name(one: "Parameter") -> str:
@@ -56,7 +53,7 @@ def _name(one: "Parameter") -> str:
 
 
 def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
-    """A value as people read it, with its unit."""
+    """Return the text of a value with its unit."""
     match one.quantity.unit:
         case "°":
             return _signed(f"{_near_zero(math.degrees(value)):z.2f}°")
@@ -72,7 +69,7 @@ def value_text(one: "Parameter", value: float, unit: LengthUnit) -> str:
 
 
 def _as_known(one: "Parameter", value: float, estimate: "Estimate", unit: LengthUnit) -> str:
-    """A value with as many digits as it is known to; a position in the unit of its deviation."""
+    """Return a value with as many digits as its deviation justifies; a position in the unit of its deviation."""
     if one.quantity.word != "position":
         return value_text(one, value, unit)
     small = residual_unit(unit)
@@ -92,7 +89,7 @@ def _deviation(one: "Parameter", estimate: "Estimate", unit: LengthUnit) -> str:
 
 
 def _near_zero(degrees: float) -> float:
-    """A heading from 0 to 360, but just below a whole turn as what it lacks: 359.99 ± 0.03 reads as far off."""
+    """Return a heading from 0° to 360°, but negative within 1° below 360°: 359.99 ± 0.03 would look far off."""
     turned = round(degrees, 2) % 360
     return turned - 360 if turned > 360 - _SLIGHT else turned
 
@@ -108,7 +105,7 @@ def _two_figures(deviation: float) -> str:
 
 
 def _decimals(deviation: float) -> int:
-    """How many digits behind the point two figures of it take."""
+    """Return the number of decimals for two significant digits."""
     return max(0, 1 - math.floor(math.log10(deviation))) if deviation > 0 and math.isfinite(deviation) else 0
 
 

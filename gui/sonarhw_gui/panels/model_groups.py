@@ -1,7 +1,4 @@
-"""Groups of the room panel about sound: the air it goes through, how it is followed and received.
-
-Each takes what is shown and hands on edits through the function that it is given.
-"""
+"""Groups of the room panel about the sound model: the air, the board, and the options of the prediction."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -20,24 +17,24 @@ from sonarhw_gui.shown.shown import Shown
 
 
 class AirGroup(Group):
-    """What the sound goes through."""
+    """Temperature, humidity and pressure of the air."""
 
     def __init__(self, change: Change) -> None:
         super().__init__("Air", change)
-        self.temperature = SliderField(-40, 60, 1, " °C", "The warmer the air, the faster sound: 0.18 % a degree")
-        self.humidity = SliderField(0, 100, 0, " %", "Relative humidity: how much the air takes of ultrasound")
-        self.pressure = SliderField(30, 120, 1, " kPa", "101.3 kPa at the sea, about 90 kPa at 1000 m")
+        self.temperature = SliderField(-40, 60, 1, " °C", "Sound is faster in warmer air: 0.18 % per °C")
+        self.humidity = SliderField(0, 100, 0, " %", "Relative humidity; changes the absorption of ultrasound")
+        self.pressure = SliderField(30, 120, 1, " kPa", "101.3 kPa at sea level, about 90 kPa at 1000 m")
         self.speed = QLabel()
         rows = (("Temperature", self.temperature), ("Humidity", self.humidity), ("Pressure", self.pressure))
         for name, slider in rows:
             self.rows.addRow(name, slider)
-        self.temperature.changed.connect(self._warm)
-        self.humidity.changed.connect(self._moisten)
-        self.pressure.changed.connect(self._press)
+        self.temperature.changed.connect(self._set_temperature)
+        self.humidity.changed.connect(self._set_humidity)
+        self.pressure.changed.connect(self._set_pressure)
         self.rows.addRow("Speed of sound", self.speed)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw it."""
+        """Show the values of the scene."""
         air = room.air
         self.temperature.show_value(air.temperature_c)
         self.humidity.show_value(100 * air.relative_humidity)
@@ -45,29 +42,29 @@ class AirGroup(Group):
         self.speed.setText(f"{air.speed_of_sound:.1f} m/s")
 
     @Slot(float, object)
-    def _warm(self, celsius: float, gesture: object) -> None:
+    def _set_temperature(self, celsius: float, gesture: object) -> None:
         self._change(partial(with_air_state, temperature_c=celsius), gesture)
 
     @Slot(float, object)
-    def _moisten(self, percent: float, gesture: object) -> None:
+    def _set_humidity(self, percent: float, gesture: object) -> None:
         self._change(partial(with_air_state, relative_humidity=percent / 100), gesture)
 
     @Slot(float, object)
-    def _press(self, kilopascals: float, gesture: object) -> None:
+    def _set_pressure(self, kilopascals: float, gesture: object) -> None:
         self._change(partial(with_air_state, pressure_kpa=kilopascals), gesture)
 
 
 _MEANINGS: dict[Enum, tuple[str, str]] = {
-    Receiver.FIRST_ECHO: ("first echo", "The first echo over the threshold, at its true range, as the paper has it"),
-    Receiver.BOARD: ("board", "What the ranging board makes of the signal: gain steps, integration, re-arming"),
-    Unit.PASS: ("lets sound pass", "Sound that comes back to the unit goes on as if it were not there"),
-    Unit.BLOCK: ("stops sound", "Sound that meets the face of the transducer ends there"),
+    Receiver.FIRST_ECHO: ("first echo", "First echo above the threshold, at its true range, as in the paper"),
+    Receiver.BOARD: ("board", "Echoes as the ranging board detects them: gain steps, integration, re-arming"),
+    Unit.PASS: ("lets sound pass", "Sound that returns to the sensor unit continues unchanged"),
+    Unit.BLOCK: ("stops sound", "Sound that hits the face of the transducer is absorbed"),
     Unit.REFLECT: (
         "reflects sound",
-        "Sound that meets the face of the transducer is thrown back; takes long to predict",
+        "Sound that hits the face of the transducer is reflected; slow to predict",
     ),
-    EdgeStrength.PAPER: ("as in the paper", "An edge bends sound alike in all directions"),
-    EdgeStrength.KELLER: ("after Keller", "An edge bends sound by the angles to its faces"),
+    EdgeStrength.PAPER: ("as in the paper", "An edge diffracts sound equally in all directions"),
+    EdgeStrength.KELLER: ("after Keller", "Diffraction depends on the angles to the faces of the edge"),
 }
 
 
@@ -75,25 +72,25 @@ _FROM_FILE = "From file…"
 
 
 class ModelGroup(Group):
-    """Which board sends and hears, and how echoes are followed and received."""
+    """The board profile, and the options of receiver, sensor unit and edge diffraction."""
 
     board_file_wanted = Signal()
 
     def __init__(self, change: Change) -> None:
-        super().__init__("Hearing", change)
+        super().__init__("Board and model", change)
         self._boards = {name: load_board(name) for name in board_names()}
-        self._own: dict[str, Board] = {}  # what the scan or the command line brought, beside those that ship
-        self._named = ""  # the board shown, as the list has it
+        self._own: dict[str, Board] = {}  # the board of the log or the command line, if it does not ship
+        self._named = ""  # the shown board's entry in the list
         self.board = short_list()
-        self.board.setToolTip("The profile of the ranging board that is predicted; a log brings its own")
+        self.board.setToolTip("Profile of the ranging board for the prediction; a log contains its own")
         self.rows.addRow("Board", self.board)
-        self.board.textActivated.connect(self._take_board)
+        self.board.textActivated.connect(self._choose_board)
         self.receiver = self._list("Receiver", [*Receiver])
-        self.unit = self._list("The unit", [*Unit])
+        self.unit = self._list("Sensor unit", [*Unit])
         self.edges = self._list("Edges", [*EdgeStrength])
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw it."""
+        """Show the values of the scene."""
         self._name_board(shown.scene.board)
         options = shown.scene.options
         for field, value in (
@@ -112,7 +109,7 @@ class ModelGroup(Group):
             field.addItem(text)
             field.setItemData(k, tip, Qt.ItemDataRole.ToolTipRole)
         self.rows.addRow(name, field)
-        field.activated.connect(self._hear)
+        field.activated.connect(self._set_options)
         return field
 
     def _name_board(self, board: Board) -> None:
@@ -124,15 +121,15 @@ class ModelGroup(Group):
         show_names(self.board, (*self._own, *self._boards, _FROM_FILE), name)
 
     @Slot(str)
-    def _take_board(self, name: str) -> None:
+    def _choose_board(self, name: str) -> None:
         if name == _FROM_FILE:
-            self.board.setCurrentText(self._named)  # until there is another one
+            self.board.setCurrentText(self._named)  # until the file is read
             self.board_file_wanted.emit()
             return
         self._change(partial(with_board, board={**self._boards, **self._own}[name]))
 
     @Slot()
-    def _hear(self) -> None:
+    def _set_options(self) -> None:
         receiver = [*Receiver][self.receiver.currentIndex()]
         unit = [*Unit][self.unit.currentIndex()]
         strength = [*EdgeStrength][self.edges.currentIndex()]

@@ -1,7 +1,4 @@
-"""The replay bar: play, pause, step, go from scan to scan, scrub, loop, skip gaps, speed, and the way out.
-
-Takes the commands that its buttons stand for and how the replay stands; hands on what else the person wants of it.
-"""
+"""The replay bar: play, pause, step, previous and next scan, time slider, loop, skip gaps, speed, leave."""
 
 import math
 from dataclasses import replace
@@ -28,7 +25,7 @@ from sonarhw_gui.session.replay_control import SPEEDS, ReplayState
 
 
 class ReplayBar(QWidget):
-    """Seen only while a log is shown."""
+    """Controls the replay. Visible only while a log is shown."""
 
     toggled = Signal()
     sought = Signal(float)  # s
@@ -40,14 +37,14 @@ class ReplayBar(QWidget):
         self._look = Look()
         self._playing = False
         self.badge = QLabel("REPLAY")
-        self.badge.setToolTip("What is shown was recorded; the scanner is not asked")
+        self.badge.setToolTip("The readings come from a log; the scanner is not in use")
         self.play = QPushButton()
         self.play.setToolTip(commands.play.toolTip())
         self.slider = TimeSlider()
         self.time = QLabel()
-        self.time.setToolTip("Time in the log · readings made by then, of all in it")
+        self.time.setToolTip("Time in the log · readings up to this time of all readings")
         self.speed = QComboBox()
-        self.speed.setToolTip("How many times as fast as it was recorded")
+        self.speed.setToolTip("Speed relative to the recording")
         for speed in SPEEDS:
             self.speed.addItem(speed_name(speed), speed)
         self._arrange()
@@ -57,7 +54,7 @@ class ReplayBar(QWidget):
         self.hide()
 
     def show_look(self, look: Look) -> None:
-        """Draw in the colours and the text size of this look."""
+        """Use the colours and text size of `look`."""
         self._look = look
         self.slider.show_look(look)
         self.badge.setStyleSheet(
@@ -74,7 +71,7 @@ class ReplayBar(QWidget):
         self._show_playing()
 
     def show_state(self, state: ReplayState | None) -> None:
-        """Show how the replay stands; without one the bar goes away."""
+        """Show the state of the replay; None hides the bar."""
         self.setVisible(state is not None)
         commands = self._commands
         for action in (commands.play, commands.back, commands.forward, commands.loop, commands.skip_gaps):
@@ -88,7 +85,7 @@ class ReplayBar(QWidget):
             self._show_playing()
         self.slider.show_state(state)
         self.time.setText(time_text(state))
-        # as wide as it will be at the end, or the slider moves under the hand at every digit
+        # width of the longest text; otherwise the slider moves at every additional digit
         widest = time_text(replace(state, position=state.duration, count=state.total))
         self.time.setMinimumWidth(self.time.fontMetrics().horizontalAdvance(widest))
         self.speed.setCurrentIndex(SPEEDS.index(state.speed) if state.speed in SPEEDS else -1)
@@ -121,7 +118,7 @@ class ReplayBar(QWidget):
         self.speed_chosen.emit(SPEEDS[index])
 
     def _show_playing(self) -> None:
-        # the longer word decides, or all beside it moves at every click
+        # width of the longer word; otherwise the widgets beside it move at every click
         self.play.setMinimumWidth(self.play.fontMetrics().horizontalAdvance("Pause") + 48)
         self.play.setIcon(self._icon(PAUSE if self._playing else PLAY))
         self.play.setText("Pause" if self._playing else "Play")
@@ -133,21 +130,21 @@ class ReplayBar(QWidget):
 def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -> QToolButton:
     button = QToolButton(toolButtonStyle=style)
     button.setDefaultAction(action)
-    button.setAutoRepeat(repeats)  # held down it goes on
+    button.setAutoRepeat(repeats)  # repeats while held down
     return button
 
 
 def time_text(state: ReplayState) -> str:
-    """Where a replay is, and how much of it has been seen."""
+    """Return position and duration of a replay, and its readings so far of all."""
     return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
 
 
 def clock(seconds: float) -> str:
-    """Minutes, seconds and tenths."""
+    """Return minutes, seconds and tenths as text."""
     tenths = math.floor(seconds * 10 + 1e-6)
     return f"{tenths // 600:02d}:{tenths // 10 % 60:02d}.{tenths % 10}"
 
 
 def speed_name(speed: float) -> str:
-    """A speed as it stands in the list."""
+    """Return the name of a speed in the list."""
     return "all at once" if math.isinf(speed) else f"{speed:g}×"

@@ -1,7 +1,4 @@
-"""Groups of the room panel: what they have in common, the sensor in figures, and the chosen wall or post.
-
-Each takes what is shown and hands on edits through the function that it is given.
-"""
+"""Groups of the room panel: their base class, the pose of the sensor, and the chosen wall or post."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -36,18 +33,18 @@ from sonarhw_gui.scene.scene_edit import (
 from sonarhw_gui.shown.shown import Shown
 
 _FARTHEST = 1000.0  # m
-_SHORT = 8  # characters that a list asks room for
+_SHORT = 8  # characters, minimum width of a list
 
 
 class Change(Protocol):
-    """Does an edit."""
+    """A function that applies an edit to the scene."""
 
     def __call__(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
-        """`gesture`: edits of the same one are undone together."""
+        """Apply an edit. Edits of one `gesture` are one undo step."""
 
 
 class Group(QGroupBox):
-    """A part of the panel with a title, one row an item."""
+    """A part of the panel with a title and rows."""
 
     def __init__(self, title: str, change: Change) -> None:
         super().__init__(title)
@@ -56,12 +53,12 @@ class Group(QGroupBox):
         self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw what is shown; room and place are those of its scene."""
+        """Show the values of the scene; `room` and `place` are its room and place."""
         raise NotImplementedError
 
 
 class SensorGroup(Group):
-    """Where the sensor stands and where its step 0 points, in figures."""
+    """Position of the sensor and heading of its step 0."""
 
     def __init__(self, change: Change) -> None:
         super().__init__("Sensor", change)
@@ -75,17 +72,17 @@ class SensorGroup(Group):
         for name, field in (("x", self.along_x), ("y", self.along_y), ("Step 0 at", self.heading)):
             self.rows.addRow(name, field)
         self.name = QLineEdit(placeholderText="name of this place")
-        self.keep = QPushButton("Keep")
-        self.keep.setToolTip("Write this place into the room by that name")
+        self.save = QPushButton("Save")
+        self.save.setToolTip("Save this place in the room under this name")
         last = QHBoxLayout()
         last.addWidget(self.name, stretch=1)
-        last.addWidget(self.keep)
+        last.addWidget(self.save)
         self.rows.addRow(last)
-        self.keep.clicked.connect(self._keep)
-        self.name.returnPressed.connect(self._keep)
+        self.save.clicked.connect(self._save_place)
+        self.name.returnPressed.connect(self._save_place)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw it."""
+        """Show the values of the scene."""
         self._unit = unit = shown.look.unit
         for field, metres in zip((self.along_x, self.along_y), place.position, strict=True):
             with QSignalBlocker(field):
@@ -111,7 +108,7 @@ class SensorGroup(Group):
         self._change(lambda scene: sensor_at(scene, to), self._gesture)
 
     @Slot()
-    def _keep(self) -> None:
+    def _save_place(self) -> None:
         name = self.name.text().strip()
         if name:
             self._change(lambda scene: with_named_place(scene, name))
@@ -124,26 +121,31 @@ class SensorGroup(Group):
 
 
 class SurfaceGroup(Group):
-    """One wall or post: of what it is made."""
+    """Name and material of the chosen wall or post."""
 
-    chosen = Signal(object)  # its name, or None
+    chosen = Signal(object)  # name of a wall or post, or None
 
     def __init__(self, change: Change) -> None:
         super().__init__("Wall or post", change)
         self.surface, self.material = short_list(), short_list()
-        self.words = QLabel(wordWrap=True)
+        self.description = QLabel(wordWrap=True)
         self.remove = QPushButton("Remove")
-        self.remove.setToolTip("Take it out of the room (Del)")
+        self.remove.setToolTip("Remove it from the room (Del)")
         self._room: Room | None = None
-        self._wanted = ""  # the name of the one that it is about
-        for name, field in (("Name", self.surface), ("Material", self.material), ("", self.words), ("", self.remove)):
+        self._wanted = ""  # name of the chosen wall or post
+        for name, field in (
+            ("Name", self.surface),
+            ("Material", self.material),
+            ("", self.description),
+            ("", self.remove),
+        ):
             self.rows.addRow(name, field)
         self.surface.activated.connect(self._choose)
-        self.material.textActivated.connect(self._make)
+        self.material.textActivated.connect(self._set_material)
         self.remove.clicked.connect(self._remove)
 
     def draw(self, shown: Shown, room: Room, place: Place) -> None:
-        """Draw it."""
+        """Show the values of the scene."""
         if room is self._room:
             return
         self._room = room
@@ -152,7 +154,7 @@ class SurfaceGroup(Group):
         self._draw_surface(room)
 
     def choose(self, name: str | None) -> None:
-        """Be about another one, if need be one that is still to come."""
+        """Choose a wall or post. The name may belong to one that is not shown yet."""
         self._wanted = name or self._wanted
         if self._room is not None and self._wanted in self._room.names:
             self.surface.setCurrentText(self._wanted)
@@ -161,7 +163,7 @@ class SurfaceGroup(Group):
     def _draw_surface(self, room: Room) -> None:
         number = self.surface.currentIndex()
         self.material.setCurrentText(room.materials[number])
-        self.words.setText(surface_text(room, number))
+        self.description.setText(surface_text(room, number))
         self.remove.setEnabled(number not in room.levels)
 
     @Slot(int)
@@ -172,7 +174,7 @@ class SurfaceGroup(Group):
             self.chosen.emit(None if number in self._room.levels else self._wanted)
 
     @Slot(str)
-    def _make(self, material: str) -> None:
+    def _set_material(self, material: str) -> None:
         number = self.surface.currentIndex()
         if self._room is not None and self._room.materials[number] != material:
             self._change(lambda scene: with_surface_material(scene, number, material))
@@ -184,7 +186,7 @@ class SurfaceGroup(Group):
 
 
 def short_list() -> QComboBox:
-    """A list that does not widen the panel for a long name."""
+    """Return a list that does not widen the panel for a long name."""
     field = QComboBox()
     field.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
     field.setMinimumContentsLength(_SHORT)
@@ -193,7 +195,7 @@ def short_list() -> QComboBox:
 
 
 def show_names(field: QComboBox, names: Iterable[str], current: str) -> None:
-    """Let a list hold those names, one of them chosen if it is among them."""
+    """Fill a list with names and choose `current` if it is among them."""
     wanted = [*names]
     with QSignalBlocker(field):
         if [field.itemText(k) for k in range(field.count())] != wanted:

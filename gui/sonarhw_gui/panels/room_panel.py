@@ -1,6 +1,6 @@
-"""The room panel: where the sensor stands, what the room is made of, its air, and how an echo is received.
+"""The room panel: pose of the sensor, walls and posts, materials, air, board and model options.
 
-Takes what is shown; hands on edits, each an undoable step: one drag of a slider is one.
+Each edit is one undo step, and so is one drag of a slider.
 """
 
 from collections.abc import Callable
@@ -20,9 +20,9 @@ _LEAST_WIDTH = 290  # pixels
 
 
 class RoomPanel(QWidget):
-    """Everything about the room that is not drawn with a hand."""
+    """Shows and edits the values of the room that cannot be edited in the plan."""
 
-    edited = Signal(object, str, object)  # Scene, what was done, gesture
+    edited = Signal(object, str, object)  # Scene, label for Undo, gesture
     surface_chosen = Signal(object)  # name of a wall or post, or None
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class RoomPanel(QWidget):
         self.surface.chosen.connect(self.surface_chosen)
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what has changed since the last call."""
+        """Draw the changes since the last call."""
         before, self._shown = self._shown, shown
         if before is not None and before.scene is shown.scene and before.look == shown.look:
             return
@@ -51,11 +51,11 @@ class RoomPanel(QWidget):
 
     @Slot(object)
     def choose_surface(self, name: str | None) -> None:
-        """Be about a wall or post that was chosen elsewhere."""
+        """Choose a wall or post."""
         self.surface.choose(name)
 
     def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:
-        """Do an edit to the scene that is shown; what cannot be is told and not done."""
+        """Apply an edit to the shown scene, or show why it is rejected."""
         if self._shown is None:
             return
         try:
@@ -63,7 +63,7 @@ class RoomPanel(QWidget):
         except InputError as error:
             self._refused.setText(f"⚠ {error}")
             self._refused.show()
-            self._draw(self._shown)  # as it was
+            self._draw(self._shown)  # restore the fields
             return
         self._refused.hide()
         self.edited.emit(scene, label, gesture)

@@ -1,7 +1,4 @@
-"""A slider over the time of a log, in whole milliseconds, with a mark where each scan begins.
-
-Takes how a replay stands; hands on where somebody drags or clicks it to.
-"""
+"""A slider over the time of a log, in whole milliseconds, with a mark at the start of each scan."""
 
 from PySide6.QtCore import QRect, QRectF, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent
@@ -13,11 +10,11 @@ from sonarhw_gui.session.replay_control import ReplayState
 _STEPS_PER_SECOND = 1000
 _MOST_STEPS = 2**31 - 1
 _MARK = 3.0  # pixels
-_MOST_MARKS = 400  # more would be a bar
+_MOST_MARKS = 400  # more marks would merge into a bar
 
 
 class TimeSlider(QSlider):
-    """Where in the log."""
+    """The position in the log."""
 
     sought = Signal(float)  # s
 
@@ -26,17 +23,17 @@ class TimeSlider(QSlider):
         self._look = Look()
         self._scans: tuple[float, ...] = ()
         self.setMinimumWidth(60)
-        self.setToolTip("Where in the log; drag to scrub, click to go there. The marks are where scans begin")
+        self.setToolTip("Position in the log; drag or click to move. Marks show where scans begin")
         self.valueChanged.connect(self._seek)
 
     def show_look(self, look: Look) -> None:
-        """Draw the marks in the colours of this look."""
+        """Use the colours of `look`."""
         self._look = look
         self.update()
 
     def show_state(self, state: ReplayState) -> None:
-        """Follow the replay."""
-        with QSignalBlocker(self):  # it follows here, it does not ask
+        """Show the state of the replay."""
+        with QSignalBlocker(self):  # not a request to seek
             self.setMaximum(min(round(state.duration * _STEPS_PER_SECOND), _MOST_STEPS))
             self.setPageStep(max(1, self.maximum() // 20))
             self.setValue(round(state.position * _STEPS_PER_SECOND))
@@ -46,11 +43,11 @@ class TimeSlider(QSlider):
 
     @property
     def marks(self) -> list[float]:
-        """Where the marks stand, pixels from the left."""
+        """The positions of the marks, pixels from the left."""
         return [self._pixel(begin) for begin in self._scans]
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Go where the mouse is: on Qt's own slider that takes a dozen clicks."""
+        """Move the handle to the mouse; Qt's own slider would move by one page."""
         if event.button() is Qt.MouseButton.LeftButton and not self._handle().contains(event.position().toPoint()):
             left, span = self._groove()
             self.setValue(
@@ -58,10 +55,10 @@ class TimeSlider(QSlider):
                     self.minimum(), self.maximum(), round(event.position().x() - left), round(span)
                 )
             )
-        super().mousePressEvent(event)  # and drag on from there
+        super().mousePressEvent(event)  # a drag continues from there
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Marks under the slider of the style."""
+        """Draw the marks below the slider."""
         if 1 < len(self._scans) <= _MOST_MARKS:
             with QPainter(self) as painter:
                 for at in self.marks:
@@ -76,7 +73,7 @@ class TimeSlider(QSlider):
         return left + span * position * _STEPS_PER_SECOND / max(self.maximum(), 1)
 
     def _groove(self) -> tuple[float, float]:
-        """Where the middle of the handle is at the beginning, and how far it can go, pixels."""
+        """Return the leftmost middle of the handle and the length of its path, pixels."""
         handle = self._handle().width()
         return handle / 2, max(1.0, self.width() - handle)
 

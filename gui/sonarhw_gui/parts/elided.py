@@ -1,4 +1,4 @@
-"""A label that never asks for room: what does not fit ends in …, and is told whole to a hand held over it."""
+"""A label of any width. Text that does not fit ends in …, and the tooltip has the full text."""
 
 from PySide6.QtCore import QSize, Qt, Slot
 from PySide6.QtGui import QPainter, QPaintEvent
@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QLabel, QWidget
 
 
 class ElidedLabel(QLabel):
-    """One line, as much of it as there is room for."""
+    """One line of text, shortened to the width of the label."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -14,16 +14,16 @@ class ElidedLabel(QLabel):
 
     @Slot(str)
     def setText(self, text: str) -> None:
-        """Say it."""
+        """Set the text and the tooltip."""
         super().setText(text)
         self.setToolTip(text)
 
     def minimumSizeHint(self) -> QSize:
-        """None in width."""
+        """Return a minimum width of 0."""
         return QSize(0, super().minimumSizeHint().height())
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the beginning."""
+        """Draw the shortened text."""
         with QPainter(self) as painter:
             text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, self.width())
             painter.drawText(self.rect(), self.alignment(), text)

@@ -1,6 +1,6 @@
-"""Room for a label whose text changes all the time: another text does not lay out the whole window anew.
+"""A container for a label whose text changes often. A new text does not trigger a new layout of the window.
 
-Takes a label; hands on a widget that holds it. Only a line that gets higher, as with larger text, asks for more room.
+Only a change of the label's height does, as with a larger text size.
 """
 
 from PySide6.QtCore import QEvent, QSize
@@ -9,30 +9,30 @@ from PySide6.QtWidgets import QLabel, QWidget
 
 
 class LabelSlot(QWidget):
-    """As high as its label wants to be, and as wide as it is given."""
+    """Takes its height from its label and its width from the layout."""
 
     def __init__(self, label: QLabel) -> None:
         super().__init__()
         label.setParent(self)
         self._label = label
-        self._height = self._wanted()
+        self._height = self._needed_height()
 
     def sizeHint(self) -> QSize:
-        """What the label needs at least."""
-        return QSize(self._label.minimumWidth(), self._wanted())
+        """Return the minimum size of the label."""
+        return QSize(self._label.minimumWidth(), self._needed_height())
 
     minimumSizeHint = sizeHint
 
     def event(self, event: QEvent) -> bool:
-        """Take the label's wish for another size, and pass it on where it is one for another height."""
-        if event.type() is QEvent.Type.LayoutRequest and self._height != self._wanted():
-            self._height = self._wanted()
+        """Pass a layout request of the label to the parent only if its height has changed."""
+        if event.type() is QEvent.Type.LayoutRequest and self._height != self._needed_height():
+            self._height = self._needed_height()
             self.updateGeometry()
         return super().event(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Give the label all the room there is."""
+        """Give the label the whole area."""
         self._label.setGeometry(self.rect())
 
-    def _wanted(self) -> int:
+    def _needed_height(self) -> int:
         return max(self._label.minimumHeight(), self._label.minimumSizeHint().height())

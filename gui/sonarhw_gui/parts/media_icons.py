@@ -1,7 +1,4 @@
-"""The signs on the buttons of the replay bar: not every font has them, and the style's own are dark on dark.
-
-Takes a colour; hands on icons.
-"""
+"""Icons of the replay bar. Not every font has these symbols, and Qt's own icons are dark on dark."""
 
 from collections.abc import Sequence
 
@@ -20,7 +17,7 @@ PREVIOUS_SCAN: Shape = ((15, 3, 15, 13, 9, 8), (9, 3, 9, 13, 3, 8), (1, 3, 3, 13
 
 
 def media_icon(shape: Shape, colour: str, faint: str, ratio: float) -> QIcon:
-    """The sign in that colour, `faint` where the button can do nothing; `ratio` device pixels a pixel."""
+    """Return an icon in `colour`, and in `faint` when disabled; `ratio`: device pixels per pixel."""
     icon = QIcon(_drawn(shape, colour, ratio))
     icon.addPixmap(_drawn(shape, faint, ratio), QIcon.Mode.Disabled)
     return icon

@@ -1,6 +1,6 @@
-"""A field for a figure: a comma is a decimal point, nothing groups digits, and a half typed figure is none yet.
+"""A number field without digit grouping that accepts a comma as the decimal point.
 
-Takes what is typed; hands on the value once it is entered or the field is left.
+A value is applied on Enter or when the field loses the focus; incomplete input is not applied.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 
 
 class NumberField(QDoubleSpinBox):
-    """A figure with decimals, written alike on every system."""
+    """A number with decimals, in the same format on every system."""
 
     def __init__(self, low: float, high: float, decimals: int = 2, suffix: str = "") -> None:
         super().__init__(decimals=decimals, minimum=low, maximum=high, suffix=suffix)
@@ -23,5 +23,5 @@ class NumberField(QDoubleSpinBox):
         ignore_wheel_without_focus(self)
 
     def validate(self, text: str, at: int) -> Any:
-        """Read a comma as a decimal point; the field then shows one."""
+        """Accept a comma and replace it by a decimal point."""
         return super().validate(text.replace(",", "."), at)

@@ -1,4 +1,4 @@
-"""A picture as plain numbers, which any thread may hold."""
+"""A picture as a plain array, safe to pass between threads."""
 
 from typing import TypeAlias
 

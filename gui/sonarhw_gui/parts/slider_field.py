@@ -1,7 +1,4 @@
-"""An amount that a hand sets: a slider for the feel, a field for the figure.
-
-Takes a value to show; hands on the value that a hand set and the gesture it belongs to: one drag of the slider is one.
-"""
+"""A slider with a number field for the same value. One drag of the slider is one gesture, and so one undo step."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QSlider, QWidget
@@ -11,7 +8,7 @@ from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 
 
 class SliderField(QWidget):
-    """One amount between two bounds."""
+    """A slider and a number field for one value between two bounds."""
 
     changed = Signal(float, object)  # the value, the gesture
 
@@ -40,16 +37,16 @@ class SliderField(QWidget):
 
     @property
     def value(self) -> float:
-        """What it stands at."""
+        """The current value."""
         return self.field.value()
 
     def show_value(self, value: float) -> None:
-        """Stand at a value; a hand that is just setting it is left alone."""
+        """Show a value, except while the user drags the slider."""
         if self.slider.isSliderDown() or abs(value - self.field.value()) < self._step / 2:
             return
-        self._stand_at(value)
+        self._set_both(value)
 
-    def _stand_at(self, value: float) -> None:
+    def _set_both(self, value: float) -> None:
         with QSignalBlocker(self.slider), QSignalBlocker(self.field):
             self.slider.setValue(round((value - self._low) / self._step))
             self.field.setValue(value)
@@ -61,7 +58,7 @@ class SliderField(QWidget):
     @Slot(int)
     def _slid(self, steps: int) -> None:
         if not self.slider.isSliderDown():
-            self._begin()  # a key or the wheel
+            self._begin()  # changed by key or wheel
         self._set(self._low + steps * self._step)
 
     @Slot(float)
@@ -70,5 +67,5 @@ class SliderField(QWidget):
         self._set(value)
 
     def _set(self, value: float) -> None:
-        self._stand_at(value)
+        self._set_both(value)
         self.changed.emit(self.field.value(), self._gesture)

@@ -1,7 +1,7 @@
-"""SVG that every program draws alike: lines keep their width although what they draw is scaled.
+"""SVG with line widths that every program draws correctly.
 
-Takes the text of Qt's generator; hands on text in which scaled shapes have their own coordinates. Qt leaves the scaling
-to a transform and asks for lines of one width by `vector-effect`, which browsers know and others do not.
+Qt's generator scales shapes by a transform and keeps line widths by `vector-effect`, which only browsers support.
+This module applies the transform to the coordinates instead.
 """
 
 import re
@@ -17,7 +17,7 @@ Matrix = tuple[float, ...]  # a, b, c, d, e, f of SVG
 
 
 def with_own_coordinates(svg: str) -> str:
-    """The same drawing without scaled lines; text in a font that every system has."""
+    """Return the same drawing with transformed coordinates, and text in a font that every system has."""
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _LINK)
     root = ElementTree.fromstring(svg)

@@ -1,21 +1,18 @@
-"""The wheel over a panel scrolls the panel: what lies under the pointer is changed only where it has the focus.
-
-Takes a slider, a field or a list.
-"""
+"""Let the mouse wheel scroll a panel instead of changing the field under the pointer, if that has no focus."""
 
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QWidget
 
 
-class _Passing(QObject):
-    """Passes the wheel on to what holds its widget."""
+class _WheelFilter(QObject):
+    """Leaves wheel events to the parent of its widget."""
 
     def __init__(self, widget: QWidget) -> None:
         super().__init__(widget)
         self._widget = widget
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Take a wheel away from a widget without the focus."""
+        """Block wheel events of a widget without the focus."""
         if event.type() is not QEvent.Type.Wheel or self._widget.hasFocus():
             return False
         event.ignore()
@@ -23,6 +20,6 @@ class _Passing(QObject):
 
 
 def ignore_wheel_without_focus(widget: QWidget) -> None:
-    """Let a widget have the wheel only after a click or the tab key."""
+    """Let a slider, field or list react to the wheel only after a click or the Tab key."""
     widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-    widget.installEventFilter(_Passing(widget))
+    widget.installEventFilter(_WheelFilter(widget))

@@ -1,4 +1,4 @@
-"""Which commands are possible now, and what Undo and Redo would change."""
+"""The enabled commands, and the labels of Undo and Redo."""
 
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.live.window_status import Status
@@ -6,7 +6,7 @@ from sonarhw_gui.scene.history import History
 
 
 def show_history(commands: Commands, history: History) -> None:
-    """Name the edits that Undo and Redo would change; without one, disable the command."""
+    """Label Undo and Redo with their edits; disable a command without an edit."""
     for action, name, label in (
         (commands.undo, "Undo", history.undo_label),
         (commands.redo, "Redo", history.redo_label),
@@ -16,7 +16,7 @@ def show_history(commands: Commands, history: History) -> None:
 
 
 def show_scanner(commands: Commands, status: Status) -> None:
-    """Enable the commands that the scanner can follow now, and those that are possible while no scan runs."""
+    """Enable the commands that are possible in this state of the scanner."""
     commands.scan.setEnabled(status.can_scan and not status.scanning)
     commands.stop.setEnabled(status.scanning)
     commands.home.setEnabled(status.can_turn)

@@ -1,4 +1,4 @@
-"""The docks: panels at the side of the window, each of which can be closed, moved and opened again."""
+"""The docks: panels at the side of the window that the user can open, close and move."""
 
 from typing import Protocol, cast
 
@@ -10,17 +10,17 @@ from sonarhw_gui.shown.shown import Shown
 
 
 class Panel(Protocol):
-    """A widget that shows its part of what is shown."""
+    """A widget that shows a part of a `Shown`."""
 
     def show_state(self, shown: Shown) -> None:
-        """Show what differs from the last call."""
+        """Show the changes since the last call."""
 
     def isVisibleTo(self, ancestor: QWidget) -> bool:
-        """Return whether it is visible when `ancestor` is. Every QWidget has this."""
+        """Return whether it is visible when `ancestor` is. Implemented by QWidget."""
 
 
-class _Upright(QScrollArea):
-    """Scrolls up and down; never narrower than what is in it."""
+class _VerticalScrollArea(QScrollArea):
+    """Scrolls vertically; never narrower than its content."""
 
     def __init__(self, panel: QWidget) -> None:
         super().__init__()
@@ -31,17 +31,17 @@ class _Upright(QScrollArea):
         self._panel = panel
 
     def minimumSizeHint(self) -> QSize:
-        """Room for the panel and the scroll bar beside it."""
+        """Return the width of the panel and the scroll bar."""
         width = max(self._panel.minimumSizeHint().width(), self._panel.minimumWidth())
         return QSize(width + self.verticalScrollBar().sizeHint().width(), super().minimumSizeHint().height())
 
 
 class _Dock(QDockWidget):
-    """A dock that its command opens, brings to the front where another one hides it, and closes."""
+    """A dock with an action that opens it, brings it to the front, or closes it."""
 
     def __init__(self, name: str, key: str, window: QMainWindow) -> None:
         super().__init__(name, window)
-        self.setObjectName(name)  # by which the layout is remembered
+        self.setObjectName(name)  # key of the stored layout
         self.opener = QAction(name, self, checkable=True, shortcut=QKeySequence(key))  # checked: it is in front
         self.opener.setToolTip(f"Open or close this panel ({key})")
         self.opener.triggered.connect(self._open_or_close)
@@ -57,7 +57,7 @@ class _Dock(QDockWidget):
 
 
 class Docks:
-    """The docks of one window, closed at first, behind one another."""
+    """The docks of one window, as tabs. All are closed initially."""
 
     def __init__(self, window: QMainWindow) -> None:
         self._window = window
@@ -68,7 +68,7 @@ class Docks:
         """Return a new dock with `panel`; `key` opens and closes it."""
         self._panels.append(panel)
         dock = _Dock(name, key, self._window)
-        dock.setWidget(_Upright(cast(QWidget, panel)))
+        dock.setWidget(_VerticalScrollArea(cast(QWidget, panel)))
         self._window.addDockWidget(Qt.DockWidgetArea.LeftDockWidgetArea, dock)
         if self._docks:
             self._window.tabifyDockWidget(self._docks[-1], dock)
@@ -77,18 +77,18 @@ class Docks:
         return dock
 
     def show(self, name: str) -> None:
-        """Open a dock, in front of the others."""
+        """Open a dock in front of the others."""
         dock = next(dock for dock in self._docks if dock.objectName() == name)
         dock.show()
         dock.raise_()
 
     def show_state(self, shown: Shown) -> None:
-        """Show what is shown in the visible panels."""
+        """Update the visible panels."""
         for panel in self._panels:
             if panel.isVisibleTo(self._window):
                 panel.show_state(shown)
 
     @property
     def actions(self) -> list[QAction]:
-        """What opens and closes them."""
+        """The actions that open and close the docks."""
         return [dock.opener for dock in self._docks]

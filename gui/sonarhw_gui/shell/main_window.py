@@ -1,4 +1,4 @@
-"""The window: its parts, and what is shown in them when the session changes."""
+"""The main window: creates its parts, connects them, and updates them when the session changes."""
 
 from typing import cast
 
@@ -34,13 +34,13 @@ from sonarhw_gui.shell.wiring import connect_banner, connect_commands, connect_d
 from sonarhw_gui.shown.shown import Shown
 
 _SIZE = 1280, 800
-_READ = 100  # ms between two updates of text while a scan runs: text costs as much time as the plots
+_TEXT_INTERVAL = 100  # ms between updates of text during a scan: text takes as much time as the plots
 
 
 class MainWindow(QMainWindow):
-    """The parts of the window."""
+    """The main window with all its parts."""
 
-    closing = Signal()  # everything is still as it was
+    closing = Signal()  # emitted before anything is closed
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class MainWindow(QMainWindow):
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
-        self._to_write = QTimer(self, singleShot=True, interval=_READ)
+        self._to_write = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
         self._to_write.timeout.connect(self._write)
         self._arrange()
         self._connect()
@@ -81,7 +81,7 @@ class MainWindow(QMainWindow):
             ("Room", "F8", self.room),
             ("Fit", "F9", self.fit_panel),
         ):
-            self.docks.add(name, key, panel).visibilityChanged.connect(self._show_what_has_opened)
+            self.docks.add(name, key, panel).visibilityChanged.connect(self._show_again)
         fill_menus(self.menuBar(), self.commands, self.files, self.views.all, self.docks.actions)
         self.resize(*_SIZE)
 
@@ -93,7 +93,7 @@ class MainWindow(QMainWindow):
         connect_replay(self.replay_bar, session)
         connect_banner(self.banner, session)
         views.connect_gestures(session.showing)
-        views.stage.currentChanged.connect(self._show_what_has_opened)
+        views.stage.currentChanged.connect(self._show_again)
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
         self.room.edited.connect(session.showing.edit)
@@ -116,7 +116,7 @@ class MainWindow(QMainWindow):
     def _find_place(self) -> None:
         self.docks.show("Fit")
         self.fit_panel.show_state(self.session.shown)  # it may not have been visible yet
-        self.fit_panel.ask()
+        self.fit_panel.request_fit()
 
     @Slot(object)
     def _show(self, shown: Shown) -> None:
@@ -143,7 +143,7 @@ class MainWindow(QMainWindow):
         self.status_bar.show_state(self.session.status)
 
     @Slot()
-    def _show_what_has_opened(self) -> None:
+    def _show_again(self) -> None:
         self._show(self.session.shown)
 
     def _show_look(self, look: Look) -> None:
@@ -162,14 +162,14 @@ class MainWindow(QMainWindow):
         self.toolbar.place.setEnabled(not status.scanning and self.toolbar.place.count() > 0)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End the session too: the board stops, the log is closed."""
+        """Close the session too: stop the board and close the log."""
         self.closing.emit()
-        self.hide()  # what a thread is at may take a moment to finish
+        self.hide()  # a thread may take a moment to finish
         self.session.close()
         event.accept()
 
     def event(self, event: QEvent) -> bool:
-        """Leave the space bar to the button or box that has the focus; else it plays."""
+        """Let Space press the button or check box with the focus; otherwise it starts or pauses the replay."""
         button = isinstance(QApplication.focusWidget(), QAbstractButton)
         if button and event.type() == QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Space:
             event.accept()
@@ -177,11 +177,11 @@ class MainWindow(QMainWindow):
         return super().event(event)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        """Take files that can be opened."""
+        """Accept files that can be opened."""
         if self.files.can_drop(event.mimeData()):
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        """Open what was dropped."""
+        """Open the dropped file."""
         self.files.drop(event.mimeData())
         event.acceptProposedAction()

@@ -1,4 +1,4 @@
-"""All views of the window and their places: one large view at a time on the left, the others in a column beside it."""
+"""All views of the window: one large view at a time on the left, the small views in a column on the right."""
 
 from typing import TypeVar, cast
 
@@ -15,7 +15,7 @@ from sonarhw_gui.shown.shown import Shown
 from sonarhw_gui.trace.trace_view import TraceView
 from sonarhw_gui.view import View
 
-_LARGE_SHARE, _COLUMN_SHARE = 690, 590  # pixels of the usual width
+_LARGE_SHARE, _COLUMN_SHARE = 690, 590  # pixels at the default width
 _V = TypeVar("_V", bound=View)
 
 
@@ -38,16 +38,16 @@ class ViewArea(QSplitter):
 
     @property
     def large_view(self) -> View:
-        """The large view that is visible."""
+        """The visible large view."""
         return self.large[self.stage.currentIndex()]
 
     @property
     def all(self) -> list[View]:
-        """Every view."""
+        """All views."""
         return [*self.large, *self.beside]
 
     def connect_gestures(self, showing: ShownModel) -> None:
-        """Let what a person does in any view change what is shown."""
+        """Connect the user actions of all views with the session."""
         for view in self.all:
             gestures = view.gestures
             gestures.picked.connect(showing.choose)
@@ -57,11 +57,11 @@ class ViewArea(QSplitter):
             gestures.bscan_requested.connect(showing.request_bscan)
 
     def show_state(self, shown: Shown) -> None:
-        """Draw what is shown in the visible views; text waits for `write`."""
+        """Update the visible views that draw; `write` updates those of text."""
         self._show(shown, text=False)
 
     def write(self, shown: Shown) -> None:
-        """Write what is shown in the visible views of text."""
+        """Update the visible views of text."""
         self._show(shown, text=True)
 
     @Slot()

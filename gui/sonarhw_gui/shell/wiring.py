@@ -9,7 +9,7 @@ from sonarhw_gui.session.window_session import WindowSession
 
 
 def connect_commands(commands: Commands, session: WindowSession) -> None:
-    """Let each command do its work in the session."""
+    """Connect each command with its action in the session."""
     showing, replay = session.showing, session.replay
     for action, slot in (
         (commands.scan, session.scan),
@@ -33,7 +33,7 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
 
 
 def connect_device(panel: DevicePanel, session: WindowSession) -> None:
-    """Let the panel control the scanner."""
+    """Connect the device panel with the scanner."""
     panel.connect_wanted.connect(session.live.connect)
     panel.disconnect_wanted.connect(session.live.disconnect)
     panel.turn_wanted.connect(session.live.turn)
@@ -41,15 +41,15 @@ def connect_device(panel: DevicePanel, session: WindowSession) -> None:
 
 
 def connect_fit(panel: FitPanel, session: WindowSession) -> None:
-    """Let the panel ask for a fit, show it and accept it."""
+    """Connect the fit panel with the fits of the session."""
     panel.edited.connect(session.showing.edit)
-    panel.wanted.connect(session.find_place)
-    panel.put_away.connect(session.fitting.forget)
+    panel.requested.connect(session.find_place)
+    panel.cancelled.connect(session.fitting.forget)
     session.fitting.changed.connect(panel.show_fit)
 
 
 def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
-    """Let the bar control the replay and show how far it is."""
+    """Connect the replay bar with the replay."""
     bar.toggled.connect(session.replay.toggle)
     bar.sought.connect(session.replay.seek)
     bar.speed_chosen.connect(session.replay.set_speed)
@@ -58,7 +58,7 @@ def connect_replay(bar: ReplayBar, session: WindowSession) -> None:
 
 
 def connect_banner(banner: Banner, session: WindowSession) -> None:
-    """Let the banner show warnings and offers, and take the answers."""
+    """Connect the banner with warnings and offers of the session."""
     session.warned.connect(banner.show_message)
     session.offered.connect(banner.show_notice)
     banner.answered.connect(session.answer_offer)

@@ -75,7 +75,7 @@ def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
 ) -> None:
     window = opened(open_with, board, during, "max")
     press(qtbot, window.device.connect_button)
-    until(qtbot, lambda: "FAKE-0003" in window.device.who.text())
+    until(qtbot, lambda: "FAKE-0003" in window.device.identity.text())
     until(qtbot, lambda: window.device.state.text() == "Connected")
     url = window.session.status.link.url
     press(qtbot, window.device.disconnect_button)

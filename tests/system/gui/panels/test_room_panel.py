@@ -221,7 +221,7 @@ def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper
     qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
     room = keeper.scene.room
     assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]
-    assert panel.surface.words.text().startswith("top · felt, reflectance 0.90")
+    assert panel.surface.description.text().startswith("top · felt, reflectance 0.90")
 
 
 def test_what_cannot_be_is_told_and_the_figures_go_back(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:

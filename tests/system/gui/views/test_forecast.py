@@ -278,7 +278,7 @@ def test_figures_that_follow_a_moving_hand_are_behind_when_they_come_late_and_th
         clock.now += late
         compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
         forecast._take_in(compared.answer())
-        forecast._look_behind()
+        forecast._update_outdated()
         said.append(forecast.outdated)
     assert said == [behind] * len(said)
     forecast.close()

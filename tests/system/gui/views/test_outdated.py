@@ -1,4 +1,4 @@
-"""While a prediction is under way the window says which figures belong to the one before, and no longer than that."""
+"""While a new prediction is computed, values of the old one are grey and the status bar says so."""
 
 import threading
 from pathlib import Path
@@ -15,17 +15,17 @@ from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until
 
-SAID = "what is grey belongs to the prediction before"
+OUTDATED = "grey values belong to the previous prediction"
 
 
 def is_faint(sentence: Sentence) -> bool:
-    """Whether all that is written there is grey."""
+    """Return whether the whole sentence is grey."""
     image: QImage = sentence.grab().toImage().convertToFormat(QImage.Format.Format_Grayscale8)
     darkest = min(image.pixelColor(x, y).red() for y in range(0, image.height(), 2) for x in range(0, image.width(), 2))
     return darkest > QColor(sentence.palette().color(QPalette.ColorRole.WindowText)).red() + 60
 
 
-def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
+def test_values_are_grey_from_an_edit_until_its_prediction(
     qtbot: QtBot,
     open_with: OpenWith,
     recorded: Path,
@@ -41,15 +41,15 @@ def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
 
     gate, answer = threading.Event(), PathsRequest.answer
 
-    def answer_late(asked: PathsRequest) -> PathsFound:
+    def answer_late(request: PathsRequest) -> PathsFound:
         gate.wait()
-        return answer(asked)
+        return answer(request)
 
     monkeypatch.setattr(PathsRequest, "answer", answer_late)
-    request.addfinalizer(gate.set)  # or the window would not close
+    request.addfinalizer(gate.set)  # otherwise the window would not close
     before = window.session.shown.compared
     window.session.showing.edit(*sensor_at(window.session.shown.scene, (0.4, 0.3)))
-    until(qtbot, lambda: SAID in window.status_bar.activity.text())
+    until(qtbot, lambda: OUTDATED in window.status_bar.activity.text())
     assert window.session.shown.compared is before
     faint = QColor(window.session.shown.look.palette.faint)
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole).color() == faint
@@ -58,6 +58,6 @@ def test_figures_are_grey_from_an_edit_until_its_prediction_has_come(
     gate.set()
     until(qtbot, lambda: window.session.shown.compared is not before)
     assert table.data(cell, Qt.ItemDataRole.ForegroundRole) is None
-    until(qtbot, lambda: SAID not in window.status_bar.activity.text())
+    until(qtbot, lambda: OUTDATED not in window.status_bar.activity.text())
     assert not is_faint(window.sentence)
     until(qtbot, lambda: predicted(window))
