@@ -73,12 +73,12 @@ class PlanController:
         self._paper, self._gestures = paper, gestures
         self.tool: Tool = Hand(self)
         self._busy = False  # during a drag that the tool uses
-        self._cancelled = False  # what remains of the gesture does nothing: it was cancelled
+        self._cancelled = False  # whether to ignore the rest of a cancelled drag
         self.chosen: str | None = None  # by name: numbers change
         self._before: str | None = None  # chosen, as the drag began
         self.clock: Callable[[], float] = time.monotonic
         self._nudged, self._nudging = -math.inf, object()
-        self._last_edit: tuple[Scene, Shown] | None = None  # the scene of the last edit, and what was shown then
+        self._last_edit: tuple[Scene, Shown] | None = None  # scene of the last edit, and what was shown before it
 
     # the interface `ToolContext`
 

@@ -204,10 +204,10 @@ class PlanDrawing(Canvas):
     def _draw_measured(self, before: Shown | None, shown: Shown) -> None:
         fresh = before is None or not shown.same_readings(before)
         if fresh:
-            stands = partial(standpoints, shown.scene.board, shown.scene.pose)
+            positions = partial(standpoints, shown.scene.board, shown.scene.pose)
             self._marks.draw(
                 {
-                    kind: (points, points_at(stands(points.headings), points.headings, points.ranges))
+                    kind: (points, points_at(positions(points.headings), points.headings, points.ranges))
                     for kind, points in shown.classes.items()
                 }
             )

@@ -1,6 +1,6 @@
-"""The application: opens the window on a scene and a source, and returns the exit status.
+"""The application: opens the window and returns the exit status.
 
-The status is 0 after the window was closed and 130 after Ctrl-C or SIGTERM.
+The status is 0 after the window was closed, and 130 after Ctrl-C or SIGTERM.
 """
 
 import signal
@@ -37,26 +37,26 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class WindowStart:
-    """What the window opens on."""
+    """The initial content of the window, and where it stores files."""
 
     scene: Scene
-    source: ScannerOpener | Log | None = None  # how to get at a scanner, or a log to replay
+    source: ScannerOpener | Log | None = None  # opens a scanner, or a log to replay
     source_name: str = "the log"  # its file name
-    source_file: Path | None = None  # where a log is found again
-    used: tuple[Path, ...] = ()  # files that were named for it: the recent ones from now on
+    source_file: Path | None = None  # path of the log
+    used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
     url: str = ""  # of the scanner
-    find_scanner: ScannerFinder | None = None  # to any other scanner
+    find_scanner: ScannerFinder | None = None  # opens any other scanner
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
-    autostart: bool = False  # begin to scan at once
+    autostart: bool = False  # start a scan at once
     recordings: Path = field(default_factory=recordings_folder)
-    memory: Path | None = None  # where the window remembers how it was left; None: nowhere
-    resume: bool = False  # open on what was open last, where there is such
+    memory: Path | None = None  # file that stores the state of the window; None: not stored
+    resume: bool = False  # restore the last state, if there is one
     when_open: Callable[[MainWindow], None] | None = None  # for tests and pictures
 
 
 def run_window(start: WindowStart) -> int:
-    """Show the window until it is closed. Raises NoDisplay where none can be opened."""
+    """Show the window until it is closed. Raises NoDisplay without a display."""
     check_display()
     application = open_application()
     window = open_window(start)
@@ -69,7 +69,7 @@ def run_window(start: WindowStart) -> int:
 
 
 def open_application() -> QApplication:
-    """The one application of this process, the same on every system."""
+    """Return the application of this process, with the same style on every system."""
     running = QApplication.instance()
     application = running if isinstance(running, QApplication) else QApplication(["sonarhw"])
     application.setApplicationName("sonarhw")
@@ -79,8 +79,8 @@ def open_application() -> QApplication:
 
 
 def open_window(start: WindowStart) -> MainWindow:
-    """A window, not shown yet, with its session."""
-    begun, memory, complaint = _resumed(start)
+    """Return a window with its session, not visible yet."""
+    begun, memory, problem = _resumed(start)
     opener = None if isinstance(begun.source, Log) else begun.source
     scan_settings = ScanSettings(start.recordings, start.order, start.traces)
     if start.resume and memory.scan_settings is not None:
@@ -96,20 +96,20 @@ def open_window(start: WindowStart) -> MainWindow:
     if isinstance(begun.source, Log):
         window.session.show_log(begun.source, begun.source_name, begun.source_file)
     elif begun.source_file is not None and begun is not start:
-        window.session.reopen(OpenLogRequest(begun.source_file, begun.scene))  # places found and edits come back too
+        window.session.reopen(OpenLogRequest(begun.source_file, begun.scene))  # restores fit results and edits too
     elif begun.source_file is not None:
         window.session.open_file(str(begun.source_file))
     elif begun.autostart:
         window.session.scan()
-    if complaint:
-        window.session.warned.emit(complaint)
+    if problem:
+        window.session.warned.emit(problem)
     return window
 
 
 def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
-    """The start with what was open last, where that is wanted; what is remembered; and what is to be told of both.
+    """Return the start with the last state if requested, the stored memory, and an error message or "".
 
-    A scanner is not moved until somebody says so.
+    A restored start never moves a scanner.
     """
     memory = Memory()
     try:
@@ -128,19 +128,19 @@ def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
 
 @contextmanager
 def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
-    """Let Ctrl-C and SIGTERM close the window; the list holds those that came.
+    """Let Ctrl-C and SIGTERM close the window. The list contains the received signals.
 
-    Python looks at signals between its own steps, and the session's timer makes it take one every tick.
+    Python handles signals only between its own steps. The session's timer ensures that there is one every tick.
     """
-    came: list[int] = []
+    received: list[int] = []
 
     def close(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
+        received.append(number)
         QTimer.singleShot(0, window.close)
 
     before = {number: signal.signal(number, close) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield came
+        yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""Checks for a display before Qt is loaded, because without one Qt ends the process."""
+"""Checks for a display before Qt is loaded, because without a display Qt aborts the process."""
 
 import ctypes
 import os
@@ -9,27 +9,27 @@ from pathlib import Path
 
 from sonarhw.errors import SonarError
 
-_ELSE = "`sonarhw demo --headless DIR` does the job without a window"
-_PATIENCE = 2.0  # s
+_INSTEAD = "`sonarhw demo --headless DIR` works without a window"
+_TIMEOUT = 2.0  # s
 
 
 class NoDisplay(SonarError):
-    """There is no display to open a window on."""
+    """There is no display for a window."""
 
 
 def check_display() -> None:
-    """Raise NoDisplay, in one line, where no window can be opened."""
+    """Raise NoDisplay if no window can be opened."""
     if not sys.platform.startswith("linux") or _without_display() or os.environ.get("WAYLAND_DISPLAY"):
         return
     display = os.environ.get("DISPLAY", "")
     if not display:
-        raise NoDisplay(f"there is no display to open a window on (DISPLAY is not set); {_ELSE}")
+        raise NoDisplay(f"no display for a window (DISPLAY is not set); {_INSTEAD}")
     if not _answers(display):
-        raise NoDisplay(f"there is no display to open a window on (nothing answers at {display}); {_ELSE}")
+        raise NoDisplay(f"no display for a window (no X server answers at {display}); {_INSTEAD}")
     try:
         ctypes.CDLL("libxcb-cursor.so.0")
     except OSError:
-        raise NoDisplay(f"Qt needs libxcb-cursor0 for a window: apt-get install libxcb-cursor0; {_ELSE}") from None
+        raise NoDisplay(f"Qt needs libxcb-cursor0 for a window: apt-get install libxcb-cursor0; {_INSTEAD}") from None
 
 
 def _without_display() -> bool:
@@ -37,7 +37,7 @@ def _without_display() -> bool:
 
 
 def _answers(display: str) -> bool:
-    """Whether an X server listens where `display` says; taken for granted where it says something unusual."""
+    """Return whether an X server listens at `display`; assumed for an unusual format."""
     matched = re.fullmatch(r"(?:unix)?([^:/]*):(\d+)(?:\.\d+)?", display)
     if matched is None:
         return True
@@ -50,7 +50,7 @@ def _answers(display: str) -> bool:
 
 def _connects(family: socket.AddressFamily, address: str | tuple[str, int]) -> bool:
     with socket.socket(family) as probe:
-        probe.settimeout(_PATIENCE)
+        probe.settimeout(_TIMEOUT)
         try:
             probe.connect(address)
         except OSError:

@@ -1,7 +1,7 @@
-"""Python's collector of cycles, kept to the window's thread and to the time between two of its events.
+"""Run Python's garbage collector only in the window's thread, between two events.
 
-Left to itself it runs wherever an allocation sets it off: in a thread that predicts, or inside Qt while that takes a
-window apart. What it frees there may be a widget, and that ends the program.
+Otherwise any allocation may trigger it, in a worker thread or inside Qt while it destroys a window. If it frees a
+widget there, the program crashes.
 """
 
 import gc
@@ -15,7 +15,7 @@ _INTERVAL = 1.0  # s
 
 @contextmanager
 def collected_between_events() -> Iterator[None]:
-    """Collect by a timer of the event loop and nowhere else; afterwards as ever."""
+    """Collect only by a timer of the event loop; restore automatic collection at the end."""
     collector = GarbageCollector(_INTERVAL)
     try:
         yield

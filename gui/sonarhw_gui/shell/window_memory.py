@@ -1,4 +1,4 @@
-"""Remember the window when it closes, and restore it as it was left."""
+"""Store the state of the window when it closes, and restore it."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +13,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 
 
 class MemoryWriter(QObject):
-    """Writes down how a window is left."""
+    """Stores the state of a window when it closes."""
 
     def __init__(self, window: MainWindow, path: Path) -> None:
         super().__init__(window)
@@ -23,12 +23,12 @@ class MemoryWriter(QObject):
 
     @Slot()
     def _write(self) -> None:
-        with suppress(OutputError):  # the window is closing: the next one opens with the defaults
+        with suppress(OutputError):  # the window is closing; the next one opens with the defaults
             write_memory(self._path, memory_of(self._window))
 
 
 def memory_of(window: MainWindow) -> Memory:
-    """Return what is to be remembered of a window; before it is hidden."""
+    """Return the state of a window. Call this before the window is hidden."""
     session = window.session
     return Memory(
         scene=SceneMemory.of(session.shown.scene),

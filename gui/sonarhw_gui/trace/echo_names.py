@@ -35,7 +35,7 @@ class _Name:
 
 
 class EchoNames:
-    """Names and stems of the echoes of one trace. The rows are above the highest level, where no trace is drawn."""
+    """Names and stems of the echoes of one trace. The rows are above the highest level, so they hide no trace."""
 
     def __init__(self, view: pg.ViewBox) -> None:
         self._view = view

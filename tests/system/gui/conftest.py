@@ -1,4 +1,4 @@
-"""Real windows on a small room: a fake scanner on a loopback socket, a recorded log, and no thread left behind."""
+"""Fixtures for tests of real windows: a fake scanner on a loopback socket, a recorded log, windows without leaks."""
 
 import gc
 import threading
@@ -27,12 +27,12 @@ from tests.system.gui.driving import PATIENCE
 OpenFake = Callable[[Pace], ScannerOpener]
 OpenWith = Callable[..., MainWindow]
 ORDER = ScanOrder(start=0.0, step=radians(10), headings=36)
-ENDLESS = replace(ORDER, sweeps=1000)  # always ended before its end
+ENDLESS = replace(ORDER, sweeps=1000)  # every test stops it early
 
 
 @pytest.fixture
 def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
-    """Makes the way to a fake scanner of the given pace, which homes for a second; it is served until the test ends."""
+    """Return a function that serves a fake scanner at a given pace until the test ends; homing takes one second."""
     with ExitStack() as during:
 
         def open_fake(pace: Pace) -> ScannerOpener:
@@ -44,15 +44,15 @@ def fake(scene: Scene, echoes: RoomEchoes) -> Iterator[OpenFake]:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def what_is_loaded_stays() -> None:
-    """So that the collector need not look through every library after every test: a fifth of a second each time."""
+def loaded_libraries_frozen() -> None:
+    """Exclude loaded libraries from garbage collection, which would take 0.2 s longer after every test."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture(autouse=True)
-def collected_in_between() -> Iterator[None]:
-    """Cycles are collected between tests only, as the application does it between events: see `shell.garbage`."""
+def garbage_collected_between_tests() -> Iterator[None]:
+    """Collect garbage only between tests, as the application does between events: see `shell.garbage`."""
     gc.disable()
     yield
     gc.collect()
@@ -61,7 +61,7 @@ def collected_in_between() -> Iterator[None]:
 
 @pytest.fixture
 def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
-    """Opens a window; at the end it is closed, and every thread that it began must be gone."""
+    """Return a function that opens a window. At the end, windows are closed and must leave no thread."""
     before = set(threading.enumerate())
     windows: list[MainWindow] = []
 
@@ -99,7 +99,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
 
 @pytest.fixture(scope="session")
 def recorded(scene: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of a whole scan with traces."""
+    """Record a log of a complete scan with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("recorded"), ORDER)
     with serve(FakeBoard(echoes, 1, scene.board.blanking), tcp="127.0.0.1:0", pace="max") as endpoint:
         live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(scene, settings))

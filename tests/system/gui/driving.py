@@ -1,4 +1,4 @@
-"""Mouse and waiting for the tests of the window."""
+"""Mouse actions and waiting for the tests of the window."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ def until(qtbot: QtBot, condition: Callable[[], bool]) -> None:
 
 
 def predicted(window: MainWindow) -> bool:
-    """Whether nothing better is still to come, with every reading compared."""
+    """Return whether the prediction is final and every reading is compared."""
     shown, status = window.session.shown, window.session.status
     compared = all(shown.row(k) is not None for k in range(len(shown.readings)))
     draft = shown.compared is not None and shown.compared.draft
@@ -26,13 +26,13 @@ def predicted(window: MainWindow) -> bool:
 
 
 def ended(window: MainWindow) -> bool:
-    """Whether a live scan has run and is over."""
+    """Return whether a live scan has run and ended."""
     phase = window.session.status.phase
     return phase is not None and not window.session.status.scanning
 
 
 def place_of(marks: ReadingMarks, reading: int) -> tuple[float, float]:
-    """Where a reading is drawn."""
+    """Return where a reading is drawn, in plot coordinates."""
     for points, places in marks.placed.values():
         if reading in points.readings:
             return tuple(places[points.readings.index(reading)])
@@ -40,31 +40,31 @@ def place_of(marks: ReadingMarks, reading: int) -> tuple[float, float]:
 
 
 def click(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> None:
-    """Click a point of a plot, given in its own coordinates, with the mouse."""
+    """Click a point given in plot coordinates."""
     pixel = view.mapFromScene(box.mapViewToScene(QPointF(*at)))
     qtbot.mouseMove(view.viewport(), pixel)
     qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
 
 
 def pixel_at(view: pg.GraphicsView, box: pg.ViewBox, at: tuple[float, float]) -> QPoint:
-    """Where a point of a plot lies on the screen."""
+    """Return the pixel of a point given in plot coordinates."""
     return view.mapFromScene(box.mapViewToScene(QPointF(*at)))
 
 
 def drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> None:
-    """Drag with the mouse from the first point of a plot over the others to the last."""
+    """Drag with the mouse through points given in plot coordinates."""
     end = begin_drag(qtbot, view, box, *way)
     qtbot.mouseRelease(view.viewport(), Qt.MouseButton.LeftButton, pos=end)
 
 
 def begin_drag(qtbot: QtBot, view: pg.GraphicsView, box: pg.ViewBox, *way: tuple[float, float]) -> QPoint:
-    """Drag without letting go; where the mouse is then."""
+    """Drag without releasing the button; return the last pixel."""
     pixels = [pixel_at(view, box, at) for at in way]
     qtbot.mouseMove(view.viewport(), pixels[0])
     qtbot.mousePress(view.viewport(), Qt.MouseButton.LeftButton, pos=pixels[0])
     for pixel in pixels[1:]:
-        for part in (0.5, 1.0):  # two moves, as a hand makes many: the first begins the drag
+        for part in (0.5, 1.0):  # two moves: the first one begins the drag
             between = pixels[0] + (pixel - pixels[0]) * part
             qtbot.mouseMove(view.viewport(), between)
-            qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+            qtbot.wait(15)  # pyqtgraph handles 100 moves per second
     return pixels[-1]

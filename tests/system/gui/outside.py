@@ -1,7 +1,6 @@
-"""The program as a person has it: a process of its own, worked by the hands of xdotool and seen by what it paints.
+"""Drive `sonarhw gui` from outside: a separate process, controlled by xdotool and observed on the screen.
 
-Nothing inside it is asked. What can be known is its title, its colours on the screen, what was marked with the mouse to
-be pasted elsewhere, and the files it leaves.
+Tests read its window title, colours on the screen, text selected with the mouse, and the files it writes.
 """
 
 import os
@@ -23,26 +22,26 @@ from tests.hang_guard import HANG
 Pixel = tuple[int, int]
 Seen = TypeVar("Seen")
 _PAUSE = 0.05
-_ABOVE_THE_PLAN = 90  # pixels: menus, tools and legend
-_SENTENCE = (4, 6), (4, 50)  # pixels from left and right, below the views
-_PLAN_SHARE = 0.5  # of the window's width
+_ABOVE_THE_PLAN = 90  # pixels of menus, tools and legend
+_SENTENCE = (4, 6), (4, 50)  # pixels from left and top, and from right and top, of the area below the views
+_PLAN_SHARE = 0.5  # share of the window's width
 _INSIDE_A_MARK = np.ones((5, 5))
 _DIAMOND = np.add.outer(abs(np.arange(-4, 5)), abs(np.arange(-4, 5))) <= 4
 _AROUND = (-9, 0), (-6, 6), (0, 9), (6, 6), (9, 0), (6, -6), (0, -9), (-6, -6)
 _IN_A_VIEW = 3  # pixels from the left
 
 
-def awaited(look: Callable[[], Seen], what: str) -> Seen:
-    """What a look sees, as soon as it sees anything."""
+def awaited(observe: Callable[[], Seen], what: str) -> Seen:
+    """Call `observe` until its result is true, and return the result."""
     deadline = time.monotonic() + HANG
-    while not (seen := look()):
+    while not (seen := observe()):
         assert time.monotonic() < deadline, f"not seen: {what}"
         time.sleep(_PAUSE)
     return seen
 
 
 class Outside:
-    """`sonarhw gui` with some arguments, and its folder of data; killed where a test leaves it running."""
+    """A process of `sonarhw gui` with its own data folder; killed if a test leaves it running."""
 
     def __init__(self, data: Path, *arguments: str) -> None:
         command = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()", "gui", *arguments]
@@ -53,7 +52,7 @@ class Outside:
 
     def __enter__(self) -> "Outside":
         self._window = awaited(self._find, "a window")
-        _hand("windowfocus", "--sync", self._window)
+        _xdotool("windowfocus", "--sync", self._window)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -67,77 +66,77 @@ class Outside:
         return subprocess.run(search, capture_output=True, text=True, timeout=HANG).stdout.strip()
 
     def ended(self) -> tuple[int, str]:
-        """How it ended, and what it complained of."""
+        """Wait for the end; return the exit status and standard error."""
         _, complaints = self._process.communicate(timeout=HANG)
         return self._process.returncode, complaints
 
     @property
     def title(self) -> str:
-        """What its window is called."""
-        return _hand("getwindowname", self._window).removeprefix("sonarhw — ")
+        """The title of the window."""
+        return _xdotool("getwindowname", self._window).removeprefix("sonarhw — ")
 
     @property
     def recordings(self) -> list[Path]:
-        """The logs it has begun, by name."""
+        """The logs in its folder, sorted by name."""
         return sorted(self._recordings.glob("*.mcap"))
 
     def key(self, *keys: str) -> None:
-        """Press keys, one after the other."""
-        _hand("key", "--delay", "40", *keys)
+        """Press keys in sequence."""
+        _xdotool("key", "--delay", "40", *keys)
 
     def click(self, at: Pixel) -> None:
-        """Click into the window."""
-        _hand(*self._to(at), "click", "1")
+        """Click a pixel of the window."""
+        _xdotool(*self._to(at), "click", "1")
 
     def drag(self, start: Pixel, end: Pixel, let_go: bool = True) -> None:
-        """Drag from one point of the window to another."""
+        """Drag from one pixel of the window to another."""
         way = np.round(np.linspace(start, end, 6)).astype(int)
-        # a hand is no faster, and of moves that come at once the window takes one
+        # with pauses, because the window merges moves that arrive together
         moves = [part for at in way[1:] for part in (*self._to(at), "sleep", "0.03")]
-        _hand(*self._to(start), "mousedown", "1", *moves, *(["mouseup", "1"] if let_go else []))
+        _xdotool(*self._to(start), "mousedown", "1", *moves, *(["mouseup", "1"] if let_go else []))
 
     def let_go(self) -> None:
-        """End a drag."""
-        _hand("mouseup", "1")
+        """Release the mouse button."""
+        _xdotool("mouseup", "1")
 
     def _to(self, at: Pixel) -> list[str]:
         return ["mousemove", "--window", self._window, *map(str, at)]
 
     def sentence(self) -> str:
-        """The sentence under the views, marked with the mouse as one does to paste it elsewhere."""
-        return awaited(self._marked, "a sentence that stays long enough to be marked")
+        """Return the sentence below the views, selected with the mouse."""
+        return awaited(self._selected_text, "a sentence that stays long enough to be selected")
 
-    def _marked(self) -> str:
+    def _selected_text(self) -> str:
         clipboard, top = QGuiApplication.clipboard(), self._end_of_views()
         clipboard.clear(QClipboard.Mode.Selection)
         (left, above), (right, below) = _SENTENCE
         self.drag((left, top + above), (self._picture().shape[1] - right, top + below))
-        given_up = time.monotonic() + 1
-        while not (marked := clipboard.text(QClipboard.Mode.Selection)) and time.monotonic() < given_up:
-            QGuiApplication.processEvents()  # else what is marked elsewhere is not heard of
+        deadline = time.monotonic() + 1
+        while not (selected := clipboard.text(QClipboard.Mode.Selection)) and time.monotonic() < deadline:
+            QGuiApplication.processEvents()  # receive the selection of the other process
             time.sleep(_PAUSE)
-        return marked
+        return selected
 
     def looks(self, palette: Palette) -> bool:
-        """Whether it is painted on that paper."""
+        """Return whether the window has the background of this palette."""
         return bool((self._picture()[self._end_of_views() - 5, _IN_A_VIEW] == _rgb(palette.paper)).all())
 
     def badge(self, colour: str) -> bool:
-        """Whether the badge in the corner has that colour."""
+        """Return whether the badge in the corner has this colour."""
         return bool((self._picture()[-40:, -60:] == _rgb(colour)).all(axis=2).any())
 
     def readings(self, colour: str) -> list[Pixel]:
-        """The middles of the round marks of that colour in the plan, the most to the left first."""
+        """Return the centres of the round marks of this colour in the plan, from left to right."""
         return _middles(binary_erosion(self._plan(colour), _INSIDE_A_MARK))
 
     def sensor(self) -> Pixel:
-        """The middle of the sensor in the plan: a diamond with nothing around it but two rays at most."""
+        """Return the centre of the sensor in the plan: a diamond with at most two rays around it."""
         ink = self._plan(LIGHT.ink)
         around = [np.roll(ink, by, (0, 1)) for by in _AROUND]
         return _middles(binary_erosion(ink, _DIAMOND) & (np.sum(around, axis=0) <= 2))[0]
 
     def _plan(self, colour: str) -> NDArray[np.bool_]:
-        """Where the plan has that colour; the rest of the window has it nowhere."""
+        """Return where the plan has this colour, and False outside the plan."""
         picture = self._picture()
         coloured = (picture == _rgb(colour)).all(axis=2)
         coloured[:_ABOVE_THE_PLAN] = False
@@ -156,8 +155,10 @@ class Outside:
         return words[:, :, 2::-1].copy()
 
 
-def _hand(*does: str) -> str:
-    return subprocess.run(["xdotool", *does], check=True, capture_output=True, text=True, timeout=HANG).stdout.strip()
+def _xdotool(*arguments: str) -> str:
+    return subprocess.run(
+        ["xdotool", *arguments], check=True, capture_output=True, text=True, timeout=HANG
+    ).stdout.strip()
 
 
 def _rgb(colour: str) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""The hand in the plan, with a real mouse and real keys: what is dragged follows, and so does the prediction."""
+"""Editing in the plan with mouse and keys: dragged parts follow the mouse, and the prediction follows the edit."""
 
 import math
 from dataclasses import replace
@@ -43,7 +43,7 @@ def click_in_plan(qtbot: QtBot, window: MainWindow, at: Point) -> None:
 
 def hover(qtbot: QtBot, window: MainWindow, at: Point) -> str:
     pixel = pixel_at(window.views.plan.drawing, window.views.plan.drawing.plot.vb, at)
-    for k in range(_STROKES):  # moves that come too soon after one another are left out
+    for k in range(_STROKES):  # pyqtgraph skips moves that follow too quickly
         qtbot.mouseMove(window.views.plan.drawing.viewport(), pixel + QPoint(k % 2, 0))
         qtbot.wait(15)
         if k and window.views.plan.message.text():
@@ -56,39 +56,37 @@ def wall(window: MainWindow, name: str) -> list[float]:
     return room.walls[room.names.index(name)].tolist()
 
 
-def stands(window: MainWindow) -> Point:
+def sensor_position(window: MainWindow) -> Point:
     return window.session.shown.scene.pose.position
 
 
-def test_the_dragged_sensor_takes_the_prediction_along_and_one_undo_takes_both_back(
-    qtbot: QtBot, window: MainWindow
-) -> None:
-    before, outline = stands(window), window.session.shown.outline
+def test_dragging_the_sensor_changes_the_prediction_and_one_undo_reverts_both(qtbot: QtBot, window: MainWindow) -> None:
+    before, outline = sensor_position(window), window.session.shown.outline
     drag_in_plan(qtbot, window, before, (0.5, 0.2), (0.4, 0.3))
-    assert stands(window) == pytest.approx((0.4, 0.3), abs=0.003)
+    assert sensor_position(window) == pytest.approx((0.4, 0.3), abs=0.003)
     until(qtbot, lambda: predicted(window))
     moved = window.session.shown.outline
-    assert moved.place.position == stands(window)
-    heard = ~np.isnan(moved.ranges)
-    assert np.nanmedian(np.abs(moved.ranges[heard] - outline.ranges[heard])) > 0.01
+    assert moved.place.position == sensor_position(window)
+    known = ~np.isnan(moved.ranges)
+    assert np.nanmedian(np.abs(moved.ranges[known] - outline.ranges[known])) > 0.01
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
-    assert stands(window) == before
+    assert sensor_position(window) == before
     assert window.session.shown.scene.pose.name == "figure9"
     assert not window.session.showing.history.undo_label
 
 
-def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_dragging_the_beam_turns_the_sensor_and_all_readings(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     shown = window.session.shown
-    x, y = stands(window)
+    x, y = sensor_position(window)
     end = window.views.plan.drawing.sensor.handle_at
     away = math.dist((x, y), end)
     angle = math.atan2(end[1] - y, end[0] - x) + math.radians(30)
     drag_in_plan(qtbot, window, end, (x + away * math.cos(angle), y + away * math.sin(angle)))
     turned = window.session.shown
     assert math.degrees(turned.heading(3) - shown.heading(3)) % 360 == pytest.approx(30, abs=1)
-    assert stands(window) == (x, y)
+    assert sensor_position(window) == (x, y)
 
 
 @pytest.mark.parametrize(
@@ -102,11 +100,11 @@ def test_the_beam_turns_the_sensor_and_every_reading_with_it(qtbot: QtBot, open_
         (Qt.Key.Key_M, [(0.3, 0.4), (0.36, 0.4)]),
     ],
 )
-def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
+def test_esc_cancels_a_drag_without_an_undo_step(
     qtbot: QtBot, window: MainWindow, tool: Qt.Key, way: list[Point]
 ) -> None:
-    drag_in_plan(qtbot, window, stands(window), (0.6, 0.3))
-    window.session.showing.undo()  # it can be done again
+    drag_in_plan(qtbot, window, sensor_position(window), (0.6, 0.3))
+    window.session.showing.undo()  # leaves a step for Redo
     key(qtbot, window, tool)
     before, seen = window.session.shown.scene, window.views.plan.drawing.plot.vb.viewRange()
     box = window.views.plan.drawing.plot.vb
@@ -128,63 +126,63 @@ def test_esc_takes_back_the_drag_under_way_and_leaves_no_step(
 def test_keys_move_and_turn_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
     now = 0.0
     window.views.plan.drawing.controller.clock = lambda: now
-    x, y = stands(window)
+    x, y = sensor_position(window)
     shift = Qt.KeyboardModifier.ShiftModifier
     for pressed in (Qt.Key.Key_Left, Qt.Key.Key_Left, Qt.Key.Key_Up):
         key(qtbot, window, pressed, shift)
-    assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
+    assert sensor_position(window) == pytest.approx((x - 0.02, y + 0.01))
     now = 5.0
     key(qtbot, window, Qt.Key.Key_PageUp, shift)
     assert math.degrees(window.session.shown.scene.pose.heading) == pytest.approx(1)
     until(qtbot, window.commands.undo.isEnabled)
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     assert window.session.shown.scene.pose.heading == 0.0
-    assert stands(window) == pytest.approx((x - 0.02, y + 0.01))
+    assert sensor_position(window) == pytest.approx((x - 0.02, y + 0.01))
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
-    assert stands(window) == (x, y)  # quick strokes are one step
+    assert sensor_position(window) == (x, y)  # quick key presses are one undo step
 
 
-def test_a_sensor_is_gently_kept_out_of_a_post(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_sensor_cannot_be_dragged_into_a_post(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_P)
     drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.4))
     key(qtbot, window, Qt.Key.Key_H)
-    drag_in_plan(qtbot, window, stands(window), (0.5, 0.3), (0.3, 0.4))
+    drag_in_plan(qtbot, window, sensor_position(window), (0.5, 0.3), (0.3, 0.4))
     assert "cannot stand inside post 1" in window.views.plan.message.text()
-    assert math.dist(stands(window), (0.3, 0.4)) > 0.1
+    assert math.dist(sensor_position(window), (0.3, 0.4)) > 0.1
     assert window.banner.message == ""
 
 
-def test_outside_the_walls_a_sensor_may_stand_and_it_is_said(qtbot: QtBot, window: MainWindow) -> None:
-    drag_in_plan(qtbot, window, stands(window), (0.85, 0.3), (0.98, 0.3))
-    assert stands(window) == pytest.approx((0.98, 0.3), abs=0.003)
+def test_a_sensor_outside_the_walls_is_accepted_and_reported(qtbot: QtBot, window: MainWindow) -> None:
+    drag_in_plan(qtbot, window, sensor_position(window), (0.85, 0.3), (0.98, 0.3))
+    assert sensor_position(window) == pytest.approx((0.98, 0.3), abs=0.003)
     assert "outside the walls" in window.views.plan.message.text()
-    assert "outside the walls" in hover(qtbot, window, stands(window))
+    assert "outside the walls" in hover(qtbot, window, sensor_position(window))
     until(qtbot, lambda: predicted(window))
-    assert window.session.shown.outline.place.position == stands(window)
+    assert window.session.shown.outline.place.position == sensor_position(window)
 
 
-def test_a_sensor_dragged_off_the_screen_stays_at_its_rim(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_sensor_dragged_off_the_screen_stays_at_the_edge(qtbot: QtBot, window: MainWindow) -> None:
     (left, _), _ = window.views.plan.drawing.plot.vb.viewRange()
-    drag_in_plan(qtbot, window, stands(window), (left - 5.0, 0.3))
-    assert stands(window)[0] == pytest.approx(left, abs=0.01)
+    drag_in_plan(qtbot, window, sensor_position(window), (left - 5.0, 0.3))
+    assert sensor_position(window)[0] == pytest.approx(left, abs=0.01)
     assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left)
 
 
-def test_fit_shows_a_sensor_outside_the_room_too(qtbot: QtBot, window: MainWindow) -> None:
-    drag_in_plan(qtbot, window, stands(window), (1.02, 0.3))
+def test_fit_view_includes_a_sensor_outside_the_room(qtbot: QtBot, window: MainWindow) -> None:
+    drag_in_plan(qtbot, window, sensor_position(window), (1.02, 0.3))
     for _ in range(40):
         key(qtbot, window, Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier)
-    assert stands(window)[0] == pytest.approx(1.42, abs=0.01)
+    assert sensor_position(window)[0] == pytest.approx(1.42, abs=0.01)
     key(qtbot, window, Qt.Key.Key_F)
     ((left, right), _) = window.views.plan.drawing.plot.vb.viewRange()
-    assert left < 0 < stands(window)[0] < right
+    assert left < 0 < sensor_position(window)[0] < right
 
 
-def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_fit_view_includes_the_chosen_reading(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     window.views.plan.drawing.zoom(0.5)
-    window.session.showing.choose(27)  # at 270°, by three reflections: it seems to lie outside the room
+    window.session.showing.choose(27)  # at 270°, three reflections: drawn outside the room
     x, y = window.views.plan.drawing._marks.place_of(27)
     assert window.views.plan.drawing.plot.vb.viewRange()[1][0] > y
     key(qtbot, window, Qt.Key.Key_F)
@@ -193,15 +191,15 @@ def test_fit_shows_the_reading_that_was_asked_about(qtbot: QtBot, open_with: Ope
     assert low < y < high
 
 
-def test_hovering_names_wall_and_material_and_every_view_knows_where(qtbot: QtBot, window: MainWindow) -> None:
+def test_hovering_names_wall_and_material_and_links_the_cursor_of_all_views(qtbot: QtBot, window: MainWindow) -> None:
     assert hover(qtbot, window, (0.5, 0.742)) == "top · shelving, reflectance 0.95 (−0.4 dB)"
     hover(qtbot, window, (0.3, 0.3))
-    cursor, (x, y) = window.session.shown.cursor, stands(window)
+    cursor, (x, y) = window.session.shown.cursor, sensor_position(window)
     assert cursor.range == pytest.approx(math.dist((x, y), (0.3, 0.3)), abs=0.005)
     assert cursor.heading == pytest.approx(math.atan2(0.3 - y, 0.3 - x), abs=0.02)
 
 
-def test_the_ruler_tells_distance_and_angle_from_corner_to_corner(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_ruler_shows_distance_and_angle_from_corner_to_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_M)
     drag_in_plan(qtbot, window, (0.004, 0.003), (0.925, 0.739))
     assert window.views.plan.message.text() == "1.188 m at 38.6°"  # √(0.928² + 0.742²)
@@ -211,25 +209,25 @@ def test_the_ruler_tells_distance_and_angle_from_corner_to_corner(qtbot: QtBot, 
     assert not window.views.plan.drawing.ruler.label.isVisible()
 
 
-def test_a_corner_is_dragged_with_both_its_walls_and_the_prediction_follows(qtbot: QtBot, window: MainWindow) -> None:
+def test_dragging_a_corner_moves_both_walls_and_updates_the_prediction(qtbot: QtBot, window: MainWindow) -> None:
     outline = window.session.shown.outline
     view = window.views.plan.drawing.plot.vb.viewRange()
     key(qtbot, window, Qt.Key.Key_E)
     drag_in_plan(qtbot, window, (0.0, 0.742), (0.1, 0.6))
     assert wall(window, "top") == pytest.approx([0.928, 0.742, 0.1, 0.6], abs=0.003)
     assert wall(window, "left")[:2] == wall(window, "top")[2:]
-    assert window.views.plan.drawing.plot.vb.viewRange() == view  # the room stays where it is on the screen
+    assert window.views.plan.drawing.plot.vb.viewRange() == view  # the plan does not move on the screen
     until(qtbot, lambda: predicted(window) and window.session.shown.outline is not outline)
     assert window.session.shown.outline.room is window.session.shown.scene.room
     assert window.session.showing.history.undo_label == "moving a corner"
 
 
-def test_a_wall_is_drawn_from_corner_to_corner_and_taken_out_again(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_wall_is_added_from_corner_to_corner_and_removed(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_W)
     drag_in_plan(qtbot, window, (0.003, 0.739), (0.3, 0.3), (0.3, 0.2))
     assert wall(window, "wall 1") == pytest.approx([0.0, 0.742, 0.3, 0.2], abs=0.003)
-    assert wall(window, "wall 1")[:2] == [0.0, 0.742]  # exactly: they meet
-    key(qtbot, window, Qt.Key.Key_Delete)  # what was drawn last is chosen
+    assert wall(window, "wall 1")[:2] == [0.0, 0.742]  # exactly: the end has snapped
+    key(qtbot, window, Qt.Key.Key_Delete)  # the new wall is chosen
     assert "wall 1" not in window.session.shown.scene.room.names
     until(qtbot, window.commands.undo.isEnabled)
     key(qtbot, window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
@@ -241,7 +239,7 @@ def test_a_wall_is_drawn_from_corner_to_corner_and_taken_out_again(qtbot: QtBot,
     assert "wall 1" in window.session.shown.scene.room.names
 
 
-def test_a_post_is_drawn_moved_and_resized(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_post_is_added_moved_and_resized(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_P)
     drag_in_plan(qtbot, window, (0.3, 0.4), (0.36, 0.4))
     key(qtbot, window, Qt.Key.Key_E)
@@ -251,7 +249,7 @@ def test_a_post_is_drawn_moved_and_resized(qtbot: QtBot, window: MainWindow) -> 
     assert (x, y, radius) == pytest.approx((0.4, 0.5, 0.1), abs=0.005)
 
 
-def test_keys_move_what_is_chosen_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
+def test_keys_move_the_chosen_wall_zoom_and_pan(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_E)
     click_in_plan(qtbot, window, (0.5, 0.742))
     for _ in range(3):
@@ -268,7 +266,7 @@ def test_keys_move_what_is_chosen_and_zoom(qtbot: QtBot, window: MainWindow) -> 
     assert window.views.plan.drawing.plot.vb.viewRange()[0] == pytest.approx([left + tenth, right + tenth])
 
 
-def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_double_click_on_a_wall_adds_a_corner(qtbot: QtBot, window: MainWindow) -> None:
     key(qtbot, window, Qt.Key.Key_E)
     pixel = pixel_at(window.views.plan.drawing, window.views.plan.drawing.plot.vb, (0.5, 0.742))
     qtbot.mouseClick(window.views.plan.drawing.viewport(), Qt.MouseButton.LeftButton, pos=pixel)
@@ -278,7 +276,7 @@ def test_a_double_click_in_a_wall_makes_a_corner(qtbot: QtBot, window: MainWindo
     assert wall(window, "top")[2] == pytest.approx(0.5, abs=0.003)
 
 
-def test_where_nothing_is_taken_hold_of_the_paper_moves(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_drag_of_nothing_pans(qtbot: QtBot, window: MainWindow) -> None:
     (left, _), _ = window.views.plan.drawing.plot.vb.viewRange()
     drag_in_plan(qtbot, window, (0.3, 0.3), (0.5, 0.3))
     assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left - 0.2, abs=0.01)
@@ -286,7 +284,7 @@ def test_where_nothing_is_taken_hold_of_the_paper_moves(qtbot: QtBot, window: Ma
     assert window.views.plan.drawing.plot.vb.viewRange()[0][0] == pytest.approx(left)
 
 
-def test_the_loss_is_written_at_each_bounce(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_each_bounce_is_labelled_with_its_loss(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(27)  # bottom, top, bottom
@@ -294,7 +292,7 @@ def test_the_loss_is_written_at_each_bounce(qtbot: QtBot, open_with: OpenWith, r
     assert texts == ["1  −0.4 dB\n3  −0.4 dB", "2  −0.4 dB"]
 
 
-def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open_with: OpenWith, scene: object) -> None:
+def test_without_a_room_an_edit_is_rejected_with_a_message(qtbot: QtBot, open_with: OpenWith, scene: object) -> None:
     window = open_with(scene=replace(scene, room=None, place=None))
     key(qtbot, window, Qt.Key.Key_W)
     drag_in_plan(qtbot, window, (0.1, 0.1), (0.5, 0.5))
@@ -303,24 +301,24 @@ def test_without_a_room_nothing_can_be_changed_and_it_is_said(qtbot: QtBot, open
     assert window.session.shown.scene.room is None
 
 
-def test_the_beam_points_where_the_chosen_reading_looked(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_the_beam_has_the_heading_of_the_chosen_reading(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     for chosen in (27, 5):
         window.session.showing.choose(chosen)
-        (x, y), end = stands(window), window.views.plan.drawing.sensor.handle_at
+        (x, y), end = sensor_position(window), window.views.plan.drawing.sensor.handle_at
         apart = math.atan2(end[1] - y, end[0] - x) - window.session.shown.heading(chosen)
         assert math.remainder(apart, 2 * math.pi) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_reading_chosen_elsewhere_comes_into_sight_unless_a_hand_has_zoomed(
+def test_a_reading_chosen_elsewhere_becomes_visible_unless_the_user_has_zoomed(
     qtbot: QtBot, open_with: OpenWith, recorded: Path
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     plan = window.views.plan.drawing
     drawn = {k: place_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
-    nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(stands(window), drawn[k]))
+    nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(sensor_position(window), drawn[k]))
     box = plan.plot.vb
     for by_hand in (True, False):
         window.session.showing.choose(nearest)
@@ -330,19 +328,19 @@ def test_a_reading_chosen_elsewhere_comes_into_sight_unless_a_hand_has_zoomed(
         assert box.viewRect().contains(QPointF(*drawn[farthest])) is not by_hand
 
 
-def test_what_is_written_at_bounces_covers_neither_another_nor_the_sensor(
+def test_labels_of_bounces_cover_neither_each_other_nor_the_sensor(
     qtbot: QtBot, open_with: OpenWith, recorded: Path
 ) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     box = window.views.plan.drawing.plot.vb
-    sensor = box.mapViewToScene(QPointF(*stands(window)))
+    sensor = box.mapViewToScene(QPointF(*sensor_position(window)))
     most = 0
     for chosen in range(len(window.session.shown.readings)):
         window.session.showing.choose(chosen)
         labels = [label for label in window.views.plan.drawing.path._labels if label.isVisible()]
-        stand = [label.mapRectToScene(label.boundingRect()).adjusted(1, 1, -1, -1) for label in labels]
-        most = max(most, len(stand))
-        assert not any(one.contains(sensor) for one in stand)
-        assert not any(one.intersects(other) for k, one in enumerate(stand) for other in stand[:k])
+        boxes = [label.mapRectToScene(label.boundingRect()).adjusted(1, 1, -1, -1) for label in labels]
+        most = max(most, len(boxes))
+        assert not any(one.contains(sensor) for one in boxes)
+        assert not any(one.intersects(other) for k, one in enumerate(boxes) for other in boxes[:k])
     assert most > 1

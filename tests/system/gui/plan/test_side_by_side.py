@@ -1,4 +1,4 @@
-"""Reality and simulation beside each other: what each shows, and that they move together."""
+"""The view "Side by side": the content of each plan, and their common pan and zoom."""
 
 from pathlib import Path
 
@@ -36,21 +36,21 @@ def turn_wheel(view: PlanDrawing, at: tuple[float, float], notches: int) -> None
     QApplication.sendEvent(view.viewport(), wheel)
 
 
-def test_reality_has_the_measured_and_simulation_the_predicted(window: MainWindow) -> None:
+def test_reality_shows_measured_and_simulation_predicted_ranges(window: MainWindow) -> None:
     reality, simulation = window.views.side_by_side.reality, window.views.side_by_side.simulation
     measured = [len(places) for _, places in reality._marks.placed.values()]
     rows = window.session.shown.rows
     assert sum(measured) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
     assert not simulation._marks.placed
     outline = simulation._outline.getData()[1]
-    heard = window.session.shown.outline.ranges
-    assert np.isfinite(outline).sum() == np.isfinite(heard).sum()
+    predicted_ranges = window.session.shown.outline.ranges
+    assert np.isfinite(outline).sum() == np.isfinite(predicted_ranges).sum()
     assert not len(reality._outline.getData()[1])
     for view in (reality, simulation):
         assert len(view.room._walls.getData()[0]) == 8
 
 
-def test_both_have_one_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
+def test_both_plans_have_common_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
     views = window.views.side_by_side.reality, window.views.side_by_side.simulation
     (left, right), _ = views[0].plot.vb.viewRange()
     turn_wheel(views[1], (0.4, 0.4), 3)
@@ -65,7 +65,7 @@ def test_both_have_one_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
     assert views[0].plot.vb.viewRange()[0] == pytest.approx([left, right], abs=0.01)
 
 
-def test_a_click_in_the_simulation_asks_about_that_heading(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_in_the_simulation_chooses_the_reading_at_that_heading(qtbot: QtBot, window: MainWindow) -> None:
     x, y = window.session.shown.scene.pose.position
     view = window.views.side_by_side.simulation
     click(qtbot, view, view.plot.vb, (x - 0.3, y + 0.02))
@@ -73,7 +73,7 @@ def test_a_click_in_the_simulation_asks_about_that_heading(qtbot: QtBot, window:
     assert "at 180.0°" in window.sentence.text()
 
 
-def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_sensor_dragged_in_one_plan_moves_in_both(qtbot: QtBot, window: MainWindow) -> None:
     views = window.views.side_by_side.reality, window.views.side_by_side.simulation
     start = window.session.shown.scene.pose.position
     drag(qtbot, views[1], views[1].plot.vb, start, (0.5, 0.3))
@@ -82,7 +82,7 @@ def test_the_sensor_dragged_in_one_moves_in_both(qtbot: QtBot, window: MainWindo
         assert view.sensor._sensor.getData()[0][0] == pytest.approx(0.5, abs=0.005)
 
 
-def test_labels_of_places_that_lie_close_stand_clear_of_each_other(window: MainWindow) -> None:
+def test_labels_of_close_places_do_not_overlap(window: MainWindow) -> None:
     plan = window.views.side_by_side.simulation
     x, y = plan.shown.scene.pose.position
     labels, taken = plan.path._labels[:3], []
@@ -90,5 +90,5 @@ def test_labels_of_places_that_lie_close_stand_clear_of_each_other(window: MainW
         label.setText("1  −14.1 dB")
         label.setVisible(True)
         _set_beside(label, np.array((x + 0.01 * k, y)), taken)
-    stand = [label.mapRectToDevice(label.boundingRect()) for label in labels]
-    assert not any(one.intersects(other) for k, one in enumerate(stand) for other in stand[:k])
+    boxes = [label.mapRectToDevice(label.boundingRect()) for label in labels]
+    assert not any(one.intersects(other) for k, one in enumerate(boxes) for other in boxes[:k])

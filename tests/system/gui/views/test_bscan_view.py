@@ -1,4 +1,4 @@
-"""The B-scan as a person uses it: choose panes, point, click a heading; honest where nothing was recorded."""
+"""The B-scan view: panes, linked cursor, clicks, and notes about missing traces and predictions."""
 
 import math
 from dataclasses import replace
@@ -30,11 +30,11 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     qtbot.keyClick(window, Qt.Key.Key_3)
-    until(qtbot, lambda: worked_out(window))
+    until(qtbot, lambda: computed(window))
     return window
 
 
-def worked_out(window: MainWindow) -> bool:
+def computed(window: MainWindow) -> bool:
     bscan = window.session.shown.bscan
     return bscan is not None and bscan.rows.done == 1 and bscan.settings == window.views.bscan.settings
 
@@ -51,7 +51,7 @@ def test_a_click_on_a_heading_chooses_its_reading(qtbot: QtBot, window: MainWind
     assert "at 270.0°" in window.sentence.text()
 
 
-def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_meanwhile(
+def test_hidden_views_are_created_when_first_visible_with_the_current_settings(
     qtbot: QtBot, open_with: OpenWith, recorded: Path
 ) -> None:
     window = open_with(source=read_log(recorded))
@@ -62,23 +62,23 @@ def test_a_window_makes_what_is_seen_at_its_start_and_the_rest_as_it_was_chosen_
     window.views.bscan.polar.trigger()
     window.views.bscan.choices.actions()[1].trigger()
     qtbot.keyClick(window, Qt.Key.Key_3)
-    until(qtbot, lambda: worked_out(window))
+    until(qtbot, lambda: computed(window))
     assert list(window.views.bscan.panes) == [Pane.PREDICTED]
     assert window.session.shown.bscan.settings.polar
     qtbot.keyClick(window, Qt.Key.Key_2)
     assert len(window.findChildren(PlanDrawing)) == 3
 
 
-def test_in_a_polar_image_a_click_means_the_direction_from_the_place(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_in_a_polar_image_chooses_the_direction_from_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_O)
-    until(qtbot, lambda: window.views.bscan.settings.polar and worked_out(window))
+    until(qtbot, lambda: window.views.bscan.settings.polar and computed(window))
     x, y = window.session.shown.scene.pose.position
     where = at(window, Pane.MEASURED, x + 0.5 * math.cos(2.1), y + 0.5 * math.sin(2.1))
     qtbot.mouseClick(window.views.bscan.canvas.viewport(), Qt.MouseButton.LeftButton, pos=where)
     assert window.session.shown.chosen == 12  # 2.1 rad are 120.3°
 
 
-def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_mouse_links_the_cursor_of_every_view(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.mouseMove(window.views.bscan.canvas.viewport(), at(window, Pane.MEASURED, 90, 0.6))
     until(qtbot, lambda: window.session.shown.cursor is not None)
     until(qtbot, lambda: abs(window.session.shown.cursor.range - 0.6) < 0.02)
@@ -92,7 +92,7 @@ def test_where_the_mouse_points_is_shown_in_every_view(qtbot: QtBot, window: Mai
 
 def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and worked_out(window))
+    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and computed(window))
     window.session.showing.point_at(Cursor(math.radians(45.0), 0.7))
     for pane in window.views.bscan.panes.values():
         until(qtbot, lambda pane=pane: len(pane._cursor.getData()[0]) > 0)
@@ -100,9 +100,9 @@ def test_the_cursor_of_another_view_is_drawn_in_every_pane(qtbot: QtBot, window:
         assert (x[0], y[0]) == pytest.approx((45.0, 0.7))
 
 
-def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_three_panes_have_common_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_F4, Qt.KeyboardModifier.ShiftModifier)
-    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and worked_out(window))
+    until(qtbot, lambda: len(window.views.bscan.settings.panes) == len(Pane) and computed(window))
     window.views.bscan.panes[Pane.PREDICTED].plot.vb.setRange(xRange=(30, 60), yRange=(0.2, 0.8), padding=0)
     for pane in window.views.bscan.panes.values():
         np.testing.assert_allclose(pane.plot.vb.viewRange(), [[30, 60], [0.2, 0.8]])
@@ -112,25 +112,25 @@ def test_the_three_panes_have_one_zoom(qtbot: QtBot, window: MainWindow) -> None
     assert top == pytest.approx(window.session.shown.bscan.rows.cells.reach)
 
 
-def test_nothing_is_worked_out_while_nobody_looks(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_hidden_bscan_is_not_computed(qtbot: QtBot, window: MainWindow) -> None:
     qtbot.keyClick(window, Qt.Key.Key_1)
     before = window.session.shown.bscan
     window.session.showing.set_place("figure7")
     until(qtbot, lambda: predicted(window))
     assert window.session.shown.bscan is before
     qtbot.keyClick(window, Qt.Key.Key_3)
-    until(qtbot, lambda: window.session.shown.bscan is not before and worked_out(window))
+    until(qtbot, lambda: window.session.shown.bscan is not before and computed(window))
 
 
 def test_a_live_scan_fills_the_bscan_heading_by_heading(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"))
     qtbot.keyClick(window, Qt.Key.Key_3)
     window.commands.scan.trigger()
-    until(qtbot, lambda: ended(window) and predicted(window) and worked_out(window))
+    until(qtbot, lambda: ended(window) and predicted(window) and computed(window))
     until(qtbot, lambda: len(window.session.shown.bscan.measured.headings) == ORDER.readings)
     angles = np.sort([reading.angle for reading in window.session.shown.readings])
     np.testing.assert_allclose(window.session.shown.bscan.measured.headings, angles, atol=0.5 * SAME_HEADING)
-    # the fake's room is the predicted one: but for its noise they agree
+    # the fake's room is the predicted room, so both agree except for noise
     bscan = window.session.shown.bscan
     apart = difference(bscan.measured, bscan.predicted, window.session.shown.scene.board.threshold_db).levels
     assert np.nanmean(np.abs(apart) < 3.0) > 0.95
@@ -146,7 +146,7 @@ def view(qtbot: QtBot) -> BScanView:
     return view
 
 
-def test_a_log_without_traces_says_so(view: BScanView, scene: Scene) -> None:
+def test_a_log_without_traces_is_reported(view: BScanView, scene: Scene) -> None:
     readings = tuple(Reading(k, 0, 0, math.radians(10 * k), 0.1 * k, (0.003,), 343.2) for k in range(36))
     answer = BScanRequest(1, scene, readings, None, view.settings, LIGHT, None).answer()
     view.show_state(Shown(scene, readings=readings, chosen=3, bscan=answer))
@@ -156,7 +156,7 @@ def test_a_log_without_traces_says_so(view: BScanView, scene: Scene) -> None:
     assert len(marked) == 36
 
 
-def test_before_anything_is_worked_out_the_view_says_so(view: BScanView, scene: Scene) -> None:
+def test_the_view_reports_a_pending_image(view: BScanView, scene: Scene) -> None:
     view.show_state(Shown(scene))
     assert "computing …" in view.note.text()
 

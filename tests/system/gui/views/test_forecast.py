@@ -1,4 +1,4 @@
-"""The prediction behind the window, without a window: newest first, stale dropped, as good as the slow way."""
+"""The prediction of the window, without a window: newest request first, stale answers dropped, same results."""
 
 import threading
 from collections.abc import Iterator
@@ -62,7 +62,7 @@ def taken(qtbot: QtBot, worker: Worker, count: int) -> list[Any]:
     return answers
 
 
-def test_of_the_requests_that_wait_the_newest_is_answered(qtbot: QtBot, worker: Worker) -> None:
+def test_only_the_newest_waiting_request_is_answered(qtbot: QtBot, worker: Worker) -> None:
     gate, begun = threading.Event(), threading.Event()
     worker.submit(Waiting(gate, begun))
     assert begun.wait(HANG)
@@ -72,7 +72,7 @@ def test_of_the_requests_that_wait_the_newest_is_answered(qtbot: QtBot, worker: 
     assert taken(qtbot, worker, 2) == ["waited", "new"]
 
 
-def test_a_failed_request_is_an_answer_too_and_the_next_is_met(qtbot: QtBot, worker: Worker) -> None:
+def test_a_failed_request_is_answered_and_the_next_one_works(qtbot: QtBot, worker: Worker) -> None:
     worker.submit(Echoed(InputError("no such thing")))
     (failure,) = taken(qtbot, worker, 1)
     assert isinstance(failure, Failure)
@@ -81,7 +81,7 @@ def test_a_failed_request_is_an_answer_too_and_the_next_is_met(qtbot: QtBot, wor
     assert taken(qtbot, worker, 1) == ["next"]
 
 
-def test_a_defect_is_raised_and_not_told_as_a_message(qtbot: QtBot, worker: Worker) -> None:
+def test_a_defect_is_raised_instead_of_becoming_a_message(qtbot: QtBot, worker: Worker) -> None:
     worker.submit(Echoed(ZeroDivisionError("defect")))
     (failure,) = taken(qtbot, worker, 1)
     with pytest.raises(ZeroDivisionError):
@@ -103,7 +103,7 @@ def finished(qtbot: QtBot, forecast: Forecast) -> None:
     until(qtbot, settled)
 
 
-def test_answers_for_another_scene_or_scan_are_dropped(
+def test_answers_of_another_scene_or_scan_are_dropped(
     qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
 ) -> None:
     readings = read_log(recorded).readings
@@ -120,7 +120,7 @@ def test_answers_for_another_scene_or_scan_are_dropped(
     assert forecast.compared is compared
 
 
-def test_a_scene_changed_at_once_leaves_no_trace_of_the_first(qtbot: QtBot, forecast: Forecast, scene: Scene) -> None:
+def test_an_immediately_replaced_scene_is_not_predicted(qtbot: QtBot, forecast: Forecast, scene: Scene) -> None:
     elsewhere = replace(scene, place=scene.room.place("figure7"))
     forecast.set_scene(scene)
     forecast.set_scene(elsewhere)
@@ -128,7 +128,7 @@ def test_a_scene_changed_at_once_leaves_no_trace_of_the_first(qtbot: QtBot, fore
     assert forecast.outline.place.name == "figure7"
 
 
-def test_a_new_scan_forgets_the_comparison_of_the_one_before(
+def test_a_new_scan_drops_the_comparison_of_the_last_one(
     qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
 ) -> None:
     forecast.set_scene(scene)
@@ -139,10 +139,10 @@ def test_a_new_scan_forgets_the_comparison_of_the_one_before(
     assert forecast.compared is None
 
 
-def test_what_the_window_compares_is_what_the_command_compares(
+def test_the_window_and_the_command_compare_alike(
     qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
 ) -> None:
-    """The paths that no heading hears are left out; classes, ranges and explanations are the same."""
+    """Paths not detected at any heading are left out; classes, ranges and explanations are the same."""
     readings = read_log(recorded).readings
     forecast.set_scene(scene)
     forecast.follow(readings)
@@ -156,7 +156,7 @@ def test_what_the_window_compares_is_what_the_command_compares(
     assert len(fast.prediction.paths) <= len(slow.prediction.paths)
 
 
-def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
+def test_a_draft_has_fewer_bounces_than_the_full_prediction(scene: Scene) -> None:
     draft = PathsRequest(1, scene, Effort(2, 720, 36).limit(scene.options)).answer()
     whole = PathsRequest(1, scene, scene.options).answer()
     assert isinstance(draft, PathsFound)
@@ -164,11 +164,11 @@ def test_a_draft_has_few_bounces_and_the_rest_follows(scene: Scene) -> None:
     assert not whole.draft
     assert draft.paths.bounces.max() <= 2
     assert len(whole.paths) > len(draft.paths)
-    heard = ~np.isnan(whole.outline.ranges)
-    assert heard.sum() >= (~np.isnan(draft.outline.ranges)).sum()
+    known = ~np.isnan(whole.outline.ranges)
+    assert known.sum() >= (~np.isnan(draft.outline.ranges)).sum()
 
 
-def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
+def test_no_path_detectable_at_any_heading_is_left_out(scene: Scene) -> None:
     kept = PathsRequest(1, scene, scene.options).answer().paths
     headings = np.radians(np.arange(0.25, 360.0, 0.5))  # beside those of the outline
     everything = predict_scan(scene.room, scene.pose, scene.board, headings)
@@ -178,7 +178,7 @@ def test_no_path_that_is_loud_at_any_heading_is_left_out(scene: Scene) -> None:
 
 
 class Clock:
-    """Stands still until it is told the time."""
+    """A clock that the test sets."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -192,9 +192,7 @@ def moved(scene: Scene, by: float) -> Scene:
     return replace(scene, place=replace(scene.place, position=(x - by, y)))
 
 
-def test_while_a_hand_moves_the_sensor_there_are_drafts_and_the_rest_comes_when_it_stands_still(
-    qtbot: QtBot, scene: Scene
-) -> None:
+def test_a_moving_sensor_gets_drafts_and_a_resting_one_the_full_prediction(qtbot: QtBot, scene: Scene) -> None:
     clock = Clock()
     forecast = Forecast(clock)
     forecast.change_scene(moved(scene, 0.1), moving=True)
@@ -211,9 +209,7 @@ def test_while_a_hand_moves_the_sensor_there_are_drafts_and_the_rest_comes_when_
     forecast.close()
 
 
-def test_a_draft_that_comes_while_the_hand_is_further_on_is_shown_and_an_older_one_never_after_a_newer(
-    qtbot: QtBot, forecast: Forecast, scene: Scene
-) -> None:
+def test_a_late_draft_is_shown_but_never_after_a_newer_one(qtbot: QtBot, forecast: Forecast, scene: Scene) -> None:
     forecast.set_scene(scene)
     finished(qtbot, forecast)
     answers = [
@@ -226,7 +222,7 @@ def test_a_draft_that_comes_while_the_hand_is_further_on_is_shown_and_an_older_o
         assert forecast.outline is shown.outline
 
 
-def test_what_was_known_stands_until_the_changed_scene_is_predicted(
+def test_the_old_prediction_stays_until_the_changed_scene_is_predicted(
     qtbot: QtBot, forecast: Forecast, scene: Scene, recorded: Path
 ) -> None:
     forecast.set_scene(scene)
@@ -241,7 +237,7 @@ def test_what_was_known_stands_until_the_changed_scene_is_predicted(
     assert forecast.compared.comparison.prediction.place.position == moved(scene, 0.1).place.position
 
 
-def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notice_and_until_the_new_ones_come(
+def test_old_values_become_outdated_after_a_delay_until_the_new_ones_arrive(
     qtbot: QtBot, scene: Scene, recorded: Path
 ) -> None:
     clock = Clock()
@@ -250,41 +246,39 @@ def test_figures_of_the_scene_before_are_known_as_such_once_somebody_could_notic
     forecast.follow(read_log(recorded).readings)
     finished(qtbot, forecast)
     gate, begun = threading.Event(), threading.Event()
-    forecast._comparer.submit(Waiting(gate, begun))  # so that nothing comes
+    forecast._comparer.submit(Waiting(gate, begun))  # blocks the comparison
     assert begun.wait(HANG)
     forecast.change_scene(moved(scene, 0.1))
-    for now, behind in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
+    for now, outdated in ((0.0, False), (0.9 * LATE, False), (LATE, True), (0.0, True)):
         clock.now = now
         forecast.take()
-        assert forecast.outdated is behind
+        assert forecast.outdated is outdated
     gate.set()
     finished(qtbot, forecast)
     assert not forecast.outdated
     forecast.close()
 
 
-@pytest.mark.parametrize(("late", "behind"), [(0.5 * LATE, False), (LATE, True)])
-def test_figures_that_follow_a_moving_hand_are_behind_when_they_come_late_and_then_until_it_rests(
-    scene: Scene, recorded: Path, late: float, behind: bool
-) -> None:
+@pytest.mark.parametrize(("late", "outdated"), [(0.5 * LATE, False), (LATE, True)])
+def test_late_drafts_of_a_moving_sensor_are_outdated(scene: Scene, recorded: Path, late: float, outdated: bool) -> None:
     clock = Clock()
     forecast = Forecast(clock)
     readings = read_log(recorded).readings[:3]
     found = PathsRequest(1, scene, Effort(1, 720, 36).limit(scene.options)).answer()
     forecast.set_scene(scene)
-    said = []
-    for generation in range(2, 12):  # a hand that moves again as soon as the draft of its last move has come
+    observed = []
+    for generation in range(2, 12):  # the sensor moves again as soon as the last draft has arrived
         forecast.change_scene(moved(scene, 0.001 * generation), moving=True)
         clock.now += late
         compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
         forecast._take_in(compared.answer())
         forecast._update_outdated()
-        said.append(forecast.outdated)
-    assert said == [behind] * len(said)
+        observed.append(forecast.outdated)
+    assert observed == [outdated] * len(observed)
     forecast.close()
 
 
-def test_slow_drafts_become_shallow_and_quick_ones_deep() -> None:
+def test_slow_drafts_get_fewer_bounces_and_fast_ones_more() -> None:
     choice = EffortChoice()
     usual = choice.effort
     choice.took(0.1)

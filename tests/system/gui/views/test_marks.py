@@ -1,4 +1,4 @@
-"""The marks of a view: what is drawn of a scan that grows is what would be drawn of it at once."""
+"""The marks of a view: drawing a growing scan step by step equals drawing it at once."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -14,7 +14,7 @@ def _placed(*readings: int, shift: float = 0.0) -> Placed:
     return ClassPoints(readings, along, along), np.column_stack((along + shift, along))
 
 
-def test_marks_follow_readings_that_come_move_and_go(qtbot: QtBot) -> None:
+def test_marks_follow_added_moved_and_removed_readings(qtbot: QtBot) -> None:
     plot = pg.PlotWidget()
     qtbot.addWidget(plot)
     marks = ReadingMarks(plot.plotItem, str)

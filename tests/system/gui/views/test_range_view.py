@@ -1,4 +1,4 @@
-"""Range against heading with the residuals below: one heading axis, units on both, clicks and the linked cursor."""
+"""The view of ranges and residuals over heading: common heading axis, units, clicks and the linked cursor."""
 
 import math
 from dataclasses import replace
@@ -43,7 +43,7 @@ def view(qtbot: QtBot, shown: Shown) -> RangeView:
     return view
 
 
-def test_residuals_are_measured_less_predicted_and_kept_on_the_plot(view: RangeView, shown: Shown) -> None:
+def test_residuals_are_measured_minus_predicted_and_clipped_to_the_scale(view: RangeView, shown: Shown) -> None:
     for row in shown.compared.comparison.rows:
         if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
             heading, residual = place_of(view._marks[1], row.index)
@@ -51,13 +51,13 @@ def test_residuals_are_measured_less_predicted_and_kept_on_the_plot(view: RangeV
             assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
 
 
-def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how_far_off_it_is(
+def test_a_residual_beyond_the_scale_is_an_arrow_with_its_value_in_the_tooltip(
     qtbot: QtBot, view: RangeView, shown: Shown
 ) -> None:
-    heard = (shown.row(0).predicted, None, shown.row(2).predicted + 0.4, shown.row(3).predicted - 0.2)
+    ranges = (shown.row(0).predicted, None, shown.row(2).predicted + 0.4, shown.row(3).predicted - 0.2)
     readings = tuple(
         replace(reading, echo_times=() if far is None else (2 * far / SPEED,))
-        for reading, far in zip(shown.readings, heard, strict=True)
+        for reading, far in zip(shown.readings, ranges, strict=True)
     )
     room = shown.scene
     comparison = compare_readings(readings, room.room, room.pose, room.board)
@@ -70,14 +70,14 @@ def test_what_is_off_the_scale_is_an_arrow_at_its_edge_and_says_under_a_hand_how
     at = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(180, 0.25)))
     for pixel in (at - QPoint(40, 40), at):
         qtbot.mouseMove(view.viewport(), pixel)
-        qtbot.wait(15)  # pyqtgraph takes a hundred moves a second
+        qtbot.wait(15)  # pyqtgraph handles 100 moves per second
     until(qtbot, lambda: "residual +400 mm" in view.residuals.vb.toolTip())
     view.show_state(replace(shown, compared=None))
     assert not view.beyond[Kind.LONG].isVisible()
 
 
 def colour_at(view: RangeView, at: tuple[float, float]) -> str:
-    """What is seen at a point of the residuals."""
+    """Return the colour at a point of the residuals."""
     pixel = view.mapFromScene(view.residuals.vb.mapViewToScene(QPointF(*at)))
     return view.grab().toImage().pixelColor(pixel).name()
 
@@ -88,7 +88,7 @@ def test_both_plots_share_their_headings(view: RangeView) -> None:
 
 
 @pytest.mark.parametrize(("unit", "small"), [(LengthUnit.M, "mm"), (LengthUnit.CM, "cm"), (LengthUnit.FT, "in")])
-def test_residuals_are_read_in_the_small_unit(view: RangeView, shown: Shown, unit: LengthUnit, small: str) -> None:
+def test_residuals_have_the_smaller_unit(view: RangeView, shown: Shown, unit: LengthUnit, small: str) -> None:
     view.show_state(replace(shown, look=Look(unit=unit)))
     assert view.ranges.getAxis("left").labelText == f"range ({unit.label})"
     assert view.residuals.getAxis("left").labelText == f"residual ({small})"
@@ -101,19 +101,19 @@ def test_a_click_in_the_residuals_picks_the_nearest_reading(qtbot: QtBot, view: 
     assert picked.args == [1]
 
 
-def test_a_hand_points_at_heading_and_range_and_at_nothing_outside(qtbot: QtBot, view: RangeView) -> None:
-    told: list[Cursor | None] = []
-    view.gestures.pointed.connect(told.append)
+def test_the_mouse_points_at_heading_and_range_inside_the_plots_only(qtbot: QtBot, view: RangeView) -> None:
+    cursors: list[Cursor | None] = []
+    view.gestures.pointed.connect(cursors.append)
     view.scene().sigMouseMoved.emit(view.ranges.vb.mapViewToScene(QPointF(180.0, 0.7)))
-    assert told[-1].heading == pytest.approx(math.pi)
-    assert told[-1].range == pytest.approx(0.7)
+    assert cursors[-1].heading == pytest.approx(math.pi)
+    assert cursors[-1].range == pytest.approx(0.7)
     view.scene().sigMouseMoved.emit(view.residuals.vb.mapViewToScene(QPointF(170.0, 0.0)))
-    assert told[-1].range == pytest.approx(0.9)  # of the reading at 180°
+    assert cursors[-1].range == pytest.approx(0.9)  # of the reading at 180°
     view.scene().sigMouseMoved.emit(QPointF(2.0, 2.0))
-    assert told[-1] is None
+    assert cursors[-1] is None
 
 
-def test_what_is_pointed_at_elsewhere_is_a_cross_here(view: RangeView, shown: Shown) -> None:
+def test_the_cursor_of_another_view_is_a_cross(view: RangeView, shown: Shown) -> None:
     view.show_state(replace(shown, cursor=Cursor(-math.pi / 2, 0.6)))
     assert [line.value() for line in view._pointer] == pytest.approx([270, 270, 0.6])
     assert all(line.isVisible() for line in view._pointer)

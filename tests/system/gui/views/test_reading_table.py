@@ -1,4 +1,4 @@
-"""The table of readings: sorted by number, filtered by class and word, followed and picked with mouse and keys."""
+"""The table of readings: sorting, filters by class and text, copying, selection with mouse and keys."""
 
 import csv
 import io
@@ -34,12 +34,12 @@ LONG = 36_000  # readings of an hour
 
 @pytest.fixture(scope="session")
 def readings(recorded: Path) -> tuple[Reading, ...]:
-    """A scan in which one reading is silent, one short, one long."""
-    heard = list(read_log(recorded).readings)
-    heard[3] = replace(heard[3], echo_times=())
-    heard[5] = replace(heard[5], echo_times=(heard[5].echo_times[0] * 0.7,))
-    heard[7] = replace(heard[7], echo_times=(heard[7].echo_times[0] * 1.4,))
-    return tuple(heard)
+    """Return a scan with one missed, one short and one long reading."""
+    changed = list(read_log(recorded).readings)
+    changed[3] = replace(changed[3], echo_times=())
+    changed[5] = replace(changed[5], echo_times=(changed[5].echo_times[0] * 0.7,))
+    changed[7] = replace(changed[7], echo_times=(changed[7].echo_times[0] * 1.4,))
+    return tuple(changed)
 
 
 @pytest.fixture(scope="session")
@@ -77,7 +77,7 @@ def click_header(qtbot: QtBot, table: TableView, column: Column) -> None:
 # the rows
 
 
-def test_rows_say_what_was_measured_predicted_and_left_between_them(shown: Shown) -> None:
+def test_rows_have_measured_range_residual_class_and_path(shown: Shown) -> None:
     rows = shown.rows
     for index, row in enumerate(shown.compared.comparison.rows):
         assert rows.measured[index] == pytest.approx(math.nan if row.measured is None else row.measured, nan_ok=True)
@@ -86,10 +86,10 @@ def test_rows_say_what_was_measured_predicted_and_left_between_them(shown: Shown
     assert rows.path(27) == "bottom>top>bottom"
     missed = CLASSES.index(Kind.MISSED)
     assert rows.classes[3] == missed
-    assert rows.path(3) != ""  # the one that was expected
+    assert rows.path(3) != ""  # the predicted path
 
 
-def test_rows_of_a_growing_and_shrinking_scan_are_those_made_afresh(shown: Shown) -> None:
+def test_rows_of_a_growing_or_shrinking_scan_equal_newly_built_ones(shown: Shown) -> None:
     rows = NO_ROWS
     for count in (3, 20, 36, 5, 0, 36):
         part = replace(shown, readings=shown.readings[:count])
@@ -99,7 +99,7 @@ def test_rows_of_a_growing_and_shrinking_scan_are_those_made_afresh(shown: Shown
             assert getattr(rows, name).tolist() == pytest.approx(getattr(afresh, name).tolist(), nan_ok=True), name
 
 
-def test_what_a_replay_has_gone_back_over_is_still_known_and_another_scan_is_not_kept(shown: Shown) -> None:
+def test_a_replay_that_steps_back_keeps_its_rows_and_another_scan_does_not(shown: Shown) -> None:
     whole = shown.rows
     back = replace(shown, readings=shown.readings[:4], earlier=whole)
     assert back.known_rows is whole
@@ -116,7 +116,7 @@ values = st.one_of(st.just(math.nan), st.floats(-5, 5))
     st.booleans(),
     st.sampled_from((Column.MEASURED, Column.CLASS, Column.HEADING, Column.NUMBER)),
 )
-def test_sorting_is_pythons_own_with_empty_cells_last(
+def test_sorting_agrees_with_python_and_puts_empty_cells_last(
     cells: list[tuple[float, int]], descending: bool, column: Column
 ) -> None:
     rows = _rows_with(cells)
@@ -140,7 +140,7 @@ def _rows_with(cells: list[tuple[float, int]]) -> ReadingRows:
     return ReadingRows((None,) * len(cells), zeros, np.nan_to_num(lengths), lengths, zeros, kinds, kinds * 0 - 1, ())
 
 
-def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
+def test_filtered_rows_contain_every_word_of_the_filter(shown: Shown) -> None:
     rows = shown.rows
     top = order_of(rows, RowQuery(text="top")).tolist()
     assert top == [k for k in range(len(rows)) if "top" in rows.path(k)]
@@ -149,13 +149,13 @@ def test_every_word_of_the_filter_stands_in_the_row(shown: Shown) -> None:
     assert order_of(rows, RowQuery(text="nothing like it")).tolist() == []
 
 
-def test_csv_is_in_metres_and_degrees_whatever_the_look(table: TableView, shown: Shown) -> None:
+def test_csv_is_in_metres_and_degrees_with_any_look(table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, look=Look(unit=LengthUnit.FT)))
     table.copy_rows()
     text = QGuiApplication.clipboard().text()
     assert text == rows_as_csv(shown.rows, range(COUNT), shown.sentence_of)
-    told = list(csv.DictReader(io.StringIO(text)))
-    first, silent = told[27], told[3]
+    copied = list(csv.DictReader(io.StringIO(text)))
+    first, silent = copied[27], copied[3]
     assert (first["heading_deg"], first["class"], first["path"]) == ("270.0000", "match", "bottom>top>bottom")
     assert float(first["measured_m"]) == pytest.approx(shown.readings[27].range, abs=1e-4)
     assert first["sentence"] == shown.sentence_of(27)
@@ -172,7 +172,7 @@ def test_a_click_on_a_column_sorts_by_number_not_by_text(qtbot: QtBot, table: Ta
     assert headings == sorted(headings, reverse=True)
 
 
-def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: TableView) -> None:
+def test_the_button_of_a_class_hides_and_shows_it(qtbot: QtBot, table: TableView) -> None:
     button = table.classes[Kind.MATCH]
     matches = table.model.rows.counts()[Kind.MATCH]
     assert button.text() == str(matches)
@@ -183,14 +183,14 @@ def test_a_class_is_hidden_and_shown_again_with_its_button(qtbot: QtBot, table: 
     assert len(listed(table)) == COUNT
 
 
-def test_words_filter_while_they_are_typed(qtbot: QtBot, table: TableView) -> None:
+def test_typed_words_filter_at_once(qtbot: QtBot, table: TableView) -> None:
     qtbot.keyClicks(table.words, "270")
     assert listed(table) == ["27"]
     table.words.clear()
     assert len(listed(table)) == COUNT
 
 
-def test_a_click_picks_the_reading_of_that_row_however_it_is_sorted(qtbot: QtBot, table: TableView) -> None:
+def test_a_click_in_a_sorted_table_picks_the_reading_of_that_row(qtbot: QtBot, table: TableView) -> None:
     click_header(qtbot, table, Column.HEADING)
     click_header(qtbot, table, Column.HEADING)
     table.view.scrollToTop()
@@ -205,7 +205,7 @@ def test_up_and_down_pick_the_next_row(qtbot: QtBot, table: TableView) -> None:
     assert picked.args == [COUNT - 2]
 
 
-def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
+def test_the_chosen_reading_is_selected_and_visible_without_picking(
     qtbot: QtBot, table: TableView, shown: Shown
 ) -> None:
     with qtbot.assertNotEmitted(table.gestures.picked):
@@ -214,9 +214,7 @@ def test_the_chosen_reading_is_selected_and_in_sight_and_nobody_has_picked_it(
     assert table.view.viewport().rect().intersects(table.view.visualRect(table.model.index(4, 0)))
 
 
-def test_the_chosen_reading_stays_in_sight_when_the_table_is_made_smaller(
-    qtbot: QtBot, table: TableView, shown: Shown
-) -> None:
+def test_the_chosen_reading_stays_visible_when_the_table_shrinks(qtbot: QtBot, table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, chosen=20))
     table.resize(900, 110)
     chosen = table.view.currentIndex()
@@ -236,7 +234,7 @@ def test_a_growing_scan_is_followed_without_picking(qtbot: QtBot, shown: Shown) 
     assert listed(table) == [str(k) for k in range(5)]
 
 
-def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, table: TableView) -> None:
+def test_copy_takes_the_selected_rows_or_all_listed_ones(qtbot: QtBot, table: TableView) -> None:
     table.words.setText("match")
     qtbot.mouseClick(table.copy, Qt.MouseButton.LeftButton)
     copied = list(csv.DictReader(io.StringIO(QGuiApplication.clipboard().text())))
@@ -250,9 +248,7 @@ def test_copy_takes_the_selected_rows_or_else_all_that_are_listed(qtbot: QtBot, 
     assert [row["number"] for row in copied] == listed(table)[:3]
 
 
-def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_not(
-    table: TableView, shown: Shown
-) -> None:
+def test_outdated_predicted_values_are_grey_and_measured_values_are_not(table: TableView, shown: Shown) -> None:
     def inks() -> list[str]:
         cells = [table.model.index(0, column) for column in Column]
         brushes = [table.model.data(cell, Qt.ItemDataRole.ForegroundRole) for cell in cells]
@@ -276,7 +272,7 @@ def test_what_belongs_to_the_prediction_before_is_grey_and_what_was_measured_is_
         (870, LengthUnit.M, set()),  # on a large one
     ],
 )
-def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_aside(
+def test_only_paths_and_sentences_are_cut_off_without_horizontal_scrolling(
     qtbot: QtBot, table: TableView, shown: Shown, width: int, unit: LengthUnit, left_out: set[Column]
 ) -> None:
     table.show_state(replace(shown, look=Look(unit=unit)))
@@ -297,7 +293,7 @@ def test_nothing_but_paths_and_sentences_is_cut_off_and_there_is_no_scrolling_as
         assert max(map(view.fontMetrics().horizontalAdvance, listed(table, column))) + mark <= room
 
 
-def test_a_class_that_only_readings_without_a_room_have_is_read_whole(table: TableView, shown: Shown) -> None:
+def test_the_class_of_readings_without_a_room_is_not_cut_off(table: TableView, shown: Shown) -> None:
     table.show_state(replace(shown, scene=replace(shown.scene, room=None), compared=None))
     word = table.view.fontMetrics().horizontalAdvance("measured")
     assert table.view.columnWidth(Column.CLASS) >= word + 20 + 8
@@ -320,12 +316,12 @@ def test_readings_that_are_not_compared_are_listed_as_measured(qtbot: QtBot, sho
     assert table.classes[Unclassed.MEASURED].text() == f"measured {COUNT}"
 
 
-def test_sentences_are_only_made_for_rows_that_are_seen(
+def test_sentences_are_computed_only_for_visible_rows(
     qtbot: QtBot, shown: Shown, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: set[int] = set()
+    computed: set[int] = set()
     explain = Shown.sentence_of
-    monkeypatch.setattr(Shown, "sentence_of", lambda shown, index: asked.add(index) or explain(shown, index))
+    monkeypatch.setattr(Shown, "sentence_of", lambda shown, index: computed.add(index) or explain(shown, index))
     table = TableView()
     qtbot.addWidget(table)
     table.resize(1400, 300)
@@ -334,4 +330,4 @@ def test_sentences_are_only_made_for_rows_that_are_seen(
     with qtbot.waitExposed(table, timeout=PATIENCE):
         table.show()
     table.view.viewport().repaint()
-    assert 0 < len(asked) < 100
+    assert 0 < len(computed) < 100

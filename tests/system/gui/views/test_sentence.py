@@ -1,4 +1,4 @@
-"""The sentence: wrapped, ended by … and whole in the tooltip where it does not fit, never cut."""
+"""The sentence: wrapped to two lines; a longer one ends in … and is complete in the tooltip."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def lines_of(sentence: Sentence) -> int:
     return count
 
 
-def test_what_does_not_fit_ends_in_an_ellipsis_and_is_whole_in_the_tooltip(sentence: Sentence) -> None:
+def test_a_sentence_that_does_not_fit_ends_in_an_ellipsis_and_is_complete_in_the_tooltip(sentence: Sentence) -> None:
     assert sentence.text().endswith("…")
     assert LONG.startswith(sentence.text()[:-1])
     assert sentence.toolTip() == LONG
@@ -44,7 +44,7 @@ def test_what_does_not_fit_ends_in_an_ellipsis_and_is_whole_in_the_tooltip(sente
     assert 2 * QFontMetricsF(sentence.font()).lineSpacing() <= sentence.height()
 
 
-def test_in_a_wider_window_more_of_it_is_seen(qtbot: QtBot, sentence: Sentence) -> None:
+def test_a_wider_window_shows_more_of_the_sentence(qtbot: QtBot, sentence: Sentence) -> None:
     before = len(sentence.text())
     with qtbot.waitExposed(sentence, timeout=PATIENCE):
         sentence.show()
@@ -54,7 +54,7 @@ def test_in_a_wider_window_more_of_it_is_seen(qtbot: QtBot, sentence: Sentence) 
     assert (sentence.text(), sentence.toolTip()) == (LONG, "")
 
 
-def test_larger_text_takes_more_room_and_is_not_cut(sentence: Sentence, scene: Scene) -> None:
+def test_larger_text_increases_the_height_and_is_not_cut_off(sentence: Sentence, scene: Scene) -> None:
     before = sentence.height(), len(sentence.text())
     sentence.show_state(Shown(scene, look=replace(Look(), scale=2.0)))
     assert sentence.height() > before[0]
@@ -63,10 +63,10 @@ def test_larger_text_takes_more_room_and_is_not_cut(sentence: Sentence, scene: S
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.0, 1.3, 1.6, 2.0])
-def test_two_lines_have_room_down_to_their_descenders(sentence: Sentence, scene: Scene, scale: float) -> None:
+def test_two_lines_fit_with_their_descenders(sentence: Sentence, scene: Scene, scale: float) -> None:
     sentence.show_state(Shown(scene, look=replace(Look(), scale=scale)))
     assert sentence.heightForWidth(sentence.width()) <= sentence.height()
 
 
-def test_a_short_sentence_stays_as_it_is(sentence: Sentence) -> None:
+def test_a_short_sentence_is_not_changed(sentence: Sentence) -> None:
     assert shortened_to_lines("0.827 m at 270.0°", sentence.font(), 500, 2) == "0.827 m at 270.0°"

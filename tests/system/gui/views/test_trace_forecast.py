@@ -1,4 +1,4 @@
-"""Traces and B-scans behind the window, without a window: the newest comes, what belongs to another scan does not."""
+"""Predicted traces and B-scans, without a window: the newest is shown, and answers of another scan are dropped."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -51,13 +51,13 @@ def degrees(forecast: TraceForecast) -> float | None:
     return None if forecast.trace is None else round(math.degrees(forecast.trace.heading), 3)
 
 
-def test_the_trace_is_that_of_the_reading_chosen_last(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+def test_the_trace_belongs_to_the_last_chosen_reading(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
     for chosen in range(30):
         forecast.follow(Shown(scene, readings=readings(30), chosen=chosen))
     taken(qtbot, forecast, lambda: degrees(forecast) == 290.0)
 
 
-def test_a_trace_that_cannot_be_read_is_told_and_the_next_is_shown(
+def test_an_unreadable_trace_is_reported_and_the_next_is_shown(
     qtbot: QtBot, forecast: TraceForecast, scene: Scene
 ) -> None:
     forecast.follow(Shown(scene, readings=readings(1, Unreadable), chosen=0))
@@ -68,9 +68,7 @@ def test_a_trace_that_cannot_be_read_is_told_and_the_next_is_shown(
     taken(qtbot, forecast, lambda: degrees(forecast) == 20.0)
 
 
-def test_another_scan_drops_what_was_asked_for_the_one_before(
-    qtbot: QtBot, forecast: TraceForecast, scene: Scene
-) -> None:
+def test_another_scan_drops_the_requests_of_the_last_one(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
     forecast.request_bscan(SETTINGS)
     forecast.follow(Shown(scene, readings=readings(30), chosen=29))
     forecast.begin_scan()
@@ -80,21 +78,21 @@ def test_another_scan_drops_what_was_asked_for_the_one_before(
     assert len(forecast.bscan.measured.headings) == 2
 
 
-def test_a_trace_that_comes_after_its_scan_is_dropped(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+def test_a_trace_that_arrives_after_its_scan_is_dropped(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
     forecast.follow(Shown(scene, readings=readings(1), chosen=0))
     forecast.begin_scan()
     taken(qtbot, forecast, lambda: not forecast._tracer.busy)
     assert forecast.trace is None
 
 
-def test_no_reading_has_no_trace(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
+def test_without_a_reading_there_is_no_trace(qtbot: QtBot, forecast: TraceForecast, scene: Scene) -> None:
     forecast.follow(Shown(scene, readings=readings(1), chosen=0))
     taken(qtbot, forecast, lambda: forecast.trace is not None)
     forecast.follow(Shown(scene))
     assert forecast.trace is None
 
 
-def test_a_bscan_is_worked_out_to_its_end_and_only_while_somebody_looks(
+def test_a_bscan_is_computed_completely_and_only_while_visible(
     qtbot: QtBot, forecast: TraceForecast, scene: Scene
 ) -> None:
     outline = predict_scan(scene.room, scene.pose, scene.board, np.radians(np.arange(0.0, 360.0, 2.0)))

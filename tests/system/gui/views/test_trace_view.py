@@ -1,4 +1,4 @@
-"""The trace view as a person uses it: axes that agree, names apart, carrier and cursors by key, a linked pointer."""
+"""The trace view: consistent axes, separate names, carrier and cursors by key, and the linked cursor."""
 
 import math
 import re
@@ -28,8 +28,8 @@ HEADING = math.radians(270.0)
 
 @pytest.fixture(scope="module")
 def shown(scene: Scene, echoes: RoomEchoes) -> Shown:
-    heard = echoes.receive(Ping(HEADING, 0, 0, 0.0115, trace=True))
-    reading = Reading(0, 0, 0, HEADING, 0.0, heard.echo_times, 343.2, trace=heard.trace)
+    ping = echoes.receive(Ping(HEADING, 0, 0, 0.0115, trace=True))
+    reading = Reading(0, 0, 0, HEADING, 0.0, ping.echo_times, 343.2, trace=ping.trace)
     prediction = predict_scan(scene.room, scene.pose, scene.board, np.array([HEADING]))
     trace = chosen_trace(scene, reading, prediction, 0)
     return Shown(scene, readings=(reading,), chosen=0, trace=trace)
@@ -50,7 +50,7 @@ def view(qtbot: QtBot, shown: Shown) -> TraceView:
 
 
 @pytest.mark.parametrize(("unit", "metres"), [(LengthUnit.M, 1.0), (LengthUnit.CM, 0.01), (LengthUnit.FT, 0.3048)])
-def test_the_top_axis_tells_the_range_of_an_echo_at_the_time_below(
+def test_the_top_axis_shows_the_range_at_the_time_below(
     view: TraceView, shown: Shown, unit: LengthUnit, metres: float
 ) -> None:
     view.show_state(replace(shown, look=Look(unit=unit)))
@@ -67,7 +67,7 @@ def _decimals(figure: str) -> int:
     return len(figure.partition(".")[2])
 
 
-def test_names_of_echoes_never_lie_over_each_other(view: TraceView) -> None:
+def test_names_of_echoes_do_not_overlap(view: TraceView) -> None:
     names = [item for item in view.names._items if item.isVisible()]
     assert len(names) >= 3
     # a pixel of rounding on each side
@@ -75,7 +75,7 @@ def test_names_of_echoes_never_lie_over_each_other(view: TraceView) -> None:
     assert not [1 for k, one in enumerate(boxes) for other in boxes[:k] if one.intersects(other)]
 
 
-def test_every_mark_stands_at_the_time_of_its_echo(view: TraceView, shown: Shown) -> None:
+def test_every_mark_is_at_the_time_of_its_echo(view: TraceView, shown: Shown) -> None:
     x, _ = view.names._heads.getData()
     assert sorted(x) == sorted(echo.time for echo in shown.trace.echoes)
     assert view.marks._blanking.getRegion() == (0.0, shown.scene.board.blanking)
@@ -84,7 +84,7 @@ def test_every_mark_stands_at_the_time_of_its_echo(view: TraceView, shown: Shown
     assert set(height) == {shown.scene.board.threshold_db}
 
 
-def test_the_key_for_rf_shows_the_carrier_and_back(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
+def test_keys_switch_between_carrier_and_envelope(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
     assert "dB" in view.plot.getAxis("left").labelText
     qtbot.keyClick(view, Qt.Key.Key_R)
     until(qtbot, lambda: "signal" in view.plot.getAxis("left").labelText)
@@ -97,7 +97,7 @@ def test_the_key_for_rf_shows_the_carrier_and_back(qtbot: QtBot, view: TraceView
     assert view._predicted.getOriginalDataset()[1].max() <= 0
 
 
-def test_a_title_that_is_too_long_ends_in_dots_and_is_told_whole_to_a_hand_held_over_it(view: TraceView) -> None:
+def test_a_title_that_does_not_fit_ends_in_an_ellipsis_and_is_complete_in_the_tooltip(view: TraceView) -> None:
     whole, title = "Trace at 355.0° · no trace recorded · no prediction", view.title
     title.resize(160, 24)
     title.setText(whole)
@@ -108,7 +108,7 @@ def test_a_title_that_is_too_long_ends_in_dots_and_is_told_whole_to_a_hand_held_
     assert title.grab().toImage() == drawn
 
 
-def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
+def test_two_cursors_show_time_range_and_differences(qtbot: QtBot, view: TraceView, shown: Shown) -> None:
     assert not view.readout.isVisible()
     qtbot.keyClick(view, Qt.Key.Key_C)
     until(qtbot, view.readout.isVisible)
@@ -121,7 +121,7 @@ def test_two_cursors_read_time_and_range_and_what_lies_between(qtbot: QtBot, vie
     assert read == pytest.approx([*expected, (second - first) * 1e3, (second - first) * 171.6], abs=0.006)
 
 
-def test_cursors_are_moved_with_keys_too(qtbot: QtBot, view: TraceView) -> None:
+def test_keys_move_the_cursors(qtbot: QtBot, view: TraceView) -> None:
     before = view.cursors.times
     qtbot.keyClick(view, Qt.Key.Key_Right, Qt.KeyboardModifier.AltModifier)
     qtbot.keyClick(view, Qt.Key.Key_Left, Qt.KeyboardModifier.AltModifier | Qt.KeyboardModifier.ShiftModifier)
@@ -131,15 +131,15 @@ def test_cursors_are_moved_with_keys_too(qtbot: QtBot, view: TraceView) -> None:
 
 
 def test_the_mouse_points_at_a_range_of_the_chosen_heading(qtbot: QtBot, view: TraceView) -> None:
-    told: list[Cursor | None] = []
-    view.gestures.pointed.connect(told.append)
+    cursors: list[Cursor | None] = []
+    view.gestures.pointed.connect(cursors.append)
     qtbot.mouseMove(view.canvas.viewport(), pixel_at(view.canvas, view.plot.vb, (0.004, -20.0)))
-    until(qtbot, lambda: bool(told) and told[-1] is not None)
-    assert told[-1].range == pytest.approx(0.6864, abs=0.01)
-    assert math.degrees(told[-1].heading) % 360 == pytest.approx(270.0)
+    until(qtbot, lambda: bool(cursors) and cursors[-1] is not None)
+    assert cursors[-1].range == pytest.approx(0.6864, abs=0.01)
+    assert math.degrees(cursors[-1].heading) % 360 == pytest.approx(270.0)
 
 
-def test_where_another_view_points_is_drawn_at_its_time(view: TraceView, shown: Shown) -> None:
+def test_the_cursor_of_another_view_is_drawn_at_its_time(view: TraceView, shown: Shown) -> None:
     view.show_state(replace(shown, cursor=Cursor(0.3, 0.5)))
     assert view._pointer.isVisible()
     assert view._pointer.value() == pytest.approx(2 * 0.5 / 343.2)
@@ -147,7 +147,7 @@ def test_where_another_view_points_is_drawn_at_its_time(view: TraceView, shown: 
     assert not view._pointer.isVisible()
 
 
-def test_a_zoom_lasts_from_one_reading_to_the_next_and_fit_ends_it(view: TraceView, shown: Shown) -> None:
+def test_a_zoom_stays_for_the_next_reading_until_fit_view(view: TraceView, shown: Shown) -> None:
     view.plot.setXRange(0.002, 0.003, padding=0)
     view.show_state(replace(shown, trace=replace(shown.trace)))
     assert view.plot.viewRange()[0] == pytest.approx([0.002, 0.003])
@@ -158,7 +158,7 @@ def test_a_zoom_lasts_from_one_reading_to_the_next_and_fit_ends_it(view: TraceVi
 @pytest.mark.parametrize(
     "draw", [lambda shown: replace(shown, look=Look(palette=DARK)), lambda shown: replace(shown, trace=None)]
 )
-def test_another_palette_and_no_trace_at_all_are_drawn_too(
+def test_a_changed_palette_or_a_missing_trace_is_drawn(
     qtbot: QtBot, view: TraceView, shown: Shown, draw: Callable[[Shown], Shown]
 ) -> None:
     view.show_state(draw(shown))
@@ -166,7 +166,7 @@ def test_another_palette_and_no_trace_at_all_are_drawn_too(
     assert image.pixelColor(3, 3).name().upper() == draw(shown).look.palette.paper
 
 
-def test_before_the_first_reading_the_axes_reach_as_far_as_the_board_hears(qtbot: QtBot, scene: Scene) -> None:
+def test_before_the_first_reading_the_axes_extend_to_the_maximum_range(qtbot: QtBot, scene: Scene) -> None:
     view = TraceView()
     qtbot.addWidget(view)
     view.show_state(Shown(scene))
@@ -175,7 +175,7 @@ def test_before_the_first_reading_the_axes_reach_as_far_as_the_board_hears(qtbot
     assert end * scene.room.air.speed_of_sound / 2 == pytest.approx(scene.board.max_range)
 
 
-def test_a_trace_that_is_behind_says_which_one_follows(view: TraceView, shown: Shown) -> None:
+def test_the_title_of_a_late_trace_names_the_next_one(view: TraceView, shown: Shown) -> None:
     newest = replace(shown.readings[0], number=1, angle=shown.readings[0].angle + math.radians(5))
     assert "follows" not in view.title.text()
     view.show_state(replace(shown, readings=(*shown.readings, newest), chosen=1))

@@ -1,4 +1,4 @@
-"""What all views of the window have in common: each implements the protocol, and each has its range reset."""
+"""Properties common to all views: each implements the protocol and resets its range."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def test_every_view_implements_the_protocol(window: MainWindow) -> None:
         assert isinstance(view, View), type(view)
 
 
-def test_f_resets_the_range_of_the_ranges_and_residuals(qtbot: QtBot, window: MainWindow) -> None:
+def test_f_resets_the_axes_of_ranges_and_residuals(qtbot: QtBot, window: MainWindow) -> None:
     view = window.views.ranges
     plots = view.ranges.vb, view.residuals.vb
     usual = [box.viewRange() for box in plots]
@@ -41,7 +41,7 @@ def test_f_resets_the_range_of_the_ranges_and_residuals(qtbot: QtBot, window: Ma
 
 
 def test_menus_list_the_commands_of_views(window: MainWindow) -> None:
-    entries = window.menuBar().actions()  # Qt deletes a menu whose entry is let go
+    entries = window.menuBar().actions()  # keeps references, or Qt deletes the menus
     menus = {entry.text().replace("&", ""): entry.menu() for entry in entries}
     for view in window.views.all:
         if view.entry.menu:
