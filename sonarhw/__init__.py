@@ -8,12 +8,12 @@
 
 Public names; everything else in this package may change between versions:
 
-- `Scanner`: a connected scanner; `Recorder`: what its recordings are written to.
-- `Reading`, `Trace`: what one ping gave. `ScanOrder`, `sector`: which pings a scan makes.
+- `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
+- `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`: the pings of a scan.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
-- `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port to reach it at.
-- `EchoSource`, `Ping`, `PingResult`: what a fake scanner hears, to be written for tests and simulations.
-- `SonarError`: the base of all errors, which are in `sonarhw.errors`.
+- `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port that serves it.
+- `EchoSource`, `Ping`, `PingResult`: the interface for the echoes of a fake scanner, for tests and simulations.
+- `SonarError`: the base class of all errors in `sonarhw.errors`.
 """
 
 from importlib import import_module
@@ -67,7 +67,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    # on demand: a program that uses readings only need not load pyserial and the log's libraries
+    # imported on demand, so that a program that only uses readings does not load pyserial and the log libraries
     for module, names in _MODULES.items():
         if name in names:
             return getattr(import_module(module), name)

@@ -1,7 +1,6 @@
-"""Files that are whole or not there at all: written beside their place, and put there when they are done.
+"""Write a file completely or not at all: to a temporary file first, which is renamed when it is complete.
 
-Takes a path; hands on a file to write into. Logs are not written through here: they grow on disk reading by reading
-and are readable however they end.
+Logs are not written in this way. They grow on disk reading by reading, and are readable after any interruption.
 """
 
 import errno
@@ -20,9 +19,9 @@ _OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 
 @contextmanager
 def atomic_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
-    """The file `path`, which is there, or written anew, only when the block has ended well. Raises OutputError.
+    """Open `path` for writing. The file is created or replaced only if the block ends without an error.
 
-    Nothing but writing belongs into the block: any OSError in it is told as one of this file.
+    Raises OutputError. The block should only write, because every OSError in it is reported as an error of this file.
     """
     try:
         with _written_into(path) if is_special(path) else _replaced(path) as file:
@@ -30,13 +29,13 @@ def atomic_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        free = "free some or " if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        free = "free disk space or " if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
         raise OutputError(f"{path}: {error.strerror or error}; {free}choose another {option}") from error
 
 
 def is_special(path: Path) -> bool:
-    """Whether a name stands for a device, a pipe or an open file, which is written into and never replaced."""
-    # /dev/stdout and its kind may lead to a plain file, which whoever opened it goes on writing to
+    """Return whether a path is a device, a pipe or an open file, which is written to and never replaced."""
+    # /dev/stdout may lead to a regular file to which the parent process continues to write
     return path.exists() and not path.is_dir() and (path.parent in _OPEN_FILES or not path.is_file())
 
 
@@ -48,16 +47,16 @@ def _written_into(path: Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def _replaced(path: Path) -> Iterator[BinaryIO]:
-    # a link stays one: what it leads to is replaced
+    # a symbolic link is kept, and its target is replaced
     target = path.resolve()
-    # only within one folder does a file change its name in one step
+    # a rename is atomic only within one folder
     unfinished = target.with_name(f".sonarhw-{secrets.token_hex(6)}.part")
     file = unfinished.open("xb")
     try:
         with file:
             yield file
             file.flush()
-            # some file systems find out only now that they are full
+            # some file systems report a full disk only here
             os.fsync(file.fileno())
         if target.exists():
             shutil.copymode(target, unfinished)

@@ -1,6 +1,6 @@
-"""What a fake scanner hears through: heading in, echo times and trace out.
+"""The interface between a fake scanner and the acoustics of its surroundings.
 
-The instrument knows no physics, so whoever builds a fake hands it one of these; `sim` has the one that hears a room.
+A ping at a heading goes in; echo times and a trace come out. `sonarhw_sim` has an echo source that simulates a room.
 """
 
 from dataclasses import dataclass
@@ -11,29 +11,29 @@ from sonarhw.readings import Trace
 
 @dataclass(frozen=True)
 class Ping:
-    """One transmit and listen cycle as the board carries it out."""
+    """One cycle of transmitting and listening."""
 
     angle: float  # turntable angle, rad
     sweep: int
     index: int  # of the ping at this heading
     listen: float  # s; echoes later than this are not reported
-    trace: bool  # whether the receive signal is wanted too
+    trace: bool  # whether the receive signal is needed as well
 
 
 @dataclass(frozen=True)
 class PingResult:
-    """What one ping brought back."""
+    """The echoes of one ping, and its trace."""
 
     echo_times: tuple[float, ...]  # s, earliest first
     trace: Trace | None = None
 
 
 class EchoSource(Protocol):
-    """The world in front of a fake transducer."""
+    """The surroundings of a fake transducer."""
 
     @property
     def temperature_c(self) -> float | None:
-        """What the board's thermometer says; None where it has none."""
+        """Reading of the board's thermometer, °C; None if it has none."""
 
     def receive(self, ping: Ping) -> PingResult:
-        """Answer one ping; depends on nothing but the ping (and a seed), not on the order of calls."""
+        """Return the echoes of one ping. They depend only on the ping and a seed, not on the order of calls."""

@@ -1,88 +1,88 @@
-"""Every error this project raises on purpose, and the exit status the command line gives it.
+"""The errors of this project, and the exit status of the command line for each.
 
     SonarError
-    ├── InputError             what a person handed in is wrong: option, room file, profile, CSV   exit 2
-    │   └── NotALog            a file that cannot be read as a log, or is damaged beyond reading   exit 2
-    ├── LinkError              the way to the scanner is shut
-    │   ├── LinkBusy           somebody else holds the port                                        exit 1
-    │   ├── LinkForbidden      this person may not open the port                                   exit 1
-    │   └── LinkLost           it was open, went away, and did not come back                       exit 1
-    ├── DeviceError            something answers, but not as a scanner should
-    │   ├── NoAnswer           a deadline passed                                                   exit 1
-    │   ├── DeviceReset        it started anew; the driver greets it again and goes on             exit 1
+    ├── InputError             invalid input: option, room file, board profile, CSV                exit 2
+    │   └── NotALog            a file is not a log, or is too damaged to read                      exit 2
+    ├── LinkError              the link to the scanner cannot be opened or used                    exit 1
+    │   ├── LinkBusy           another program uses the port                                       exit 1
+    │   ├── LinkForbidden      no permission to open the port                                      exit 1
+    │   └── LinkLost           the link was open, was lost, and did not come back                  exit 1
+    ├── DeviceError            the device does not behave as a scanner should                      exit 1
+    │   ├── NoAnswer           no answer before the deadline                                       exit 1
+    │   ├── DeviceReset        the device restarted; the session greets it again                   exit 1
     │   ├── WrongDevice        another scanner than before answers                                 exit 1
-    │   ├── Incompatible       it speaks another protocol version                                  exit 1
-    │   ├── LostSteps          its zero mark was not where it should be: angles may be off         exit 1
-    │   └── CommandRefused     it said no, with a code and a text                                  exit 1
-    ├── NoPlate                calibrate did not hear the plate as it should                   exit 1
-    ├── Cancelled              long work was asked to end before it was done                   exit 1
-    ├── WorkersLost            processes or a cluster that work on a study ended before it     exit 1
-    ├── NoDisplay              of `sonarhw_gui.shell.display`: there is no screen for a window                   exit 1
+    │   ├── Incompatible       the device uses another protocol version                            exit 1
+    │   ├── LostSteps          the zero mark is not in its place: angles may be wrong              exit 1
+    │   └── CommandRefused     the device refused a command, with a code and a text                exit 1
+    ├── NoPlate                the readings for `calibrate` show no suitable plate                 exit 1
+    ├── Cancelled              long work was cancelled before it was done                          exit 1
+    ├── WorkersLost            processes or a cluster ended before their study was done            exit 1
+    ├── NoDisplay              there is no display for a window (`sonarhw_gui.shell.display`)      exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
-A message says what was expected, what came, where, and what to do; it fits on one line.
+A message states what is wrong, where, what was expected, and what to do. It fits on one line.
 """
 
 
 class SonarError(Exception):
-    """Root of the tree; `exit_status` is what the command line ends with."""
+    """Base class of all errors. `exit_status` is the exit status of the command line."""
 
     exit_status = 1
 
 
 class InputError(SonarError):
-    """What a person handed in is wrong; nothing has been done yet."""
+    """The input is invalid; nothing has been done yet."""
 
     exit_status = 2
 
 
 class NotALog(InputError):
-    """A file that cannot be read as a log: another kind of file, of a newer format, or damaged beyond reading."""
+    """A file cannot be read as a log: it is of another kind, of a newer format, or too damaged."""
 
 
 class LinkError(SonarError):
-    """The way to the scanner cannot be opened or used."""
+    """The link to the scanner cannot be opened or used."""
 
 
 class LinkBusy(LinkError):
-    """Another process holds the port."""
+    """Another process uses the port."""
 
 
 class LinkForbidden(LinkError):
-    """Whoever runs this may not open the port."""
+    """The user has no permission to open the port."""
 
 
 class LinkLost(LinkError):
-    """The link was open, went away, and did not come back."""
+    """The link was open, was lost, and did not come back."""
 
 
 class DeviceError(SonarError):
-    """Something answers, but not as a scanner should."""
+    """The device does not behave as a scanner should."""
 
 
 class NoAnswer(DeviceError):
-    """The device stayed silent past a deadline."""
+    """The device did not answer before a deadline."""
 
 
 class DeviceReset(DeviceError):
-    """The device has started anew and forgotten the conversation; the driver begins another one and goes on."""
+    """The device has restarted and lost the conversation. The session starts a new one and continues."""
 
 
 class WrongDevice(DeviceError):
-    """Another scanner answers than the one before: its serial number differs."""
+    """Another scanner than before answers: its serial number differs."""
 
 
 class Incompatible(DeviceError):
-    """The device speaks a protocol version this driver does not."""
+    """The device uses a protocol version that this driver does not support."""
 
 
 class LostSteps(DeviceError):
-    """The zero mark came out of its place, or not at all: angles since it was last seen in it may be off."""
+    """The zero mark is not in its place or missing: angles since it was last seen there may be wrong."""
 
 
 class CommandRefused(DeviceError):
-    """The device answered a command with a refusal; `code` is the protocol's refusal code."""
+    """The device refused a command. `code` is the refusal code of the protocol."""
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
@@ -90,15 +90,15 @@ class CommandRefused(DeviceError):
 
 
 class NoPlate(SonarError):
-    """What was heard is not a plate by which to calibrate."""
+    """The readings show no plate that is suitable for calibration."""
 
 
 class Cancelled(SonarError):
-    """Long work was asked to end before it was done; there is no result."""
+    """Long work was cancelled before it was done; there is no result."""
 
 
 class WorkersLost(SonarError):
-    """Processes or machines that worked on a study are gone before it is done."""
+    """Processes or machines ended before their study was done."""
 
 
 class LogError(SonarError):
@@ -106,4 +106,4 @@ class LogError(SonarError):
 
 
 class OutputError(SonarError):
-    """A file that is no log, or standard output, cannot be written."""
+    """A file other than a log, or standard output, cannot be written."""

@@ -1,7 +1,4 @@
-"""Readings and scans: the plain values that everything else hands round.
-
-A reading is what one ping gave; a scan order says which pings to make. Nothing here knows bytes, files or physics.
-"""
+"""Readings, traces and scan orders: the values that all other parts of the project exchange."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,7 +11,7 @@ FloatArray: TypeAlias = NDArray[np.float64]
 
 
 class Trace:
-    """The sampled receive signal of one ping (A-scan): its envelope, 1.0 is the converter's full scale.
+    """The sampled receive signal of one ping (A-scan), its envelope or its carrier; 1.0 is the converter's full scale.
 
     A subclass may read or compute the samples on demand.
     """
@@ -30,7 +27,7 @@ class Trace:
 
     @property
     def samples(self) -> FloatArray:
-        """The samples, (n,) float from 0 to 1; of a carrier from −1 to 1."""
+        """The samples, (n,) float, from 0 to 1 for an envelope and from −1 to 1 for a carrier."""
         return self._samples
 
     @property
@@ -40,29 +37,29 @@ class Trace:
 
     @property
     def start(self) -> float:
-        """From the start of transmission to the first sample, s."""
+        """Time from the start of transmission to the first sample, s."""
         return self._start
 
     @property
     def carrier(self) -> bool:
-        """Whether it is the signal itself rather than its envelope."""
+        """Whether the samples are the signal itself rather than its envelope."""
         return self._carrier
 
     @property
     def times(self) -> FloatArray:
-        """Time of every sample since the start of transmission, (n,) float, s."""
+        """Time of each sample since the start of transmission, (n,) float, s."""
         return self.start + np.arange(len(self.samples), dtype=np.float64) / self.rate
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What one ping gave."""
+    """The result of one ping."""
 
     number: int  # counts from 0 within its scan
     sweep: int
     ping: int  # counts from 0 at each heading
     angle: float  # turntable angle, rad
-    time: float  # s on the device's clock, start of transmission; goes on where the device was reset
+    time: float  # start of transmission, s on the device's clock, continued after a reset of the device
     echo_times: tuple[float, ...]  # s after the start of transmission, earliest first; empty: no echo
     speed_of_sound: float  # m/s
     temperature_c: float | None = None
@@ -71,18 +68,18 @@ class Reading:
 
     @property
     def echo_ranges(self) -> tuple[float, ...]:
-        """Range of every echo, m: speed of sound × time of flight / 2."""
+        """Range of each echo, m: speed of sound × time of flight / 2."""
         return tuple(self.speed_of_sound * time / 2 for time in self.echo_times)
 
     @property
     def range(self) -> float | None:
-        """Range of the first echo, m; None where the board heard nothing."""
+        """Range of the first echo, m; None if the board detected no echo."""
         return self.speed_of_sound * self.echo_times[0] / 2 if self.echo_times else None
 
 
 @dataclass(frozen=True)
 class ScanOrder:
-    """Which pings a scan makes: `headings` turntable angles from `start` in steps of `step`, to and fro."""
+    """The pings of a scan: `headings` turntable angles from `start` in steps of `step`, in sweeps to and fro."""
 
     start: float  # rad
     step: float  # rad
@@ -92,15 +89,15 @@ class ScanOrder:
 
     @property
     def readings(self) -> int:
-        """How many readings the whole scan has."""
+        """Number of readings of the whole scan."""
         return self.headings * self.sweeps * self.pings
 
     def angles(self) -> FloatArray:
-        """Turntable angles of one sweep, (headings,) float, rad."""
+        """Return the turntable angles of one sweep, (headings,) float, rad."""
         return self.start + self.step * np.arange(self.headings, dtype=np.float64)
 
     def ping_at(self, number: int) -> tuple[int, float, int]:
-        """Sweep, turntable angle (rad) and ping of reading `number`; odd sweeps run backwards."""
+        """Return sweep, turntable angle (rad) and ping of reading `number`. Odd sweeps run backwards."""
         place, ping = divmod(number, self.pings)
         sweep, index = divmod(place, self.headings)
         if sweep % 2:
@@ -109,20 +106,20 @@ class ScanOrder:
 
 
 def headings_between(start: float, stop: float, step: float) -> int:
-    """How many angles A, A+S, … lie below B (above it for a negative step); 0 to 360 by 5 are 72.
+    """Return the number of angles `start`, `start + step`, … before `stop`, which is excluded. 0 to 360 by 5 is 72.
 
-    Raises ValueError where the step is zero, not finite, or leads away from `stop`.
+    Raises ValueError if the step is zero, not finite, or leads away from `stop`.
     """
     if not all(map(math.isfinite, (start, stop, step))) or step == 0 or not 0 < (stop - start) / step < math.inf:
-        raise ValueError(f"no angle lies from {start:g} below {stop:g} in steps of {step:g}")
-    # a hair less, so that 0 to 360 by 0.1 is 3600 and not 3601 where the division lands just above
+        raise ValueError(f"there is no angle from {start:g} to below {stop:g} in steps of {step:g}")
+    # 1e-9 less, so that 0 to 360 by 0.1 is 3600 headings and not 3601 when rounding makes the quotient too large
     return math.ceil((stop - start) / step - 1e-9)
 
 
 def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
-    """One sweep over the angles A, A+S, … below B, in degrees as a person types them; 0 to 360 by 5 are 72.
+    """Return the order for one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded.
 
-    Raises ValueError where there is no such angle.
+    0 to 360 by 5 is 72 headings. Raises ValueError if there is no such heading.
     """
     headings = headings_between(start_deg, stop_deg, step_deg)
     return ScanOrder(math.radians(start_deg), math.radians(step_deg), headings, pings=pings)

@@ -1,4 +1,4 @@
-"""Scan a room and record it: the one use case behind `sonarhw scan` and the window's Scan button.
+"""Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
 
 from sonarhw.log import LogMetadata, LogWriter
 from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
@@ -22,11 +22,11 @@ from sonarhw.wire.messages import Outcome
 
 @dataclass(frozen=True)
 class ScanAir:
-    """The air that a scan is made in, as far as ranges depend on it."""
+    """The air during a scan, as far as ranges depend on it."""
 
     speed_at: Callable[[float], float]  # speed of sound in m/s at a temperature in °C
-    room_temperature: float  # °C; used if neither the caller nor a thermometer gives one
-    chosen_temperature: float | None = None  # °C; given by the caller, before all others
+    room_temperature: float  # °C; used if neither the caller nor a thermometer provides a temperature
+    chosen_temperature: float | None = None  # °C; set by the caller, overrides all others
 
     def speed_of_sound(self, scanner: Scanner) -> float:
         """Return the speed of sound in m/s: at the chosen temperature, else the scanner's own, else the room's."""
@@ -36,11 +36,11 @@ class ScanAir:
 
 @dataclass(frozen=True)
 class ScanPlan:
-    """What to scan, and how to listen."""
+    """The pings of a scan and how the board listens."""
 
     order: ScanOrder
-    reach: float  # m; listen no further than this
-    blanking: float  # s; ignore echoes before this
+    reach: float  # m; range up to which the board listens
+    blanking: float  # s; earlier echoes are ignored
     air: ScanAir
     traces: bool = False
 
@@ -50,24 +50,24 @@ class ScanWatcher(Protocol):
 
     @property
     def stop_wanted(self) -> bool:
-        """Whether the scan is to end before its next step; `Scanner.stop` ends the step itself."""
+        """Whether the scan should end before its next step. `Scanner.stop` ends the step itself."""
 
     def homed(self) -> None:
-        """The turntable has found its zero; readings follow."""
+        """Note that the turntable has homed. Readings follow."""
 
     def reading(self, reading: Reading) -> None:
-        """A reading was made."""
+        """Receive a new reading."""
 
     def warn(self, message: str) -> None:
-        """Something is wrong that does not end the scan."""
+        """Receive a warning that does not end the scan."""
 
 
 def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
-    """Set up the scanner, home, scan, and record all of it in `log`, which is closed at the end.
+    """Configure the scanner, home, scan, record everything in `log`, and close it.
 
-    Returns DONE or STOPPED. A scan that ends before its first reading leaves no log, and a log that was to be
-    overwritten stays as it was. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the message
-    says how many readings are kept.
+    Returns DONE or STOPPED. A scan that ends before its first reading leaves no log, and a log that it would have
+    overwritten is unchanged. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
+    states how many readings are kept.
     """
     progress = _Progress(watcher)
     outcome = Outcome.STOPPED
@@ -87,7 +87,7 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanW
 
 @dataclass
 class _Progress:
-    """The watcher, and how many readings it has received."""
+    """A watcher, and the number of readings that it has received."""
 
     watcher: ScanWatcher
     count: int = 0
@@ -101,7 +101,7 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
     watcher = progress.watcher
     speed = plan.air.speed_of_sound(scanner)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
-    _warn_if_disk_is_small(scanner, plan, path, watcher)
+    _warn_if_disk_is_too_small(scanner, plan, path, watcher)
     with scanner.sequence():  # a stop between two steps ends the later ones too
         if watcher.stop_wanted or scanner.home() is Outcome.STOPPED:
             return Outcome.STOPPED
@@ -113,14 +113,14 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
     return Outcome.STOPPED if watcher.stop_wanted else Outcome.DONE
 
 
-def _warn_if_disk_is_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
+def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, watcher: ScanWatcher) -> None:
     settings = scanner.settings
     samples = settings.listen * scanner.info.trace_rate if settings and settings.trace else 0.0
     need, free = disk_space.log_size(plan.order.readings, samples), disk_space.free_bytes(path)
     if free is not None and free < need:
         watcher.warn(
-            f"{path}: the scan takes some {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
-            f"enough for {free / need:.0%} of it; make room"
+            f"{path}: the scan needs about {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
+            f"enough for {free / need:.0%} of it; free disk space"
         )
 
 

@@ -1,4 +1,4 @@
-"""What can be wanted of a device, as jobs: configure it, ask, home, turn, scan; and their scripts."""
+"""The jobs that a device can do, and the scripts that do them: configure, request, home, turn and scan."""
 
 from dataclasses import replace
 
@@ -22,48 +22,48 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import scan_order
 from sonarhw.wire.units import microdegrees_of, radians_of
 
-_FRUITLESS = 3  # orders for readings of which none brought any
+_MAX_WITHOUT_PROGRESS = 3  # scan commands in a row that bring no reading
 _DEFAULTS = Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=343_200)
 
 
 # the jobs
 
 
-def configuring(wish: Configure) -> Job:
-    """Set how to ping; results in Settings."""
-    return Job(lambda talk, _: _configure(talk, wish))
+def configuring(request: Configure) -> Job:
+    """Return the job that sets the ping parameters. Its result is a Settings message."""
+    return Job(lambda talk, _: _configure(talk, request))
 
 
-def configuring_turntable(wish: ConfigureTurntable) -> Job:
-    """Set how to turn; results in TurntableSettings."""
-    return Job(lambda talk, _: _configure_turntable(talk, wish))
+def configuring_turntable(request: ConfigureTurntable) -> Job:
+    """Return the job that sets the turntable parameters. Its result is a TurntableSettings message."""
+    return Job(lambda talk, _: _configure_turntable(talk, request))
 
 
-def asking(message: Message) -> Job:
-    """Ask anything that does no harm twice; results in its answer."""
-    return Job(lambda talk, _: talk.ask(message))
+def requesting(message: Message) -> Job:
+    """Return the job that sends a command which may safely be repeated. Its result is the answer."""
+    return Job(lambda talk, _: talk.request(message))
 
 
 def homing() -> Job:
-    """Find the zero; results in an Outcome."""
+    """Return the job that homes the turntable. Its result is an Outcome."""
     return Job(home)
 
 
 def turning(message: Turn) -> Job:
-    """Turn, having found the zero; results in an Outcome."""
+    """Return the job that turns the turntable, and homes it first if needed. Its result is an Outcome."""
     return Job(lambda talk, job: _turn(talk, message, job))
 
 
 def scanning(order: StartScan) -> Job:
-    """Scan, having found the zero; `readings` of the job fill, the result is an Outcome."""
+    """Return the job that scans, and homes first if needed. It collects `readings`; its result is an Outcome."""
     return Job(lambda talk, job: _scan(talk, order, job), readings=order.headings * order.sweeps * order.pings)
 
 
-# their scripts
+# the scripts of the jobs
 
 
 def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
-    """Find the zero."""
+    """Home the turntable."""
     talk.device.homed = False
     if job:
         job.home()
@@ -72,15 +72,15 @@ def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
     return outcome
 
 
-def _configure(talk: Conversation, wish: Configure) -> Script[Settings]:
-    settings = yield from talk.asked(wish, Settings)
-    talk.device.settings, talk.device.configured = settings, wish
+def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
+    settings = yield from talk.request_typed(request, Settings)
+    talk.device.settings, talk.device.configured = settings, request
     return settings
 
 
-def _configure_turntable(talk: Conversation, wish: ConfigureTurntable) -> Script[AnswerMessage]:
-    answer = yield from talk.ask(wish)
-    talk.device.turntable = wish
+def _configure_turntable(talk: Conversation, request: ConfigureTurntable) -> Script[AnswerMessage]:
+    answer = yield from talk.request(request)
+    talk.device.turntable = request
     return answer
 
 
@@ -91,7 +91,7 @@ def _turn(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
 
 
 def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
-    """Scan, and look at the zero mark again. Raises LostSteps, after all readings."""
+    """Scan, then verify the zero mark. Raises LostSteps, after all readings have been received."""
     if talk.device.configured is None:
         yield from _configure(talk, _DEFAULTS)
     if not talk.device.homed and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
@@ -99,7 +99,7 @@ def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
     try:
         outcome = yield from _make_readings(talk, order, job)
         if outcome is Outcome.DONE and not job.stop_wanted:
-            yield from _see_mark(talk, order, job)
+            yield from _verify_mark(talk, order, job)
     except LostSteps as error:
         raise _with_wrong_angles(error, job.angles_between_homings()) from error
     job.unverified_angles = unverified_clause(job.angles_between_homings())
@@ -107,22 +107,24 @@ def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
 
 
 def _make_readings(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
-    """With as many orders to the device as it takes until all readings are here."""
-    progress, fruitless = job.progress, 0
-    while (stretch := progress.stretch()) and fruitless < _FRUITLESS:
+    """Send scan commands until all readings have been received."""
+    progress, without_progress = job.progress, 0
+    while (stretch := progress.stretch()) and without_progress < _MAX_WITHOUT_PROGRESS:
         before = progress.received
         outcome = yield from talk.act(_part(talk, order, stretch, job), job)
         if outcome is not Outcome.DONE and job.stop_wanted and not progress.complete:
             return outcome
-        fruitless = 0 if progress.received > before else fruitless + 1
+        without_progress = 0 if progress.received > before else without_progress + 1
     if stretch:
         where = talk.device.where
-        raise NoAnswer(f"{where}: reading {stretch[0]} does not arrive, however often; is the cable sound?")
+        raise NoAnswer(
+            f"{where}: reading {stretch[0]} did not arrive after {_MAX_WITHOUT_PROGRESS} scan commands; check the cable"
+        )
     return Outcome.DONE
 
 
 def _part(talk: Conversation, order: StartScan, stretch: tuple[int, int], job: Job) -> StartScan:
-    """The order for a stretch of a scan; older firmware knows only whole scans."""
+    """Return the command for a part of a scan. Protocol 1.0 supports only whole scans."""
     info = talk.device.info
     whole = stretch == (0, job.progress.total)
     if whole or info is None or info.minor < 1:
@@ -130,22 +132,25 @@ def _part(talk: Conversation, order: StartScan, stretch: tuple[int, int], job: J
     return replace(order, first=stretch[0], count=stretch[1])
 
 
-def _see_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
-    """Turn over the nearest zero mark: a device that lost steps since it saw one says so there."""
-    able = talk.device.capabilities
-    if able is None or not able.features & Feature.LOST_STEPS:
+def _verify_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
+    """Turn over the nearest zero mark, where the device reports steps that it lost since the last mark."""
+    capabilities = talk.device.capabilities
+    if capabilities is None or not capabilities.features & Feature.LOST_STEPS:
         return
-    before = MARK_APPROACH + radians_of(able.backlash)
-    lowest, highest = radians_of(able.lowest_angle) + before, radians_of(able.highest_angle) - MARK_OVERRUN
-    stands = scan_order(order).ping_at(job.progress.total - 1)[1]
-    mark = nearest_mark(stands, lowest, highest)
+    before = MARK_APPROACH + radians_of(capabilities.backlash)
+    lowest, highest = (
+        radians_of(capabilities.lowest_angle) + before,
+        radians_of(capabilities.highest_angle) - MARK_OVERRUN,
+    )
+    last_angle = scan_order(order).ping_at(job.progress.total - 1)[1]
+    mark = nearest_mark(last_angle, lowest, highest)
     for angle in () if mark is None else (mark - before, mark + MARK_OVERRUN):
         if (yield from talk.act(Turn(microdegrees_of(angle)), job)) is not Outcome.DONE:
             return
 
 
 def _with_wrong_angles(error: LostSteps, runs: list[FloatArray]) -> LostSteps:
-    """The error with what it means for the readings of a scan that have come."""
+    """Add to the error how many readings are kept and which of their angles may be wrong."""
     total = sum(map(len, runs))
     if not total:
         return error

@@ -1,6 +1,7 @@
-"""One conversation with a device, from Hello until the device is lost: the driver, and the script that speaks.
+"""One conversation with a device, from Hello until the device is lost.
 
-Scripts are in `greeting` and `actions`; here is what they are made of: ask, act and wait for the end.
+It runs one script at a time on a driver. The scripts are in `greeting` and `actions`. This module has their building
+blocks: send a command, wait for its answer, and wait until an action has ended.
 """
 
 import math
@@ -25,30 +26,30 @@ from sonarhw.wire.messages import (
     Stop,
 )
 
-MOVE_WITHIN = 120.0  # s for a home or a turn; the slowest turntable needs less
+MOVE_WITHIN = 120.0  # s for a Home or a Turn; the slowest turntable needs less
 
 T = TypeVar("T")
 
 
 @dataclass
 class KnownDevice:
-    """What a device has said and what was set on it; kept from one conversation to the next."""
+    """The state of a device that is kept from one conversation to the next."""
 
-    where: str  # its name in messages
-    baud: int = FIRST_BAUD  # the speed that the line is to have now
+    where: str  # name of the device in error messages
+    baud: int = FIRST_BAUD  # current baud rate of the line
     info: Info | None = None
     capabilities: Capabilities | None = None
     settings: Settings | None = None  # in force
-    configured: Configure | None = None  # to be set again
-    turntable: ConfigureTurntable | None = None  # to be set again
+    configured: Configure | None = None  # sent again in the next conversation
+    turntable: ConfigureTurntable | None = None  # sent again in the next conversation
     homed: bool = False
 
 
 class Conversation:
-    """One conversation. Times are s on one clock that does not run backwards."""
+    """One conversation. All times are s on one monotonic clock."""
 
     def __init__(self, driver: Driver, device: KnownDevice, bauds: bool, now: float) -> None:
-        """`bauds` says whether the speed of the line can be set."""
+        """Use `driver`. `bauds` is True if the baud rate of the line can be set."""
         self.driver = driver
         self.device = device
         self.bauds = bauds
@@ -59,11 +60,11 @@ class Conversation:
     # the script
 
     def begin(self, script: Script[None]) -> None:
-        """Run `script` from the next `step` on."""
+        """Run `script` from the next call of `step`."""
         self._script, self._wait = script, None
 
     def step(self, now: float) -> None:
-        """Go on with the script as far as it goes. Raises what it raises, and has none from then on."""
+        """Run the script until it waits. If the script raises an error, `step` raises it and drops the script."""
         self.now = now
         while self._script is not None and (self._wait is None or self._wait.done() or now >= self._wait.until):
             script, self._script = self._script, None
@@ -71,7 +72,7 @@ class Conversation:
             self._script = script
 
     def next_event(self) -> float:
-        """When there is something to do at the latest, s."""
+        """Return the time of the next due work, s."""
         return min(self.driver.next_event(), self._wait.until if self._script and self._wait else math.inf)
 
     def end(self) -> None:
@@ -80,17 +81,17 @@ class Conversation:
             self._script.close()
         self._script = None
 
-    # what scripts are made of
+    # building blocks of scripts
 
     def send(self, message: Message, tries: int = TRIES) -> Command:
-        """Send a command. Raises InputError where a value does not fit its field."""
+        """Send a command. Raises InputError if a value does not fit its field."""
         try:
             return self.driver.command(message, self.now, tries)
         except MessageError as error:
             raise InputError(f"{type(message).__name__} cannot be sent: {error}") from error
 
-    def ask(self, message: Message) -> Script[AnswerMessage]:
-        """Ask anything. Raises CommandRefused."""
+    def request(self, message: Message) -> Script[AnswerMessage]:
+        """Send a command and return its answer. Raises CommandRefused."""
         command = self.send(message)
         yield settled(command)
         raise_if_refused(command, self.device.where)
@@ -98,9 +99,9 @@ class Conversation:
             raise NoAnswer(f"{self.device.where}: no answer to {command.name}")
         return command.answer
 
-    def asked(self, message: Message, expected: type[T]) -> Script[T]:
-        """Ask what has an answer of type `expected`. Raises CommandRefused, DeviceError for another answer."""
-        answer = yield from self.ask(message)
+    def request_typed(self, message: Message, expected: type[T]) -> Script[T]:
+        """Send a command and return its answer. Raises CommandRefused, DeviceError if it is not an `expected`."""
+        answer = yield from self.request(message)
         if not isinstance(answer, expected):
             raise DeviceError(
                 f"{self.device.where}: answered {type(message).__name__} with {type(answer).__name__}; "
@@ -109,7 +110,7 @@ class Conversation:
         return answer
 
     def act(self, message: Message, job: Job | None) -> Script[Outcome]:
-        """Home, turn or scan to its end, or until it is stopped or enough. Raises LostSteps, DeviceError."""
+        """Run a Home, Turn or StartScan until it ends, is stopped or has made enough. Raises LostSteps, DeviceError."""
         command = self.send(message)
         if job:
             job.command = command
@@ -121,12 +122,12 @@ class Conversation:
         yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
         outcome = self._outcome(command)
         if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
-            # nobody wanted that: it has not heard us for too long
+            # the device stopped by itself because it received nothing from the host for too long
             return (yield from self.act(message, job))
         return outcome
 
     def _follow(self, command: Command, job: Job | None, deadline: float) -> Script[None]:
-        """Until what a command began has ended; it is stopped where that is wanted, or at the deadline."""
+        """Wait until the action of a command has ended. Stop it on request and at the deadline."""
 
         def over() -> bool:
             return command.finished is not None and self.driver.scan_complete
@@ -137,13 +138,13 @@ class Conversation:
             yield Wait(lambda: over() and stop.settled)
             if self.now >= deadline:
                 text = f"{self.device.where}: {command.name} took more than {MOVE_WITHIN:g} s and was stopped"
-                raise DeviceError(f"{text}; does something hold the turntable?")
+                raise DeviceError(f"{text}; check that the turntable can move freely")
 
     def _is_enough(self, job: Job | None) -> bool:
         if job is None:
             return False
         info = self.device.info
-        older = info is not None and info.minor < 1  # it makes all readings, those that have come too
+        older = info is not None and info.minor < 1  # repeats a whole scan, also the readings already received
         return job.stop_wanted or (older and job.progress.total > 0 and job.progress.complete)
 
     def _outcome(self, command: Command) -> Outcome:
@@ -153,9 +154,9 @@ class Conversation:
         if finished.outcome == Outcome.LOST_STEPS:
             self.device.homed = False
             raise LostSteps(f"{where}: {finished.text or 'steps were lost'}")
-        raise DeviceError(f"{where}: {command.name} failed: {finished.text or 'the board does not say why'}")
+        raise DeviceError(f"{where}: {command.name} failed: {finished.text or 'the board gave no reason'}")
 
 
 def settled(command: Command, until: float = math.inf) -> Wait:
-    """Wait until a command has its answer or was given up."""
+    """Return the wait for the answer of a command, or for the end of its repeats."""
     return Wait(lambda: command.settled, until)

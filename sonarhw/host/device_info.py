@@ -1,7 +1,4 @@
-"""What a device says of itself and what it is set to, in SI units.
-
-Takes the messages; hands on frozen values for whoever uses a `Scanner`.
-"""
+"""Identity, capabilities and settings of a device, in SI units."""
 
 from dataclasses import dataclass
 
@@ -11,70 +8,70 @@ from sonarhw.wire.units import degrees_c, radians_of, seconds_of, sound_speed_of
 
 @dataclass(frozen=True)
 class DeviceCapabilities:
-    """What a device can."""
+    """The capabilities of a device."""
 
     features: Feature
-    lowest_angle: float  # rad; the cable lets it turn no further
+    lowest_angle: float  # rad; limit of the cable
     highest_angle: float  # rad
-    steps: int  # full steps of the motor in a whole turn; 0: not known
+    steps: int  # full steps of the motor in a whole turn; 0: unknown
     fastest: float  # rad/s
-    hardest: float  # rad/s²; 0: not known
+    hardest: float  # highest acceleration, rad/s²; 0: unknown
     backlash: float  # rad
     longest_listen: float  # s
     shortest_blanking: float  # s
-    shortest_rearm: float  # s from an echo until it hears again
-    most_pulses: int  # cycles; 0: not known
+    shortest_rearm: float  # s from an echo until the board can detect the next one
+    most_pulses: int  # cycles; 0: unknown
     most_echoes: int
     ping_period: float  # s
     fastest_trace: float  # Hz; 0: no traces
     longest_trace: int  # samples
-    fastest_baud: int  # 0: its line has no speed of its own
-    readings_kept: int  # to be sent again
+    fastest_baud: int  # 0: the line has no baud rate
+    readings_kept: int  # newest readings that Resend can repeat
 
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """Who answers."""
+    """The identity of a device."""
 
     firmware: str
     protocol: tuple[int, int]  # major, minor
     serial: str
-    board: str  # board profile that describes it, empty if unknown
+    board: str  # name of the board profile, empty if unknown
     temperature_c: float | None  # air at the board; None: no thermometer
     trace_rate: float  # Hz; 0: no traces
     microsteps: int  # in a whole turn
-    boot: int  # how often it has started; 0: not counted
-    capabilities: DeviceCapabilities | None  # None: of an older firmware
+    boot: int  # number of starts; 0: not counted
+    capabilities: DeviceCapabilities | None  # None: the firmware is too old to report them
 
 
 @dataclass(frozen=True)
 class PingSettings:
-    """Settings in force for the pings to come."""
+    """Settings in force for the next pings."""
 
     listen: float  # s
     blanking: float  # s
     trace: bool
     speed_of_sound: float  # m/s
-    carrier: bool = False  # traces are of the signal itself
-    pulses: int = 0  # cycles; 0: not known
-    echoes: int = 0  # at most, of one ping
-    rearm: float = 0.0  # s from an echo until it hears again
+    carrier: bool = False  # traces contain the carrier, not its envelope
+    pulses: int = 0  # cycles; 0: unknown
+    echoes: int = 0  # most echoes of one ping
+    rearm: float = 0.0  # s from an echo until the board can detect the next one
     trace_rate: float = 0.0  # Hz
     trace_bits: int = 0
 
 
 @dataclass(frozen=True)
 class TurnSettings:
-    """How the turntable turns."""
+    """Settings of the turntable in force."""
 
     speed: float  # rad/s
-    acceleration: float  # rad/s²; 0: not known
+    acceleration: float  # rad/s²; 0: unknown
     settling: float  # s
     approach: Approach
 
 
 def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
-    """Who answers, and what it can."""
+    """Return identity and capabilities in SI units."""
     return DeviceInfo(
         firmware=info.firmware,
         protocol=(info.major, info.minor),
@@ -89,7 +86,7 @@ def device_info(info: Info, capabilities: Capabilities | None) -> DeviceInfo:
 
 
 def ping_settings(settings: Settings) -> PingSettings:
-    """Settings in SI units."""
+    """Return the ping settings in SI units."""
     return PingSettings(
         listen=seconds_of(settings.listen_us),
         blanking=seconds_of(settings.blanking_us),
@@ -105,7 +102,7 @@ def ping_settings(settings: Settings) -> PingSettings:
 
 
 def turn_settings(settings: TurntableSettings) -> TurnSettings:
-    """How it turns, in SI units."""
+    """Return the turntable settings in SI units."""
     return TurnSettings(
         speed=radians_of(settings.speed),
         acceleration=radians_of(settings.acceleration),

@@ -1,7 +1,7 @@
-"""The host's side of the protocol, without threads, ports or clock.
+"""The host side of the protocol for one conversation, without threads, ports or clock.
 
-What the protocol promises is kept here: commands are repeated until answered, missing readings are requested again, the
-device gets signs of life, silence and resets are errors. One driver lasts for one conversation: until the next Hello.
+The driver repeats commands until they are answered, requests missing readings again, and sends signs of life.
+Silence and resets of the device are errors. The next Hello needs a new driver.
 """
 
 import math
@@ -42,48 +42,48 @@ from sonarhw.wire.units import microseconds_of
 ANSWER_WITHIN = 0.5  # s, then the command is sent again
 TRIES = 6
 SILENCE = 0.75  # s without a byte; heartbeats come every 0.25 s
-NOTHING_SOUND = 3.0  # s without a message that a scanner sends
-SIGN_OF_LIFE = 0.5  # s after which the host says something, so that the device does not let go
+NOTHING_SOUND = 3.0  # s without a valid message
+SIGN_OF_LIFE = 0.5  # s between commands at most; after a longer silence the device would release its motor
 ASK_AGAIN = 0.3  # s after a Resend was accepted
-ASKS = 20  # for one stretch of readings, or for one Finished
+ASKS = 20  # most requests for one range of readings, or for one Finished
 
 
-Tap = Callable[[bool, float, bytes], None]  # whether from the device, when, the frame with its delimiter
+Tap = Callable[[bool, float, bytes], None]  # True if from the device, time, the frame with its delimiter
 
 
 def _ignore(received: bool, time: float, wire: bytes) -> None:
-    """The tap of a driver without one."""
+    """The default tap, which does nothing."""
 
 
 class Command:
-    """A command on its way: sent, repeated, answered; for home, turn and scan also finished."""
+    """A command that was sent: its repeats, its answer and, for home, turn and scan, its end."""
 
     def __init__(self, sequence: int, message: Message, wire: bytes, now: float, tries: int = TRIES) -> None:
         self.sequence = sequence
         self.message = message
-        self.wire = wire  # the very same bytes go out at every repeat, so that the device knows it
+        self.wire = wire  # every repeat has the same bytes, by which the device recognizes it
         self.due = now + ANSWER_WITHIN
         self.sent_at = now
         self.sent = 1
         self.tries = tries
-        self.given_up = False  # after fewer tries than usual; the caller knows what to do
+        self.given_up = False  # no answer after fewer tries than usual; the caller handles this
         self.answer: AnswerMessage | None = None
-        self.answered_us = 0  # on the device's clock
+        self.answered_us = 0  # time of the answer on the device's clock
         self.finished: Finished | None = None
 
     @property
     def name(self) -> str:
-        """Name of the message."""
+        """Name of the message type."""
         return type(self.message).__name__
 
     @property
     def settled(self) -> bool:
-        """Whether no answer is waited for any longer."""
+        """Whether the command is answered or given up."""
         return self.answer is not None or self.given_up
 
 
 class Driver:
-    """One conversation with a device. Times are s on one clock that does not run backwards."""
+    """One conversation with a device. All times are s on one monotonic clock."""
 
     def __init__(
         self,
@@ -92,13 +92,14 @@ class Driver:
         clock: DeviceClock | None = None,
         tap: Tap | None = None,
     ) -> None:
-        """`clock` maps the device's time to the host's and may have known the device before.
+        """Start with sequence number `first_sequence`.
 
-        `tap` is called with every undamaged frame that passes, as it is on the line.
+        `clock` converts the device's time to the host's; it may come from an earlier conversation. `tap` is called
+        with every undamaged frame, as it is on the line.
         """
-        self.where = where  # for messages
+        self.where = where  # for error messages
         self.info: Info | None = None
-        self.kept = KEPT_READINGS  # readings the device holds ready to be sent again
+        self.kept = KEPT_READINGS  # newest readings that the device can send again
         self.device_statistics: Statistics | None = None
         self._counted: Counter[str] = Counter()
         self._round_trip: float | None = None  # s, smoothed
@@ -113,86 +114,86 @@ class Driver:
         self._device_time = 0  # µs, of the newest frame
         self._open: dict[int, Command] = {}
         self._action: Command | None = None
-        self._action_since = 0  # device time when the running action was ordered, µs
+        self._action_since = 0  # device time when the running action was requested, µs
         self._repeats_for_finish = 0
         self._arrivals = ReadingArrivals(0)
-        self._asking: Command | None = None
-        self._ask_at = 0.0
-        self._asks: tuple[tuple[int, int] | None, int] = (None, 0)
+        self._resend: Command | None = None
+        self._resend_at = 0.0
+        self._resend_tries: tuple[tuple[int, int] | None, int] = (None, 0)
         self._readings: list[Reading] = []
-        self._heard: float | None = None  # None until the first command: nobody has been asked anything
-        self._sound = 0.0  # when the last message came that a scanner sends; answers to nobody are none
-        self._spoke = 0.0  # when the last command was sent
+        self._last_byte: float | None = None  # time of the last byte received; None until the first command
+        self._last_message = 0.0  # time of the last valid message; unmatched answers do not count
+        self._last_sent = 0.0  # time of the last command sent
         self._arrived = 0.0
         self._newest_beat = 0  # device time of the newest heartbeat, µs
 
-    # what the caller does
+    # interface for the caller
 
     def command(self, message: Message, now: float, tries: int = TRIES) -> Command:
-        """Send a command; its `answer` and `finished` fill in as bytes come.
+        """Send a command. Its `answer` and `finished` are set when they arrive.
 
-        One of home, turn and scan at a time: the caller waits for the one before, or stops it. With fewer `tries` than
-        usual it is `given_up` where no answer comes; otherwise that is an error. Raises MessageError where a value does
-        not fit the message.
+        Only one Home, Turn or StartScan may run at a time: the caller waits for its end or stops it. Without an answer
+        a command with fewer `tries` than usual is `given_up`; with TRIES `advance` raises NoAnswer. Raises MessageError
+        if a value does not fit the message.
         """
         frame = Frame(message.TYPE, self._sequence, max(0, microseconds_of(now)), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
         command = Command(frame.sequence, message, encode_frame(frame), now, tries)
         self._open[command.sequence] = command
-        if self._heard is None:
-            self._heard = self._sound = now
+        if self._last_byte is None:
+            self._last_byte = self._last_message = now
         if isinstance(message, ActionMessage):
             self._begin(command)
         self._send(command, now)
         return command
 
     def outgoing(self) -> bytes:
-        """The bytes to write to the device, each handed out once."""
+        """Return the new bytes to write to the device."""
         data, self._outgoing = bytes(self._outgoing), bytearray()
         self._count(bytes_sent=len(data))
         return data
 
     def readings(self) -> list[Reading]:
-        """Readings completed since the last call; each reading of a scan is handed out once."""
+        """Return the readings completed since the last call. Each reading of a scan is returned once."""
         ready, self._readings = self._readings, []
         return ready
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What has passed over the link until now."""
+        """Counts of the traffic until now."""
         lost = self._lost_before + self._arrivals.lost
         return LinkStatistics(**self._counted, lost_readings=lost, round_trip=self._round_trip)
 
     @property
     def scan_complete(self) -> bool:
-        """Whether the scan has finished and every reading that can still be had is here."""
+        """Whether the scan has finished and every reading that the device can still send has been received."""
         action = self._action
         return action is None or (action.finished is not None and self._arrivals.wanted() is None)
 
     @property
     def running(self) -> bool:
-        """Whether a home, turn or scan was ordered and has not finished."""
+        """Whether a Home, Turn or StartScan was sent and has not finished."""
         return self._action is not None and self._action.finished is None
 
     def flush(self) -> None:
-        """Nothing more will come: complete what waits for its trace."""
+        """Complete the readings that wait for their traces, because nothing more will arrive."""
         self._readings += self.assembler.flush()
 
     def forget(self, command: Command) -> None:
-        """Wait for a command no longer."""
+        """Stop waiting for the answer of a command."""
         self._open.pop(command.sequence, None)
         if self._action is command:
             self._action = None
 
-    # what comes in
+    # received bytes
 
     def receive(self, data: bytes, now: float, arrived: float | None = None) -> None:
-        """Take bytes from the device; `arrived` is when, where that was before `now`.
+        """Process bytes from the device. `arrived` is their time of arrival, if before `now`.
 
-        Damaged and unknown frames are counted and dropped. Raises NoAnswer where the device is idle again and does
-        not say how what it did has ended, DeviceReset where it has started anew.
+        Damaged and unknown frames are counted and dropped. Raises NoAnswer if the device is idle again but does not
+        send the Finished of its action, DeviceReset if it has restarted.
         """
-        self._heard = now
+        self._last_byte = now
         self._arrived = now if arrived is None else arrived
         self._count(bytes_received=len(data))
         for block in self._decoder.blocks(data):
@@ -201,50 +202,50 @@ class Driver:
                 self._count(rejected_blocks=1)
             else:
                 self._take(frame, block + DELIMITER, now)
-        self._ask_for_missing(now)
+        self._request_missing(now)
 
     def advance(self, now: float) -> None:
-        """Do what is due: repeat commands, ask for readings. To be called when all bytes that wait have been received.
+        """Repeat commands and request missing readings as due. Call this after all waiting bytes have been received.
 
-        Raises NoAnswer where the device stayed silent or left a command unanswered for too long. Where bytes wait that
-        nobody takes, `hold` is to be called instead.
+        Raises NoAnswer if the device was silent or left a command unanswered for too long. While the caller leaves
+        bytes unread, call `keep_alive` instead.
         """
-        self._complain_of_silence(now)
+        self._check_silence(now)
         for command in [*self._open.values()]:
             if now >= command.due:
                 self._repeat(command, now)
-        self._ask_for_missing(now)
-        self._show_life(now)
+        self._request_missing(now)
+        self._send_sign_of_life(now)
 
-    def hold(self, now: float) -> None:
-        """Bytes may have come, but nobody takes them for now: only show life."""
-        if self._heard is not None:
-            self._heard = self._sound = now
+    def keep_alive(self, now: float) -> None:
+        """Only send signs of life, while received bytes may be waiting unread. No time counts as silence."""
+        if self._last_byte is not None:
+            self._last_byte = self._last_message = now
         for command in self._open.values():
             command.due = max(command.due, now + ANSWER_WITHIN)
-        self._show_life(now)
+        self._send_sign_of_life(now)
 
     def next_event(self) -> float:
-        """When `advance` next has something to do, s."""
+        """Return the time when `advance` is next needed, s."""
         due = [command.due for command in self._open.values()]
-        if self._heard is not None and self.info is not None:
-            due += [self._heard + SILENCE, self._sound + NOTHING_SOUND]
-        if self._polite:
-            due.append(self._spoke + SIGN_OF_LIFE)
-        if self._arrivals.wanted() is not None and self._asking is None:
-            due.append(self._ask_at)
+        if self._last_byte is not None and self.info is not None:
+            due += [self._last_byte + SILENCE, self._last_message + NOTHING_SOUND]
+        if self._needs_signs_of_life:
+            due.append(self._last_sent + SIGN_OF_LIFE)
+        if self._arrivals.wanted() is not None and self._resend is None:
+            due.append(self._resend_at)
         return min(due, default=math.inf)
 
     @property
-    def _polite(self) -> bool:
-        """Whether the device wants signs of life."""
+    def _needs_signs_of_life(self) -> bool:
+        """Whether the device expects signs of life, as devices do since protocol 1.1."""
         info = self.info
         return info is not None and info.major == PROTOCOL_MAJOR and info.minor >= 1
 
     def _take(self, frame: Frame, wire: bytes, now: float) -> None:
         self._count_gap(frame.sequence)
         self._device_time = frame.time_us
-        # before its Info a device may still say what belongs to a conversation that broke, and is heard by nobody
+        # before its Info a device may still send frames of an earlier conversation, which are ignored
         if self.info is not None or frame.type == Info.TYPE:
             self._tap(True, self._arrived, wire)
         try:
@@ -257,7 +258,7 @@ class Driver:
 
     def _handle(self, message: Message, now: float) -> None:
         if not isinstance(message, AnswerMessage):
-            self._sound = now
+            self._last_message = now
         match message:
             case ReadingMessage():
                 if not self._expects(message) or not self._arrivals.arrived(message.number):
@@ -277,11 +278,11 @@ class Driver:
         self._readings += self.assembler.feed(message, self._device_time, self._arrived)
 
     def _answered(self, message: Message, now: float) -> bool:
-        # an answer to a command of an earlier conversation is none
+        # unmatched answers, such as those to commands of an earlier conversation, are ignored
         command = self._open.pop(message.command, None) if isinstance(message, AnswerMessage) else None
         if command is None or not isinstance(message, AnswerMessage):
             return False
-        self._sound = now
+        self._last_message = now
         command.answer, command.answered_us = message, self._device_time
         match message:
             case Info():
@@ -292,12 +293,12 @@ class Driver:
                 self.device_statistics = message
                 self._round_trip = smoothed(self._round_trip, now - command.sent_at)
             case Started():
-                # a replayed log plays what it holds, whatever was ordered
+                # a replayed log plays its own readings whatever sector was requested
                 self._arrivals.total = message.first + message.readings
             case Refused():
                 self._refused(command, message)
-        if command is self._asking:
-            self._asking, self._ask_at = None, now + ASK_AGAIN
+        if command is self._resend:
+            self._resend, self._resend_at = None, now + ASK_AGAIN
             if isinstance(message, Refused):
                 self._arrivals.give_up()
         return True
@@ -306,13 +307,13 @@ class Driver:
         if self._action is command:
             self._action = None
         if message.code == Refusal.NO_HELLO and self.info is not None:
-            raise DeviceReset(f"{self.where}: was greeted and asks for Hello; it has started anew")
+            raise DeviceReset(f"{self.where}: refuses commands until Hello; it has restarted")
 
     def _check_reset(self, message: Heartbeat) -> None:
         ran_back = self._device_time < self._newest_beat
         self._newest_beat = self._device_time
         if self.info is not None and (ran_back or message.boot != self.info.boot):
-            raise DeviceReset(f"{self.where}: has started anew in mid-conversation; is its supply sound?")
+            raise DeviceReset(f"{self.where}: restarted during the conversation; check its power supply")
 
     # home, turn and scan
 
@@ -321,9 +322,9 @@ class Driver:
         order = command.message
         self._lost_before += self._arrivals.lost
         self._arrivals = self._expected(order) if isinstance(order, StartScan) else ReadingArrivals(0)
-        if self._asking:
-            self.forget(self._asking)
-        self._asking, self._asks = None, (None, 0)
+        if self._resend:
+            self.forget(self._resend)
+        self._resend, self._resend_tries = None, (None, 0)
         self._readings.clear()
 
     def _expected(self, order: StartScan) -> ReadingArrivals:
@@ -331,14 +332,14 @@ class Driver:
         return ReadingArrivals(order.first + order.count if order.count else total, order.first, self.kept)
 
     def _expects(self, message: ReadingMessage) -> bool:
-        # a reading of an earlier scan may still be under way when the next is ordered
+        # a reading of an earlier scan may arrive after the next scan was requested
         return self._action is not None and message.fired_us >= self._action_since
 
     def _finish(self, message: Finished) -> None:
         action = self._action
         if action is None or message.command != action.sequence:
             return
-        action.finished = message  # where its answer was lost, the command is still repeated until that comes too
+        action.finished = message  # if its answer was lost, the command is still repeated until the answer arrives
         self._arrivals.device_made(message.readings)
 
     def _check_heartbeat(self, message: Heartbeat, now: float) -> None:
@@ -347,65 +348,67 @@ class Driver:
             return
         if isinstance(action.message, StartScan):
             self._arrivals.device_made(message.readings)
-        if message.state == State.IDLE:  # its Finished was lost; the repeated command brings it again
+        if message.state == State.IDLE:  # its Finished was lost; the device repeats it when the command is repeated
             self._repeats_for_finish += 1
             if self._repeats_for_finish > ASKS:
-                raise NoAnswer(f"{self.where}: idle, but does not say how {action.name} ended; start again")
+                raise NoAnswer(f"{self.where}: is idle but sends no Finished for {action.name}; start it again")
             self._send(action, now, repeat=True)
 
     # missing readings
 
-    def _ask_for_missing(self, now: float) -> None:
+    def _request_missing(self, now: float) -> None:
         wanted = self._arrivals.wanted()
         if wanted is None:
-            if self._action and self._action.finished:  # nothing more will come for the last reading's trace
+            if self._action and self._action.finished:  # no more trace chunks of the last reading will arrive
                 self._readings += self.assembler.flush()
             return
-        if self._asking is not None or now < self._ask_at:
+        if self._resend is not None or now < self._resend_at:
             return
-        count = self._asks[1] + 1 if self._asks[0] == wanted else 1
-        self._asks = wanted, count
+        count = self._resend_tries[1] + 1 if self._resend_tries[0] == wanted else 1
+        self._resend_tries = wanted, count
         if count > ASKS:
             self._arrivals.give_up()
             return
         self._count(resends=1)
-        self._asking = self.command(Resend(*wanted), now)
+        self._resend = self.command(Resend(*wanted), now)
 
-    # commands out, silence, books
+    # sent commands, silence, counts
 
     def _send(self, command: Command, now: float, repeat: bool = False) -> None:
-        # the delimiter in front ends whatever damaged bytes the device still holds
-        self._spoke = now
+        # the delimiter in front ends a damaged frame that the device may have received
+        self._last_sent = now
         self._outgoing += DELIMITER + command.wire
         self._count(frames_sent=1, repeated_commands=int(repeat))
         self._tap(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:
-        if command is self._asking:  # asked anew instead: a Resend that fails must not end a scan that goes on
+        if command is self._resend:  # a new Resend follows: one without an answer must not end a running scan
             self.forget(command)
-            self._asking = None
+            self._resend = None
             return
         if command.sent >= command.tries:
             self.forget(command)
             command.given_up = True
             if command.tries < TRIES:
                 return
-            raise NoAnswer(f"{self.where}: no answer to {command.name} after {TRIES} tries; is the cable sound?")
+            raise NoAnswer(f"{self.where}: no answer to {command.name} after {TRIES} tries; check the cable")
         command.sent += 1
         command.due = now + ANSWER_WITHIN
         self._send(command, now, repeat=True)
 
-    def _show_life(self, now: float) -> None:
-        if self._polite and now >= self._spoke + SIGN_OF_LIFE:
+    def _send_sign_of_life(self, now: float) -> None:
+        if self._needs_signs_of_life and now >= self._last_sent + SIGN_OF_LIFE:
             self.command(AskStatistics(), now, tries=1)
 
-    def _complain_of_silence(self, now: float) -> None:
-        if self._heard is None or self.info is None:  # a device that was not greeted has nothing to say
+    def _check_silence(self, now: float) -> None:
+        if self._last_byte is None or self.info is None:  # a device sends nothing before Hello
             return
-        if now >= self._heard + SILENCE:
-            raise NoAnswer(f"{self.where}: not a byte for {SILENCE:g} s; is the scanner powered and still connected?")
-        if now >= self._sound + NOTHING_SOUND:
-            raise NoAnswer(f"{self.where}: nothing sensible for {NOTHING_SOUND:g} s; `sonarhw monitor` shows it")
+        if now >= self._last_byte + SILENCE:
+            raise NoAnswer(f"{self.where}: no byte received for {SILENCE:g} s; check the scanner's power and its cable")
+        if now >= self._last_message + NOTHING_SOUND:
+            raise NoAnswer(
+                f"{self.where}: no valid message for {NOTHING_SOUND:g} s; `sonarhw monitor` shows what arrives"
+            )
 
     def _count_gap(self, sequence: int) -> None:
         gap = 0 if self._device_sequence is None else (sequence - self._device_sequence - 1) % 0x10000
@@ -417,7 +420,7 @@ class Driver:
 
 
 def raise_if_refused(command: Command, where: str) -> None:
-    """Raise CommandRefused where the device said no to the command."""
+    """Raise CommandRefused if the device refused the command."""
     if isinstance(command.answer, Refused):
         text = command.answer.text
         raise CommandRefused(f"{where}: refused {command.name}: {text}", command.answer.code)

@@ -1,4 +1,4 @@
-"""Scripts that begin a conversation: greet the device, read its capabilities, raise the speed of the line."""
+"""Scripts that begin a conversation: greet the device, read its capabilities, raise the baud rate of the line."""
 
 import itertools
 import random
@@ -20,15 +20,15 @@ from sonarhw.wire.messages import (
     TestLink,
 )
 
-SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # of a fresh device, of one of version 1.0, and of one left at more
+SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # after a reset, of protocol 1.0, and left from an earlier conversation
 LINK_TESTS = 32
 _BACK_AT_OLD_BAUD = UNHEARD + 0.1  # s
 
 
 def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
-    """Listen for `quiet` s, then say Hello until Info comes. Raises NoAnswer, Incompatible, WrongDevice."""
+    """Wait for `quiet` s, then send Hello until Info arrives. Raises NoAnswer, Incompatible, WrongDevice."""
     device = talk.device
-    # a bootloader would listen; a device that speaks already has none running
+    # a bootloader takes bytes for a new program; a device that sends frames has left its bootloader
     yield Wait(lambda: talk.driver.statistics.frames_received > 0, talk.now + quiet)
     deadline = talk.now + patience
     for baud in itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,)):
@@ -54,25 +54,25 @@ def _check_identity(talk: Conversation, info: Info) -> None:
         )
     if known is not None and info.serial != known.serial:
         raise WrongDevice(
-            f"{where}: scanner {info.serial or 'without serial number'} answers; it was "
-            f"{known.serial or 'one without'} before; plug that one in again"
+            f"{where}: scanner {info.serial or 'without serial number'} answers; expected scanner "
+            f"{known.serial or 'without serial number'}; plug that one in again"
         )
 
 
 def prepare(talk: Conversation, job: Job | None) -> Script[None]:
-    """Find out what it can, speed up the line, set again what was set, find the zero again if it was known."""
+    """Read the capabilities, raise the baud rate, restore the settings, and home if the turntable was homed before."""
     device, info = talk.device, talk.driver.info
     known = device.info
     if info is None:
-        raise NoAnswer(f"{device.where}: has not said who it is")
+        raise NoAnswer(f"{device.where}: has not sent Info")
     if info.minor >= 1:
-        yield from _ask_capabilities(talk)
+        yield from _request_capabilities(talk)
         yield from _speed_up(talk)
     device.info = info
     if device.turntable:
-        yield from talk.ask(device.turntable)
+        yield from talk.request(device.turntable)
     if device.configured:
-        device.settings = yield from talk.asked(device.configured, Settings)
+        device.settings = yield from talk.request_typed(device.configured, Settings)
     kept_zero = info.minor >= 1 and bool(info.homed) and (known is None or info.boot == known.boot)
     if known is None:
         device.homed = kept_zero
@@ -80,15 +80,15 @@ def prepare(talk: Conversation, job: Job | None) -> Script[None]:
         yield from home(talk, job)
 
 
-def _ask_capabilities(talk: Conversation) -> Script[None]:
+def _request_capabilities(talk: Conversation) -> Script[None]:
     command = talk.send(AskCapabilities())
     yield settled(command)
-    if isinstance(command.answer, Capabilities):  # a replayed log refuses
+    if isinstance(command.answer, Capabilities):  # a replayed log refuses the command
         talk.device.capabilities = command.answer
 
 
 def _speed_up(talk: Conversation) -> Script[None]:
-    """As fast as device and line can without a wrong byte."""
+    """Raise the baud rate to the fastest at which the test messages pass without an error."""
     device = talk.device
     slow, baud = device.baud, device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
     while baud > slow:
@@ -96,14 +96,14 @@ def _speed_up(talk: Conversation) -> Script[None]:
         yield settled(change)
         if isinstance(change.answer, Accepted):
             device.baud = baud
-            if (yield from _line_is_sound(talk)):
+            if (yield from _line_is_reliable(talk)):
                 return
             device.baud = slow
             yield Wait(lambda: False, talk.now + _BACK_AT_OLD_BAUD)
         baud //= 2
 
 
-def _line_is_sound(talk: Conversation) -> Script[bool]:
+def _line_is_reliable(talk: Conversation) -> Script[bool]:
     rejected = talk.driver.statistics.rejected_blocks
     for number in range(LINK_TESTS):
         data = random.Random(number).randbytes(MAX_TEST)

@@ -1,8 +1,8 @@
-"""A job: something that is wanted of the device, what came of it, and the script that does it.
+"""A job of the device: its script, its readings and its result.
 
-A script is a generator that yields what it waits for and returns its result. The session runs it, drops it when the
-device is lost and begins it again when the device is back. So a script repeats everything from its beginning, and
-everything it sends may be sent twice: settings and angles are absolute, and a scan asks for what has not come.
+A script is a generator that yields a `Wait` and returns its result. The session runs the script, drops it when the
+device is lost, and starts it again when the device is back. So all that a script sends may be sent twice. This is safe:
+settings and angles are absolute, and a scan requests only the missing readings.
 """
 
 import math
@@ -27,25 +27,25 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Wait:
-    """What a script waits for."""
+    """The condition that a script waits for."""
 
     done: Callable[[], bool]
-    until: float = math.inf  # s; then it goes on all the same
+    until: float = math.inf  # s; the script continues then in any case
 
 
 Script: TypeAlias = Generator[Wait, None, T]
 
 
 class Job:
-    """Something that is wanted of the device; `done` with a `result` or an `error`."""
+    """A job of the device. When it is `done`, it has a `result` or an `error`."""
 
     def __init__(self, script: "Callable[[Conversation, Job], Script[Any]]", readings: int = 0) -> None:
-        """`script` makes the script, again after each loss of the device; a scan has that many `readings`."""
+        """`script` creates the script, again after each loss of the device. `readings` is their number in a scan."""
         self.script = script
         self.since = 0.0
-        self.moving = False  # the device homes, turns or scans for it
-        self.command: Command | None = None  # the newest home, turn or scan
-        self.fruitless = 0  # losses of the device in a row, without a reading in between
+        self.moving = False  # whether the device homes, turns or scans for this job
+        self.command: Command | None = None  # the newest Home, Turn or StartScan
+        self.losses_in_a_row = 0  # losses of the device in a row, without a reading in between
         self.stop_wanted = False
         self.done = False
         self.result: Any = None
@@ -54,25 +54,25 @@ class Job:
         self.readings: deque[Reading] = deque()
         self.progress = Progress(readings)
         self.began: float | None = None  # on the clock of `Reading.time`, s
-        self.unverified_angles: str | None = None  # a clause: which angles could not be checked for lost steps
-        self._times, self._angles = array("d"), array("d")  # of all its readings
-        self._homed: list[float] = []  # time of the newest reading when the zero was sought anew
+        self.unverified_angles: str | None = None  # clause with the angles that could not be checked for lost steps
+        self._times, self._angles = array("d"), array("d")  # of all readings of the scan
+        self._homed: list[float] = []  # time of the newest reading before each homing
 
-    def heed_start(self, clock: DeviceClock) -> None:
-        """Book what the device makes of a scan command; to be called before its readings are taken.
+    def note_start(self, clock: DeviceClock) -> None:
+        """Store start and size of the scan from the answer to StartScan. Call this before its readings are taken.
 
-        The script may be too late for that: readings come in one piece with the answer, and so may a loss.
+        The script may run too late for this: the answer may arrive in one piece with readings, or with a loss.
         """
         if self.command is None or not isinstance(self.command.answer, Started):
             return
         if self.began is None:
             self.began = clock.continued(self.command.answered_us)
         if not self.progress.received:
-            # a replayed log plays what it holds, whatever was ordered
+            # a replayed log plays its own readings whatever sector was requested
             self.progress.total = self.command.answer.first + self.command.answer.readings
 
     def take(self, reading: Reading) -> bool:
-        """Book a reading; False where it has come before or belongs to no such scan."""
+        """Store a reading. Returns False if it is a duplicate or its number is outside the scan."""
         new = self.progress.take(reading.number)
         if new:
             self._times.append(reading.time)
@@ -80,15 +80,15 @@ class Job:
         return new
 
     def home(self) -> None:
-        """Book that the zero is sought anew."""
+        """Store that the turntable homes again."""
         if self._times:
             self._homed.append(max(self._times))
 
     def angles_between_homings(self) -> list[FloatArray]:
-        """The angles of its readings, rad, apart where the zero was sought anew."""
+        """Return the angles of its readings, rad, split at each homing."""
         return split_at_homings(self._times, self._angles, self._homed)
 
     def end(self, result: Any = None, error: BaseException | None = None) -> None:
-        """It is over, where it was not before."""
+        """Finish the job, unless it is done already."""
         if not self.done:
             self.done, self.result, self.error = True, result, error

@@ -1,16 +1,13 @@
-"""Whether a scanner answers at a port, in one line to be read.
-
-Takes a URL; opens it, asks, and closes it again. Asking may reset whatever hangs on a port.
-"""
+"""Check whether a scanner answers at a port. Opening a port may reset the board behind it."""
 
 from sonarhw.errors import SonarError
 from sonarhw.host.scanner import Scanner
 
-PATIENCE = 2.5  # s; a board that its opened port has reset needs some
+PATIENCE = 2.5  # s; a board that was reset by the opening of its port needs time to start
 
 
 def probe_port(url: str, patience: float = PATIENCE) -> tuple[bool, str]:
-    """Whether a scanner answers at `url` within `patience` s, and who it is or why not."""
+    """Return whether a scanner answers at `url` within `patience` s, and its identity or the reason in one line."""
     try:
         with Scanner.open(url, patience=patience) as scanner:
             return True, f"scanner {scanner.info.serial}, {scanner.info.firmware}"

@@ -1,7 +1,4 @@
-"""Recording of what passes between host and scanner: the protocol of a recorder, and the one place that calls it.
-
-`sonarhw.log` has the recorder that writes a file.
-"""
+"""Recording of the frames and readings of a scanner. `sonarhw.log` has the recorder that writes a file."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -12,41 +9,41 @@ from sonarhw.wire.messages import Hello, Info
 
 
 class Recorder(Protocol):
-    """Takes what passes over the link, in order, from the thread that drives the scanner."""
+    """Receives frames and readings in order, in the thread that drives the scanner."""
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Keep one undamaged frame's bytes as they were on the line, with its delimiter.
+        """Record the bytes of one undamaged frame as they were on the line, with its delimiter.
 
-        `received` is True for a frame from the device, False for one from the host. `time` is the host's clock in
-        s since the epoch, taken from a clock that does not run backwards.
+        `received` is True for a frame from the device, False for one from the host. `time` is the host's time in
+        s since the epoch, from a monotonic clock.
         """
 
     def reading(self, reading: Reading) -> None:
-        """Keep one decoded reading; its frames have been handed over before."""
+        """Record one decoded reading. Its frames have been recorded before."""
 
 
 class JobRecording:
-    """What passes while a job runs goes to a recorder; a recorder that comes later gets the greeting first.
+    """Passes frames and readings to a recorder while a job runs. A new recorder receives the greeting first.
 
-    A recorder that raises is dropped, so that the device can still be stopped; `failure` is then what it raised.
+    A recorder that raises an error is dropped, so that the device can still be stopped. `failure` is then the error.
     """
 
     def __init__(self, wanted: Callable[[], bool]) -> None:
-        """`wanted` returns whether a job runs."""
+        """`wanted` returns True while a job runs."""
         self.failure: BaseException | None = None
         self._wanted = wanted
         self._recorder: Recorder | None = None
-        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and Info where it has come
+        self._greeting: list[tuple[bool, float, bytes]] = []  # the newest Hello, and its Info if received
 
     def use(self, recorder: Recorder | None) -> None:
-        """Record with `recorder` from now on; None: no longer record. Raises what `recorder` raises."""
+        """Record with `recorder` from now on. None ends the recording. Raises what `recorder` raises."""
         self._recorder = recorder
         if recorder:
             for received, time, wire in self._greeting:
                 recorder.frame(received, time, wire)
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Record a frame; a `Tap` of a driver."""
+        """Record a frame. This is the `Tap` of a driver."""
         kind = frame_type(wire[:-1])
         if kind == Hello.TYPE and not received:
             self._greeting = [(received, time, wire)]
@@ -59,7 +56,7 @@ class JobRecording:
         self._record(lambda recorder: recorder.reading(reading))
 
     def take_failure(self) -> BaseException | None:
-        """What the recorder raised, once."""
+        """Return the error that the recorder raised, and clear it."""
         failure, self.failure = self.failure, None
         return failure
 

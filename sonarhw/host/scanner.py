@@ -1,4 +1,4 @@
-"""A scanner to work with: open it, scan, and take readings one by one.
+"""The scanner as programs use it: open it, scan, and receive readings one by one.
 
     from sonarhw import Scanner, sector
 
@@ -6,10 +6,10 @@
         for reading in scanner.scan(sector(0, 360, 5)):
             print(reading.angle, reading.range)
 
-One thread holds the conversation: it reads, answers, shows the device that somebody is there, and goes on after the
-cable was out. Readings wait for the caller in a queue of MOST_WAITING. When that is full nothing more is read: a TCP
-line holds the device back; on a serial one bytes are lost, and what was in them is asked for or measured again. So a
-slow caller slows the scan and loses no reading.
+One thread does the conversation: it reads, writes, sends signs of life, and reconnects after the cable was out.
+Readings wait for the caller in a queue of MOST_WAITING. While the queue is full, the thread reads nothing. A TCP
+connection then makes the device wait. A serial line loses bytes, and the readings in them are requested or measured
+again. So a slow caller slows the scan but loses no reading.
 """
 
 import threading
@@ -19,13 +19,13 @@ from contextlib import contextmanager, nullcontext, suppress
 from typing import Any, TypeVar
 
 from sonarhw.errors import DeviceError, InputError, LinkError, LinkLost, NoAnswer, SonarError
-from sonarhw.host.actions import asking, configuring, configuring_turntable, homing, scanning, turning
+from sonarhw.host.actions import configuring, configuring_turntable, homing, requesting, scanning, turning
 from sonarhw.host.device_info import DeviceInfo, PingSettings, TurnSettings, device_info, ping_settings, turn_settings
 from sonarhw.host.job import Job
 from sonarhw.host.recorder import Recorder
 from sonarhw.host.session import PATIENCE, RECONNECT, Connection, Session
 from sonarhw.link.link_statistics import LinkStatistics
-from sonarhw.link.ports import Whereabouts
+from sonarhw.link.ports import PortFinder
 from sonarhw.link.serial_link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder, sector
 from sonarhw.wire.limits import MAX_ECHOES
@@ -45,30 +45,30 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import start_scan
 from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
 
-MOST_WAITING = 1024  # readings; over a minute of the fastest board
+MOST_WAITING = 1024  # readings; more than a minute of the fastest board
 _STOP_WITHIN = 1.5  # s
 T = TypeVar("T")
-_TICK = 0.05  # s; how soon a closing is noticed
+_TICK = 0.05  # s; longest delay until `close` takes effect
 
 
 class Scanner:
-    """A scanner that has answered. One thread uses it; another may call `stop` and look at how it stands."""
+    """A connected scanner. One thread uses it; others may call `stop` and read its state."""
 
     def __init__(self, url: str, session: Session, find: Callable[[], str] | None = None) -> None:
-        """Begin to connect; `open` is the way in."""
+        """Start to connect. Programs call `open` instead."""
         self.url = url
-        self._find = find or Whereabouts(url)
+        self._find = find or PortFinder(url)
         self._session = session
-        # driver and recorder live on the epoch, but never run backwards
+        # times are s since the epoch on a clock that never runs backwards
         self._epoch = time.time() - time.monotonic()
-        self._changed = threading.Condition()  # guards the session; told of whenever it has gone on
+        self._changed = threading.Condition()  # guards the session; notified when the session changes
         self._closing = threading.Event()
-        self._stop_wanted = False  # no Event: a signal handler may come while its lock is held
-        self._defect: BaseException | None = None  # what ended the thread
+        self._stop_wanted = False  # not an Event: a signal handler may run while the lock of an Event is held
+        self._defect: BaseException | None = None  # the error that ended the thread
         self._scan: Job | None = None
         self._link: Link | None = None
         self._in_use = threading.Lock()
-        self._sequence_of: int | None = None  # the thread that `_in_use` is held for
+        self._sequence_of: int | None = None  # the thread for which `_in_use` is held
         self._acting = False
         session.connect(self._now())
         self._thread = threading.Thread(target=self._converse, name=f"converse {url}", daemon=True)
@@ -83,12 +83,11 @@ class Scanner:
         reconnect: float = RECONNECT,
         find: Callable[[], str] | None = None,
     ) -> "Scanner":
-        """Open `url`, greet whoever answers within `patience` s, and stop whatever it was doing.
+        """Open `url`, greet the scanner and stop its running action. It must answer within `patience` s.
 
-        A device that is lost later may come back within `reconnect` s, and what was going on goes on. `find` tells what
-        to open each time; by default a USB device is found by whatever name its port has then. Raises InputError for a
-        URL that leads nowhere, LinkError (LinkBusy, LinkForbidden, LinkLost), NoAnswer, or Incompatible where it speaks
-        another protocol version.
+        If the scanner is lost later and comes back within `reconnect` s, its work continues. `find` returns the URL to
+        open each time; by default a USB device is found again under any port name. Raises InputError for an invalid
+        URL, LinkError (LinkBusy, LinkForbidden, LinkLost), NoAnswer, and Incompatible for another protocol version.
         """
         scanner = cls(url, Session(url, patience, reconnect), find)
         try:
@@ -110,72 +109,73 @@ class Scanner:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # who and how
+    # identity and state
 
     @property
     def state(self) -> Connection:
-        """How it stands with the device, from disconnected to streaming to lost."""
+        """State of the connection."""
         with self._changed:
             return self._session.state
 
     @property
     def loss(self) -> SonarError | None:
-        """Why the device is away, while it is waited for; None while it is there."""
+        """Why the device is lost, while the scanner waits for it; None while it is connected."""
         with self._changed:
             return self._session.loss
 
     @property
     def info(self) -> DeviceInfo:
-        """Who answered the greeting, and what it can."""
+        """Identity and capabilities of the device."""
         info = self._session.device.info
         if info is None:
-            raise NoAnswer(f"{self.url}: has not said who it is")
+            raise NoAnswer(f"{self.url}: has not sent Info")
         return device_info(info, self._session.device.capabilities)
 
     @property
     def settings(self) -> PingSettings | None:
-        """Settings in force; None before `configure`."""
+        """Ping settings in force; None before `configure`."""
         settings = self._session.device.settings
         return None if settings is None else ping_settings(settings)
 
     @property
     def baud(self) -> int | None:
-        """Speed of the line; None where it has none of its own."""
+        """Baud rate of the line; None if the line has no baud rate, as a TCP connection."""
         return self._session.device.baud if self._session.bauds else None
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What has passed over the link since it was opened."""
+        """Counts of the traffic since the scanner was opened."""
         with self._changed:
             return self._session.statistics
 
     @property
     def clock_drift(self) -> float:
-        """How much faster the host's clock runs than the device's: 0.001 is a millisecond in a second."""
+        """By how much the host's clock runs faster than the device's: 0.001 is 1 ms in 1 s."""
         return self._session.clock.drift
 
     @property
     def scan_began(self) -> float:
-        """When the last scan began on the clock of `Reading.time`, s; 0 before the first."""
+        """Start of the last scan on the clock of `Reading.time`, s; 0 before the first scan."""
         return self._scan.began or 0.0 if self._scan else 0.0
 
     @property
     def unverified_angles(self) -> str | None:
-        """Which angles of the last scan could not be checked for lost steps, as a clause; None: all were, or none can.
+        """Clause with the angles of the last scan that could not be checked for lost steps; None if there are none.
 
-        A device that was reset or left alone in mid-scan finds its zero anew, and where it stood before is not known.
+        After a reset or a long silence of the host during a scan, the device homes again. Its position error before
+        that is unknown. Also None if the device cannot detect lost steps.
         """
         return self._scan.unverified_angles if self._scan else None
 
     def record(self, recorder: Recorder | None) -> None:
-        """Hand every frame and reading of what is done from now on to `recorder`, and first the greeting.
+        """Pass the greeting and then every frame and reading to `recorder`. None ends the recording.
 
-        What passes while nothing is done is not recorded. None: no longer record.
+        Frames are recorded only while a job runs.
         """
         with self._changed:
             self._session.recording.use(recorder)
 
-    # what it does
+    # actions
 
     def configure(
         self,
@@ -190,14 +190,14 @@ class Scanner:
         trace_rate: float = 0.0,
         trace_bits: int = 0,
     ) -> PingSettings:
-        """Set how long to listen and to be deaf (s), whether to send traces, and the speed of sound (m/s).
+        """Set the listening time (s), the blanking (s), whether to send traces, and the speed of sound (m/s).
 
-        `pulses` is the number of cycles to transmit, `echoes` how many echoes of a ping to report at most, `rearm` the
-        time from an echo until the board hears again (s), `trace_rate` in Hz; 0 leaves each to the device. Returns the
-        settings in force: a board that cannot do what was asked says what it does. Raises CommandRefused, InputError
-        where a value does not fit the protocol, NoAnswer, LinkLost.
+        `pulses` is the number of cycles to transmit, `echoes` the most echoes of a ping to report, `rearm` the time
+        from an echo until the board can detect the next one (s), and `trace_rate` is in Hz. For each of them 0 selects
+        the device's default. Returns the settings in force, which may differ from the requested ones. Raises
+        CommandRefused, InputError if a value does not fit the protocol, NoAnswer, LinkLost.
         """
-        wish = Configure(
+        request = Configure(
             listen_us=microseconds_of(listen),
             blanking_us=microseconds_of(blanking),
             trace=int(trace),
@@ -208,7 +208,7 @@ class Scanner:
             trace_rate=round(trace_rate),
             trace_bits=trace_bits,
         )
-        return ping_settings(self._answer(configuring(wish), Settings))
+        return ping_settings(self._answer(configuring(request), Settings))
 
     def configure_turntable(
         self,
@@ -217,36 +217,37 @@ class Scanner:
         settling: float = 0.020,
         approach: Approach = Approach.EITHER,
     ) -> TurnSettings:
-        """Set how to turn (rad/s, rad/s², s; 0: the device's own speed) and from which side to come to an angle.
+        """Set speed (rad/s), acceleration (rad/s²), settling time (s) and the side from which to approach an angle.
 
-        Returns what is in force. Raises what `configure` does.
+        A speed or acceleration of 0 selects the device's default. Returns the settings in force. Raises what
+        `configure` raises.
         """
-        wish = ConfigureTurntable(
+        request = ConfigureTurntable(
             microdegrees_of(speed), microdegrees_of(acceleration), microseconds_of(settling), int(approach)
         )
-        return turn_settings(self._answer(configuring_turntable(wish), TurntableSettings))
+        return turn_settings(self._answer(configuring_turntable(request), TurntableSettings))
 
     def device_statistics(self) -> Statistics:
-        """What the device has counted since it started. Raises CommandRefused where its firmware is too old."""
-        return self._answer(asking(AskStatistics()), Statistics)
+        """Return the counts of the device since it started. Raises CommandRefused if its firmware is too old."""
+        return self._answer(requesting(AskStatistics()), Statistics)
 
     def home(self) -> Outcome:
-        """Find the zero of the turntable; returns how it ended: DONE, or STOPPED by `stop`.
+        """Home the turntable. Returns DONE, or STOPPED after `stop`.
 
-        Raises DeviceError where it fails, CommandRefused, NoAnswer, LinkLost.
+        Raises DeviceError if homing fails, CommandRefused, NoAnswer, LinkLost.
         """
         return self._outcome(homing())
 
     def turn(self, angle: float) -> Outcome:
-        """Turn to `angle`, rad, finding the zero first where it is not known; otherwise as `home`."""
+        """Turn to `angle`, rad, and home first if needed. Returns and raises what `home` does."""
         return self._outcome(turning(Turn(microdegrees_of(angle))))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
-        """Readings as they are completed, each once; one sent again comes later than its number says.
+        """Scan, and yield each reading once when it is complete. A reading that was sent again comes out of order.
 
-        Without an order: a whole turn in steps of 5 degrees. The zero is found first where it is not known. Stops the
-        board when the iteration is given up. Behind the last reading the turntable is turned over its zero mark. Raises
-        what `home` does, and LostSteps, after all readings, where the mark was out of its place.
+        The default order is a whole turn in steps of 5 degrees. The turntable homes first if needed. If the caller ends
+        the iteration early, the board stops. After the last reading the turntable turns over its zero mark. Raises what
+        `home` raises, and LostSteps, after all readings, if the mark is not in its place.
         """
         with self._using():
             self._scan = job = self._begin(scanning(start_scan(order or sector())))
@@ -259,12 +260,12 @@ class Scanner:
 
     @contextmanager
     def sequence(self) -> Iterator[None]:
-        """Join several actions: a `stop` during one of them, or between two, also ends those that follow as STOPPED.
+        """Join several actions: a `stop` during one of them, or between two, also ends the later ones as STOPPED.
 
-        Raises DeviceError where another thread uses the scanner.
+        Raises DeviceError while another thread uses the scanner.
         """
         if not self._in_use.acquire(blocking=False):
-            raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
+            raise DeviceError(f"{self.url}: is busy; stop it or wait until it has finished")
         self._stop_wanted, self._sequence_of = False, threading.get_ident()
         try:
             yield
@@ -273,20 +274,20 @@ class Scanner:
             self._in_use.release()
 
     def stop(self) -> None:
-        """Stop what runs; callable from any thread. What runs there ends as STOPPED, a scan with the readings made.
+        """Stop the running action; callable from any thread. It ends as STOPPED; a scan keeps the readings made.
 
-        Raises NoAnswer or LinkLost where nothing ran and the device does not answer.
+        Raises NoAnswer or LinkLost if no action runs and the device does not answer.
         """
         self._stop_wanted = True
-        if self._in_use.acquire(blocking=False):  # nobody is at work who would notice
+        if self._in_use.acquire(blocking=False):  # no action runs that would notice the request
             try:
                 self._stop_wanted = False
-                self._perform(asking(Stop()))
+                self._perform(requesting(Stop()))
             finally:
                 self._in_use.release()
 
     def close(self) -> None:
-        """Stop what runs, end the thread and close the link. Never raises; twice does no harm."""
+        """Stop the running action, end the thread and close the link. Never raises. A second call does nothing."""
         if self._closing.is_set():
             return
         with suppress(SonarError), self._changed:
@@ -304,7 +305,7 @@ class Scanner:
         with self._using():
             answer = self._perform(job)
         if job.stop_wanted or not isinstance(answer, expected):
-            raise DeviceError(f"{self.url}: was stopped before it answered; ask again")
+            raise DeviceError(f"{self.url}: was stopped before it answered; send the request again")
         return answer
 
     def _outcome(self, job: Job) -> Outcome:
@@ -328,12 +329,12 @@ class Scanner:
             job.stop_wanted = self._stop_wanted  # between two actions of a sequence
             self._session.start(job, self._now())
             if job.stop_wanted:
-                self._session.stop(job, self._now())  # ends it at once where the device is lost
+                self._session.stop(job, self._now())  # ends the job at once if the device is lost
             self._wake()
             return job
 
     def _next_readings(self, job: Job) -> list[Reading]:
-        """What has come, at least one reading; empty when the scan is over."""
+        """Wait for readings and return them. Empty when the scan is over."""
         with self._changed:
             while not job.readings and not job.done:
                 self._wait()
@@ -343,7 +344,7 @@ class Scanner:
             return ready
 
     def _abandon(self, job: Job) -> None:
-        """End a job that is still at work, and wait briefly for its end; readings still come in."""
+        """Stop a job that still runs, and wait up to _STOP_WITHIN for its end. Readings are still received."""
         until = time.monotonic() + _STOP_WITHIN
         with self._changed:
             if not job.done:
@@ -356,7 +357,7 @@ class Scanner:
     def _using(self) -> Iterator[None]:
         with nullcontext() if self._sequence_of == threading.get_ident() else self.sequence():
             if self._acting:
-                raise DeviceError(f"{self.url}: is at work already; stop it or let it finish")
+                raise DeviceError(f"{self.url}: is busy; stop it or wait until it has finished")
             self._acting = True
             try:
                 yield
@@ -364,7 +365,7 @@ class Scanner:
                 self._acting = False
 
     def _wait(self) -> None:
-        """Until something has changed, or a moment."""
+        """Wait until the session changes, at most _TICK."""
         self._check_thread()
         self._changed.wait(_TICK)
 
@@ -386,7 +387,7 @@ class Scanner:
     def _converse(self) -> None:
         try:
             while not self._closing.is_set():
-                self._link = self._exchange(self._link) if self._link else self._dial()
+                self._link = self._exchange(self._link) if self._link else self._open_link()
         except BaseException as defect:  # noqa: BLE001 - raised again in the thread that uses the scanner
             self._defect = defect
         finally:
@@ -396,12 +397,12 @@ class Scanner:
             with self._changed:
                 self._changed.notify_all()
 
-    def _dial(self) -> Link | None:
-        """The open link, once it is wanted and can be had."""
+    def _open_link(self) -> Link | None:
+        """Open the link if the session wants it. None if it does not, or if the link cannot be opened."""
         with self._changed:
             self._session.advance(self._now())
             if not self._session.wants_open(self._now()):
-                self._heed_stop()
+                self._forward_stop()
                 self._changed.notify_all()
                 self._changed.wait(_TICK)
                 return None
@@ -417,11 +418,11 @@ class Scanner:
         return link
 
     def _exchange(self, link: Link) -> Link | None:
-        """Write what is to be written, read what has come; the link, where it is to stay open."""
-        held_back = self._hold_back()
+        """Write and read once. Return the link, or None if it has been closed."""
+        behind = self._caller_is_behind()
         try:
             self._write(link)
-            if held_back:
+            if behind:
                 return link
             data = link.read()
         except LinkError as error:
@@ -433,9 +434,9 @@ class Scanner:
         with self._changed:
             if data:
                 self._session.receive(data, self._now())
-            if len(data) < MOST:  # else more is waiting
+            if len(data) < MOST:  # otherwise more bytes are waiting
                 self._session.advance(self._now())
-            self._heed_stop()
+            self._forward_stop()
             self._changed.notify_all()
             if not self._session.wants_close:
                 return link
@@ -450,18 +451,18 @@ class Scanner:
         if data:
             link.write(data)
 
-    def _hold_back(self) -> bool:
-        """Whether the caller has so much to take that nothing more is read; the device still sees signs of life."""
+    def _caller_is_behind(self) -> bool:
+        """Whether the queue of readings is full, so that nothing may be read. Signs of life are still sent."""
         with self._changed:
             job = self._session.job
             if job is None or len(job.readings) < MOST_WAITING or job.stop_wanted:
                 return False
-            self._session.hold(self._now())
-            self._heed_stop()
+            self._session.keep_alive(self._now())
+            self._forward_stop()
             self._changed.wait(_TICK)
             return True
 
-    def _heed_stop(self) -> None:
+    def _forward_stop(self) -> None:
         job = self._session.job
         if self._stop_wanted and job is not None and not job.stop_wanted:
             self._session.stop(job, self._now())

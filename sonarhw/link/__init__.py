@@ -1,1 +1,1 @@
-"""Serial links and ports."""
+"""Serial ports, and links to a scanner."""

@@ -1,6 +1,6 @@
-"""The serial ports of this machine: which may lead to a scanner, where one is now that was here before, who holds it.
+"""The serial ports of this machine, the USB devices behind them, and the processes that use them.
 
-Takes what the system tells; hands on plain values. Nothing here opens a port.
+Nothing here opens a port.
 """
 
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from serial.tools.list_ports import comports
 
-# USB ends of boards that may be scanners: vendor, product
+# vendor and product of USB adapters and boards that scanners use
 KNOWN_USB_IDS = {
     (0x2341, 0x0010): "Arduino Mega 2560",
     (0x2341, 0x0042): "Arduino Mega 2560",
@@ -30,12 +30,12 @@ _PROCESSES = Path("/proc")
 
 @dataclass(frozen=True)
 class Usb:
-    """What tells one USB serial device from another, whatever its port is called."""
+    """The identity of a USB serial device, independent of the name of its port."""
 
     vendor: int
     product: int
     serial_number: str | None
-    location: str | None  # the socket it is in
+    location: str | None  # USB socket
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,12 @@ class Port:
 
     @property
     def known(self) -> str | None:
-        """Which USB end of a possible scanner it is."""
+        """Name of the USB adapter or board, if scanners use this type; otherwise None."""
         return KNOWN_USB_IDS.get((self.usb.vendor, self.usb.product)) if self.usb else None
 
 
 def serial_ports() -> list[Port]:
-    """All serial ports, by name."""
+    """Return all serial ports, sorted by name."""
     return [
         Port(
             port.device,
@@ -64,16 +64,16 @@ def serial_ports() -> list[Port]:
     ]
 
 
-class Whereabouts:
-    """Where the device is that was behind a port, by whatever name its port has now."""
+class PortFinder:
+    """Finds the current port of a USB device, also after the name of its port has changed."""
 
     def __init__(self, url: str) -> None:
-        """`url`: where it is first; what is no port of this machine does not move."""
+        """Remember the device at `url`. A URL with a scheme, such as `socket://`, never changes."""
         self._url = url
         self._usb: Usb | None = None
 
     def __call__(self) -> str:
-        """The URL to open now."""
+        """Return the URL to open now."""
         if "://" in self._url:
             return self._url
         ports = serial_ports()
@@ -81,28 +81,34 @@ class Whereabouts:
         if here or os.path.exists(self._url) or not self._usb:
             self._usb = here or self._usb
             return self._url
-        return where_now(self._usb, ports) or self._url
+        return find_port(self._usb, ports) or self._url
 
 
 def _usb_of(device: str, ports: list[Port]) -> Usb | None:
-    """The USB device behind the name of a port, or a link to it."""
+    """Return the USB device behind the name of a port or a symbolic link to it. None if there is none."""
     real = os.path.realpath(device)
     return next((port.usb for port in ports if os.path.realpath(port.device) == real), None)
 
 
-def where_now(usb: Usb, ports: list[Port]) -> str | None:
-    """The port behind which a USB device is now; one without a serial number is known by its kind and its socket."""
+def find_port(usb: Usb, ports: list[Port]) -> str | None:
+    """Return the current port of a USB device, or None.
+
+    A device without a serial number is identified by vendor, product and USB socket.
+    """
     alike = [port for port in ports if port.usb and (port.usb.vendor, port.usb.product) == (usb.vendor, usb.product)]
     if usb.serial_number:
         alike = [port for port in alike if port.usb and port.usb.serial_number == usb.serial_number]
     else:
         alike = [port for port in alike if port.usb and port.usb.location == usb.location] or alike
-    # of several that are alike none is chosen: it may be another scanner
+    # of several candidates none is chosen, because it may be another scanner
     return alike[0].device if len(alike) == 1 else None
 
 
 def holders(device: str) -> list[str]:
-    """Who has a port open, as far as the system tells: name and number of each process, this one only if no other."""
+    """Return name and number of each process that has a port open, as far as the system shows them.
+
+    This process is listed, as "this program", only if there is no other.
+    """
     real = os.path.realpath(device)
     processes = {process for process, path in _open_files() if path == real}
     others = sorted(_named(process) for process in processes if int(process.name) != os.getpid())
@@ -121,8 +127,8 @@ def _opened_by(process: Path) -> list[str]:
     paths = []
     try:
         for descriptor in (process / "fd").iterdir():
-            paths.append(os.readlink(descriptor))  # noqa: PERF401 - what was read before an error counts
-    except OSError:  # gone meanwhile, or somebody else's
+            paths.append(os.readlink(descriptor))  # noqa: PERF401 - paths read before an error are kept
+    except OSError:  # the process has ended, or belongs to another user
         pass
     return paths
 

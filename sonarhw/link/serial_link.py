@@ -1,6 +1,6 @@
-"""The way to the scanner: any URL that pyserial opens, with errors a person can act on.
+"""A byte link to a scanner at any URL that pyserial opens, with errors that say what to do.
 
-Takes bytes to write; hands on the bytes that have come. One thread may read while another writes, or wakes it.
+One thread may read while another thread writes or calls `wake`.
 """
 
 import errno
@@ -21,20 +21,20 @@ from sonarhw.link.ports import holders
 from sonarhw.link.rfc2217_port import Rfc2217Port
 from sonarhw.wire.limits import FIRST_BAUD
 
-BOOTLOADER = 2.0  # s in which a board that opening the port has reset listens for a new program
+BOOTLOADER = 2.0  # s for which the bootloader runs after a reset by the opening of the port
 WRITE_WITHIN = 2.0  # s
-READ_PATIENCE = 0.05  # s; how long a read waits for the first byte
-MOST = 4096  # bytes a read returns
-_WITH_HOST = ("socket", "rfc2217")  # what pyserial opens by host and port
+READ_PATIENCE = 0.05  # s for which a read waits for the first byte
+MOST = 4096  # bytes that a read returns at most
+_WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
 _KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
-_POLL = 0.005  # s, where the system cannot tell that bytes have come
+_POLL = 0.005  # s between checks for bytes, for ports without a file descriptor
 
 
 class Link:
-    """An open link. A context manager; closing it twice does no harm."""
+    """An open link and context manager. A second `close` does nothing."""
 
     def __init__(self, url: str) -> None:
-        """Open `url`. Raises InputError for one that says nothing, LinkBusy, LinkError where it cannot be opened."""
+        """Open `url`. Raises InputError for an invalid URL, LinkBusy, LinkForbidden, or LinkError if it fails."""
         _check_url(url)
         self.url = url
         try:
@@ -61,16 +61,16 @@ class Link:
 
     @property
     def bauds(self) -> bool:
-        """Whether its speed can be set: that of a port of this machine, or of one behind an RFC 2217 server."""
+        """Whether the baud rate can be set, as for a local port or one behind an RFC 2217 server."""
         return "://" not in self.url or self.url.startswith("rfc2217://")
 
     @property
     def quiet(self) -> float:
-        """How long to say nothing after opening, s: where there is a DTR, opening may have reset the board."""
+        """Time to send nothing after opening, s: on a port with DTR, opening may have reset the board."""
         return BOOTLOADER if self.bauds and _has_modem_lines(self._port) else 0.0
 
     def set_baud(self, baud: int) -> None:
-        """Change the speed, once all that was written has gone. Raises LinkLost where the link has gone away."""
+        """Change the baud rate after all written bytes have been sent. Raises LinkLost if the link is lost."""
         if baud == self._baud or not self.bauds:
             return
         try:
@@ -81,37 +81,38 @@ class Link:
         self._baud = baud
 
     def read(self) -> bytes:
-        """The bytes that have come, waiting up to READ_PATIENCE for the first; empty where none came.
+        """Return the received bytes. Waits up to READ_PATIENCE for the first; empty if none came.
 
-        Raises LinkLost where the link has gone away.
+        Raises LinkLost if the link is lost.
         """
         try:
             self._wait()
             return self._port.read(MOST)
         except (SerialException, OSError, ValueError, TypeError) as error:
-            # a port closed meanwhile has no descriptor: pyserial then hands None to the system
+            # TypeError: a port that was closed meanwhile has no descriptor, and pyserial passes None to the system
             raise self._gone(error) from error
 
     def write(self, data: bytes) -> None:
-        """Write all bytes. Raises LinkLost where the link has gone away or takes nothing for WRITE_WITHIN."""
+        """Write all bytes. Raises LinkLost if the link is lost or accepts no bytes for WRITE_WITHIN."""
         try:
             self._port.write(data)
         except serial.SerialTimeoutException as error:
-            raise LinkLost(f"{self.url}: takes no bytes for {WRITE_WITHIN:g} s; is the scanner alive?") from error
+            text = f"{self.url}: accepted no bytes for {WRITE_WITHIN:g} s; check that the scanner is running"
+            raise LinkLost(text) from error
         except (SerialException, OSError, ValueError, TypeError) as error:
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> LinkLost:
-        return LinkLost(f"{self.url}: the link went away: {_reason(error)}; plug it in again")
+        return LinkLost(f"{self.url}: the link was lost: {_reason(error)}; plug the scanner in again")
 
     def wake(self) -> None:
-        """End the wait of a read in another thread: there is something to write."""
+        """End the wait of a read in another thread, because there is something to write."""
         with suppress(OSError):
             self._waker.send(b"x")
 
     def close(self) -> None:
         """Close the link. Never raises."""
-        # pyserial leaves the socket open where the peer has gone first
+        # pyserial leaves the socket open if the peer has closed first
         peer = getattr(self._port, "_socket", None)
         with suppress(SerialException, OSError):
             self._port.close()
@@ -134,14 +135,14 @@ class Link:
 
 def _closed_port(url: str) -> serial.Serial:
     if url.startswith("rfc2217://"):
-        port = cast(serial.Serial, Rfc2217Port(None, baudrate=FIRST_BAUD, timeout=0))  # it knows no timeout of writing
+        port = cast(serial.Serial, Rfc2217Port(None, baudrate=FIRST_BAUD, timeout=0))  # has no write timeout
         port.port = url
         return port
     return serial.serial_for_url(url, do_not_open=True, baudrate=FIRST_BAUD, timeout=0, write_timeout=WRITE_WITHIN)
 
 
 def _check_url(url: str) -> None:
-    """Raise InputError where `url` cannot lead anywhere, whatever is plugged in."""
+    """Raise InputError if `url` is invalid, whatever is plugged in."""
     scheme, separator, _ = url.partition("://")
     if not url.strip():
         raise InputError("no URL: expected a serial port such as /dev/ttyUSB0, or socket://HOST:PORT")
@@ -151,24 +152,24 @@ def _check_url(url: str) -> None:
         try:
             parts = urlsplit(url)
             complete = bool(parts.hostname) and bool(parts.port)
-        except ValueError:  # a port that is no number, or over 65535
+        except ValueError:  # the port is not a number, or above 65535
             complete = False
         if not complete:
             raise InputError(f"{url}: expected {scheme}://HOST:PORT, with a port from 1 to 65535")
     elif scheme not in _KNOWN:
         known = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
-        raise InputError(f"{url}: {scheme}:// is not known; known: {known}, or the name of a serial port")
+        raise InputError(f"{url}: unknown scheme {scheme}://; expected {known}, or the name of a serial port")
 
 
 def _has_modem_lines(port: serial.SerialBase) -> bool:
     try:
         return getattr(port, "cts", None) is not None
-    except (SerialException, OSError, ValueError):  # a pseudo-terminal
+    except (SerialException, OSError, ValueError):  # a pseudo-terminal has none
         return False
 
 
 def _keep_dtr_when_closed(port: serial.SerialBase) -> None:
-    """Leave DTR as it is at the end, so that opening the port again is no reset."""
+    """Keep DTR unchanged at the end, so that opening the port again does not reset the board."""
     if os.name != "posix":
         return
     import termios
@@ -196,28 +197,28 @@ def _why_not_open(url: str, error: Exception) -> LinkError:
     if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in text:
         who = holders(url) or ["another program"]
         held = "holds" if len(who) == 1 else "hold"
-        return LinkBusy(f"{url}: {', '.join(who)} {held} the port; close what is not the scanner itself and try again")
+        return LinkBusy(f"{url}: {', '.join(who)} {held} the port; close the other program that uses it and try again")
     if code == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
-        return LinkForbidden(f"{url}: you may not open this port; {_how_to_be_allowed(url)}")
+        return LinkForbidden(f"{url}: no permission to open this port; {_how_to_get_permission(url)}")
     if code == errno.ENOENT or "FileNotFoundError" in text:
         meant = f"; did you mean socket://{url}?" if re.fullmatch(r"[\w.-]+:\d+", url) else ""
-        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists those there are{meant}")
+        return LinkError(f"{url}: there is no such port; `sonarhw ports` lists the existing ones{meant}")
     if code == errno.EISDIR or "Inappropriate ioctl" in text:
-        return LinkError(f"{url}: is no serial port; `sonarhw ports` lists those there are")
+        return LinkError(f"{url}: is not a serial port; `sonarhw ports` lists the existing ones")
     if "Name or service not known" in text or "getaddrinfo" in text or "nodename nor servname" in text:
-        return LinkError(f"{url}: there is no host of that name; check it")
+        return LinkError(f"{url}: unknown host name; check its spelling")
     if "refused" in text:
-        return LinkError(f"{url}: nobody listens there; start the scanner or check host and port")
+        return LinkError(f"{url}: connection refused; start the scanner or check host and port")
     return LinkError(f"{url}: cannot be opened: {text}")
 
 
-def _how_to_be_allowed(url: str) -> str:
+def _how_to_get_permission(url: str) -> str:
     if os.name != "posix":
-        return "another program may hold it: close that one"
+        return "if another program uses it, close that program"
     import grp
 
     try:
         group = grp.getgrgid(os.stat(url).st_gid).gr_name
     except (OSError, KeyError):
-        return "ask whoever runs this machine"
+        return "ask the administrator of this machine"
     return f"join the group {group} (sudo usermod -aG {group} $USER), then log in again"

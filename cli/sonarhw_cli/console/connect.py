@@ -50,7 +50,7 @@ def resolve(url: str) -> Iterator[Find]:
     `fake:` URLs and log files are served by this process while the block lasts. A device may return under another
     name: call the function before each opening.
     """
-    from sonarhw.link.ports import Whereabouts
+    from sonarhw.link.ports import PortFinder
 
     if url.startswith(FAKE):
         with _fake(url) as find:
@@ -59,7 +59,7 @@ def resolve(url: str) -> Iterator[Find]:
         with _replay(Path(url)) as find:
             yield find
     else:
-        yield Whereabouts(url)
+        yield PortFinder(url)
 
 
 def read_pace(text: str) -> "Pace":

@@ -194,7 +194,7 @@ def test_a_new_file_has_the_permissions_that_new_files_have(tmp_path: Path) -> N
 def test_devices_are_written_into_and_never_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["simulate", str(ROOM), "--place", "figure9", "--out"]
     assert run([*command, "/dev/full"]) == 1
-    told = "sonarhw: /dev/full: No space left on device; free some or choose another --out\n"
+    told = "sonarhw: /dev/full: No space left on device; free disk space or choose another --out\n"
     assert capsys.readouterr().err == told
     assert run([*command, "/dev/null"]) == 0
     assert Path("/dev/null").is_char_device()

@@ -83,7 +83,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("max_bounces = 4", 'receiver = "ear"', "vary.options: receiver: expected 'first-echo' or 'board', got 'ear'"),
         ("max_bounces = 4", "noise = [0.0, 0.1]", 'vary.options: noise: nobody would hear it; add receiver = "board"'),
         ("max_bounces = 4", "[vary.materials.felt]\nscatter = 0.1", "vary.materials.felt: no room has anything"),
-        ("step = 30.0", "from = 90.0\nto = 20.0", "headings: no angle lies from 90 below 20"),
+        ("step = 30.0", "from = 90.0\nto = 20.0", "headings: there is no angle from 90 to below 20"),
     ],
 )
 def test_what_is_wrong_is_told_with_file_and_key(

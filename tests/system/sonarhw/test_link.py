@@ -100,7 +100,7 @@ def test_a_speed_that_cannot_be_set_any_more_is_a_lost_link(terminal: str) -> No
     link.close()
     os.close(os.open(terminal, os.O_RDONLY | os.O_NOCTTY))
     link._port.flush = _gone
-    with pytest.raises(LinkLost, match="went away"):
+    with pytest.raises(LinkLost, match="link was lost"):
         link.set_baud(500_000)
 
 

@@ -61,9 +61,9 @@ def test_echoes_of_other_things_are_left_out() -> None:
 
 
 def test_a_plate_that_is_not_heard_or_fills_the_sector_is_refused() -> None:
-    with pytest.raises(NoPlate, match="heard at 0 headings"):
+    with pytest.raises(NoPlate, match="detected at 0 headings"):
         calibrate(scan(1.5, 0.0, 0.0), 3.0, 0.0)
     with pytest.raises(NoPlate, match="end of the sector"):
         calibrate(scan(1.5, 0.0, 0.0, width=10.0), 1.5, 0.0)
-    with pytest.raises(NoPlate, match="heard at 0 headings"):
+    with pytest.raises(NoPlate, match="detected at 0 headings"):
         calibrate([], 1.5, 0.0)

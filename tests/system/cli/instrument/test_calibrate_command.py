@@ -68,7 +68,7 @@ def test_a_sector_of_too_few_headings_is_refused_before_anything_turns(
 def test_a_missing_plate_is_told_and_leaves_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.toml"
     assert calibrated(out, "--distance", "3.0") == 1
-    assert "the plate is heard at 0 headings" in capsys.readouterr().err
+    assert "the plate is detected at 0 headings" in capsys.readouterr().err
     assert not out.exists()
 
 

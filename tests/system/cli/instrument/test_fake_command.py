@@ -175,7 +175,7 @@ def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
         ("socket://127.0.0.1", "expected socket://HOST:PORT"),
         ("socket://127.0.0.1:99999", "expected socket://HOST:PORT"),
         ("rfc2217://", "expected rfc2217://HOST:PORT"),
-        ("bogus://x", "bogus:// is not known; known: "),
+        ("bogus://x", "unknown scheme bogus://; expected "),
         ("fake:", "room file missing; expected fake:ROOM.toml?place=NAME"),
         (f"fake:{SIMPLE_ROOM.parent / 'laboratory.toml'}", "add ?place=NAME, one of bench, door"),
     ],

@@ -135,7 +135,7 @@ def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Fa
         status, errors = end(process)
     recorded = read_log(log)
     assert status == 1
-    assert re.fullmatch(rf"sonarhw: .*went away.*; {len(recorded.readings)} readings are kept in .*\n", errors)
+    assert re.fullmatch(rf"sonarhw: .*link was lost.*; {len(recorded.readings)} readings are kept in .*\n", errors)
     assert recorded.torn is None
     assert 5 <= len(recorded.readings) < 72_000
 
@@ -284,7 +284,7 @@ def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()
-    told = r": the scan takes some \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; make room"
+    told = r": the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; free disk space"
     assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
 
 

@@ -61,8 +61,8 @@ TOLD = {
     "protocol=0.9": (Incompatible, r"0\.9"),
     "protocol=2.0": (Incompatible, r"2\.0"),
     "nonsense": (NoAnswer, "no scanner answered"),
-    "nonsense@r20": (SonarError, "not back within 30 s"),
-    "unplug=1000@r20": (LinkLost, "not back within 30 s"),
+    "nonsense@r20": (SonarError, "did not come back within 30 s"),
+    "unplug=1000@r20": (LinkLost, "did not come back within 30 s"),
     "drop=1": (NoAnswer, "no scanner answered"),
 }
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sonarhw.link.ports import KNOWN_USB_IDS, Port, Usb, Whereabouts, serial_ports, where_now
+from sonarhw.link.ports import KNOWN_USB_IDS, Port, PortFinder, Usb, find_port, serial_ports
 
 MEGA = (0x2341, 0x0042)
 
@@ -52,7 +52,7 @@ def test_a_device_is_found_by_its_serial_number_wherever_it_is(plugged: list[Sim
     first, second = tmp_path / "ttyUSB0", tmp_path / "ttyUSB1"
     first.touch()
     plugged.append(port(str(first), *MEGA, "74932", "1-1"))
-    find = Whereabouts(str(first))
+    find = PortFinder(str(first))
     assert find() == str(first)
     first.unlink()
     plugged[:] = [port("/dev/other", *MEGA, "11111", "1-1")]
@@ -66,7 +66,7 @@ def test_a_link_to_a_port_is_known_by_what_it_leads_to(plugged: list[SimpleNames
     real.touch()
     os.symlink(real, link)
     plugged.append(port(str(real), *MEGA, "74932", "1-1"))
-    find = Whereabouts(str(link))
+    find = PortFinder(str(link))
     assert find() == str(link)
     real.unlink()
     plugged[:] = [port(str(moved), *MEGA, "74932", "1-1")]
@@ -76,11 +76,11 @@ def test_a_link_to_a_port_is_known_by_what_it_leads_to(plugged: list[SimpleNames
 def test_of_two_that_look_alike_none_is_chosen_but_by_its_socket() -> None:
     usb = Usb(*MEGA, None, "1-1")
     here, there = Port("/dev/a", "", Usb(*MEGA, None, "1-1")), Port("/dev/b", "", Usb(*MEGA, None, "1-2"))
-    assert where_now(usb, [here, there]) == "/dev/a"
-    assert where_now(Usb(*MEGA, None, "1-9"), [here, there]) is None
-    assert where_now(Usb(*MEGA, None, "1-9"), [there]) == "/dev/b"
-    assert where_now(Usb(1, 2, None, "1-1"), [here, there]) is None
+    assert find_port(usb, [here, there]) == "/dev/a"
+    assert find_port(Usb(*MEGA, None, "1-9"), [here, there]) is None
+    assert find_port(Usb(*MEGA, None, "1-9"), [there]) == "/dev/b"
+    assert find_port(Usb(1, 2, None, "1-1"), [here, there]) is None
 
 
 def test_what_is_no_port_of_this_machine_does_not_move() -> None:
-    assert Whereabouts("socket://somewhere:7000")() == "socket://somewhere:7000"
+    assert PortFinder("socket://somewhere:7000")() == "socket://somewhere:7000"

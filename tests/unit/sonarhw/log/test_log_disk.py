@@ -42,8 +42,8 @@ def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypa
         if len(lines) > len(told):
             told.append(second)
     assert told == pytest.approx([3000, 3540], abs=10)
-    assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for some 10 minutes of ")
-    assert " s of this scan; make room" in lines[1]
+    assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for about 10 minutes of ")
+    assert " s of this scan; free disk space" in lines[1]
 
 
 def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +52,7 @@ def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.Monk
     room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
     room.written(1000, STARTED)
     room.written(2000, STARTED + 2)
-    assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; make room"]
+    assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; free disk space"]
 
 
 def test_the_disk_is_looked_at_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
