@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from sonarhw.device.paced_line import Line
 from sonarhw.wire.frames import Frame, FrameDecoder, Rejected
 from sonarhw.wire.limits import (
+    BAUD_TIMEOUT,
     HEARTBEAT,
     HOST_SILENCE,
     KEPT_READINGS,
@@ -20,7 +21,6 @@ from sonarhw.wire.limits import (
     MAX_TEST,
     MAX_TESTED,
     MOST_READINGS,
-    UNHEARD,
 )
 from sonarhw.wire.messages import (
     BY_TYPE,
@@ -258,7 +258,7 @@ class ProtocolDevice(ABC):
     def _deaf_at(self) -> float | None:
         """When the silence of the host has a consequence."""
         if self._former_baud is not None:
-            return self._heard + UNHEARD * self.hurry
+            return self._heard + BAUD_TIMEOUT * self.hurry
         return self._heard + HOST_SILENCE * self.hurry if self._greeted and self._watches else None
 
     def _work(self, now: float) -> None:

@@ -7,7 +7,7 @@ from sonarhw.errors import Incompatible, NoAnswer, WrongDevice
 from sonarhw.host.actions import home
 from sonarhw.host.conversation import Conversation, settled
 from sonarhw.host.job import Job, Script, Wait
-from sonarhw.wire.limits import FIRST_BAUD, MAX_TEST, MAX_TESTED, PROTOCOL_MAJOR, PROTOCOL_MINOR, UNHEARD
+from sonarhw.wire.limits import BAUD_TIMEOUT, FIRST_BAUD, MAX_TEST, MAX_TESTED, PROTOCOL_MAJOR, PROTOCOL_MINOR
 from sonarhw.wire.messages import (
     Accepted,
     AskCapabilities,
@@ -22,7 +22,7 @@ from sonarhw.wire.messages import (
 
 SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # after a reset, of protocol 1.0, and left from an earlier conversation
 LINK_TESTS = 32
-_BACK_AT_OLD_BAUD = UNHEARD + 0.1  # s
+_BACK_AT_OLD_BAUD = BAUD_TIMEOUT + 0.1  # s
 
 
 def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:

@@ -117,7 +117,7 @@ class Follower:
         # an answer to nobody says nothing, its time neither; whether it is one is not known here
         if recorded.received and not isinstance(message, Accepted | Refused):
             self._newest_us = frame.time_us
-            self._clock.heard(frame.time_us, recorded.time)
+            self._clock.add_frame(frame.time_us, recorded.time)
         readings = self._from_device(frame, message) if recorded.received else self._from_host(frame, message)
         return self._keep(readings, place)
 

@@ -1,1 +1,1 @@
-"""The wire protocol: frames, messages and the readings they carry."""
+"""The wire protocol: frames, messages and readings."""

@@ -1,26 +1,24 @@
-"""Which readings have come, which the device must be asked for again, and which it must make again.
+"""Records of which readings have arrived, which to request again with Resend, and which to measure again.
 
-`ReadingArrivals` is the book of one order to the device: it takes the numbers of readings that came and the counts that
-heartbeats tell; hands on the next stretch to ask for. `Progress` is the book of a whole scan, which may take several
-orders: it hands on the next stretch to be made.
+`ReadingArrivals` covers one StartScan. `Progress` covers a whole scan, which may take several StartScans.
 """
 
 from sonarhw.wire.limits import KEPT_READINGS
 
 
 class ReadingArrivals:
-    """Books of readings `first` to `total` − 1; holds only what is missing."""
+    """Arrivals of the readings `first` to `total` − 1. Stores only the numbers of missing readings."""
 
     def __init__(self, total: int, first: int = 0, kept: int = KEPT_READINGS) -> None:
         self.total = total
-        self.made = first  # readings before this one are known to have been made
-        self.lost = 0  # readings the device no longer has
+        self.made = first  # the device has made all readings before this number
+        self.lost = 0  # number of missing readings that the device no longer keeps
         self._first = first
         self._kept = kept
         self._missing: set[int] = set()
 
     def arrived(self, number: int) -> bool:
-        """Book a reading; False where it had come before or belongs to no such scan."""
+        """Record the arrival of a reading. Return False if it arrived before or has an invalid number."""
         if not self._first <= number < self.total:
             return False
         new = number >= self.made
@@ -31,7 +29,7 @@ class ReadingArrivals:
         return False
 
     def device_made(self, count: int) -> None:
-        """Book that the readings before `count` have been made, whether they came or not."""
+        """Record that the device has made the readings before `count`, whether they arrived or not."""
         count = min(count, self.total)
         if count > self.made:
             oldest = max(self.made, count - self._kept)
@@ -41,7 +39,7 @@ class ReadingArrivals:
         self._give_up({number for number in self._missing if number < self.made - self._kept})
 
     def wanted(self) -> tuple[int, int] | None:
-        """First number and count (1 to `kept`) of the next stretch to ask for; None where nothing is missing."""
+        """Return first number and count (1 to `kept`) for the next Resend, or None if nothing is missing."""
         if not self._missing:
             return None
         first = min(self._missing)
@@ -49,7 +47,7 @@ class ReadingArrivals:
         return first, last - first + 1
 
     def give_up(self) -> None:
-        """Count what is missing as lost: the device was asked often enough."""
+        """Count all missing readings as lost, after too many requests."""
         self._give_up(set(self._missing))
 
     def _give_up(self, numbers: set[int]) -> None:
@@ -58,26 +56,26 @@ class ReadingArrivals:
 
 
 class Progress:
-    """How far a scan of `total` readings has come, over however many orders; holds only what is missing."""
+    """Progress of a scan of `total` readings over any number of StartScans. Stores only the numbers of missing ones."""
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.received = 0
-        self._next = 0  # no reading from here on has come
-        self._holes: set[int] = set()  # before that
+        self._next = 0  # no reading from this number on has arrived
+        self._holes: set[int] = set()  # missing numbers below _next
 
     @property
     def complete(self) -> bool:
-        """Whether every reading has come."""
+        """Whether every reading has arrived."""
         return self.received == self.total
 
     @property
     def missing(self) -> int:
-        """Readings left out so far: later ones have come."""
+        """Number of missing readings before the last that arrived."""
         return len(self._holes)
 
     def take(self, number: int) -> bool:
-        """Book a reading; False where it has come before or belongs to no such scan."""
+        """Record the arrival of a reading. Return False if it arrived before or has an invalid number."""
         if number in self._holes:
             self._holes.discard(number)
         elif self._next <= number < self.total:
@@ -89,7 +87,7 @@ class Progress:
         return True
 
     def stretch(self) -> tuple[int, int] | None:
-        """First number and count of the next readings to be made without a gap; None where all have come."""
+        """Return first number and count of the next contiguous missing readings, or None if all have arrived."""
         if not self._holes:
             return (self._next, self.total - self._next) if self._next < self.total else None
         first = end = min(self._holes)

@@ -1,7 +1,4 @@
-"""Messages from a device become readings: the one decoder behind the live link, the log and the replay.
-
-Takes messages in the order they came, with their times; hands on each reading once, with its trace where one was sent.
-"""
+"""Decoder from device messages to readings, used for live links, logs and replay."""
 
 import math
 from collections import deque
@@ -23,13 +20,13 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.units import FULL_SCALE, degrees_c, fine_seconds_of, radians_of, sound_speed_of
 
-_WIDE = 16  # bits of a sample that takes two bytes; all set is 257 × 255
-_REMEMBERED = 256  # pings known by their time; a device sends none again that is older than 64
-_TRACES_HELD = 4  # traces whose reading may still be sent again
+_WIDE = 16  # bits of a two-byte sample; its full scale is 257 × 255
+_REMEMBERED = 256  # remembered pings; a device keeps fewer for Resend
+_TRACES_HELD = 4  # traces kept for readings that may be sent again
 
 
 class _PartialTrace:
-    """The chunks of one trace that have come so far."""
+    """The chunks of one trace that have arrived so far."""
 
     def __init__(self, chunk: TraceChunk) -> None:
         self._period, self._start = fine_seconds_of(chunk.period_ns), fine_seconds_of(chunk.start_ns)
@@ -50,7 +47,7 @@ class _PartialTrace:
 
 
 def _sample_values(chunk: TraceChunk) -> FloatArray:
-    """Samples of a chunk: an envelope from 0 to 1, a carrier from −1 to 1."""
+    """Return the samples of a chunk: 0 to 1 for an envelope, −1 to 1 for a carrier."""
     wide = chunk.bits == _WIDE
     whole = len(chunk.samples) // 2 * 2 if wide else len(chunk.samples)
     levels = np.frombuffer(chunk.samples[:whole], "<u2" if wide else "u1").astype(np.float64)
@@ -59,14 +56,15 @@ def _sample_values(chunk: TraceChunk) -> FloatArray:
 
 
 class ReadingAssembler:
-    """Holds the newest reading until its trace is complete or something later shows that it never will be.
+    """Assembles readings and their traces from messages in the order of arrival.
 
-    A ping is known by the device's clock at its start, so a reading sent again, whole or after its scan's Started was
-    lost, is handed on once and no more. Samples of a trace that never came are NaN.
+    Holds the newest reading until its trace is complete or a later message shows that the rest is lost. A ping is
+    identified by the device clock at its start, so a reading that is sent again is returned only once. Missing samples
+    of a trace are NaN.
     """
 
     def __init__(self, clock: DeviceClock | None = None) -> None:
-        """`clock` maps the device's time to the host's; it may have known the device before."""
+        """`clock` maps device time to host time. It may already contain earlier frames of the device."""
         self.settings: Settings | None = None
         self._clock = clock or DeviceClock()
         self._seen: deque[int] = deque(maxlen=_REMEMBERED)
@@ -76,17 +74,17 @@ class ReadingAssembler:
         self._traces: dict[int, _PartialTrace] = {}
 
     def feed(self, message: Message, sent_us: int | None = None, arrived: float | None = None) -> list[Reading]:
-        """The readings that this message completes, in the order they were made known.
+        """Return the readings that this message completes, in the order of their arrival.
 
-        `sent_us` is the device time in its frame, `arrived` the host's time when it came, s.
+        `sent_us` is the device time in the frame, µs; `arrived` is the host time of its arrival, s.
         """
-        # a reading of before a reset has its time from before it
+        # a reading from before a reset needs the clock from before the reset
         ended: list[Reading] = []
         if isinstance(message, Info):
             ended = self.flush()
-            self._clock.greeted(message.boot)
+            self._clock.set_boot(message.boot)
         if sent_us is not None and arrived is not None:
-            self._clock.heard(sent_us, arrived)
+            self._clock.add_frame(sent_us, arrived)
         return ended + self._take(message)
 
     def _take(self, message: Message) -> list[Reading]:
@@ -104,13 +102,13 @@ class ReadingAssembler:
             case TraceChunk():
                 return self._add(message)
             case Heartbeat() | Finished():
-                # a heartbeat may slip in between two chunks; only one after the next ping tells that they are lost
+                # a heartbeat may arrive between two chunks; only one after the next ping means that chunks are lost
                 if isinstance(message, Finished) or (self._waiting and message.readings > self._waiting.number + 1):
                     return self.flush()
         return []
 
     def flush(self) -> list[Reading]:
-        """The reading still waiting for its trace, with what came of it."""
+        """Return the reading that waits for its trace, with the samples received so far."""
         if self._waiting is None:
             return []
         message, self._waiting = self._waiting, None
@@ -126,7 +124,7 @@ class ReadingAssembler:
         if message.fired_us in self._seen:
             return []
         self._seen.append(message.fired_us)
-        if message.fired_us < self._newest:  # sent again: its trace has come already or never will
+        if message.fired_us < self._newest:  # sent again; all chunks of its trace that will arrive have arrived
             return [self._reading(message)]
         self._newest = message.fired_us
         ended = self.flush()

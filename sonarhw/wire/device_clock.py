@@ -1,8 +1,7 @@
-"""When a device's time was on the host's clock: a straight line through what frames tell, kept over resets.
+"""Conversion of device time to host time, by a straight line that is fitted to the arrival times of frames.
 
-Takes the device time in a frame with the host's time at its arrival; hands on the device's time as it goes on over
-resets, and the host's time for it. A frame arrives late or very late but never early, so of each second only the
-least late one counts, and through these goes a line by least squares: offset and drift.
+Frames arrive with varying delay and never early. So the fit uses only the frame with the least delay in each second. A
+least-squares line through these frames gives offset and drift. Device time continues across resets of the device.
 """
 
 from collections import deque
@@ -12,39 +11,39 @@ import numpy as np
 from sonarhw.wire.units import seconds_of
 
 _BUCKET = 1.0  # s
-_BUCKETS = 60  # what a line goes through; a minute shows a drift of 1 in 10⁵ under 0.5 ms of jitter
-_FEWEST = 5  # buckets; before that the clocks are taken to run alike
-MOST_DRIFT = 0.02  # a ceramic resonator is good to 0.005; a device that is played faster or slower has this
-_RAN_BACK = 1.0  # s; frames come in order, so more than this is a reset
+_BUCKETS = 60  # in the fit; one minute shows a drift of 1 in 10⁵ under 0.5 ms of jitter
+_FEWEST = 5  # buckets; with fewer, a drift of 0 is assumed
+MOST_DRIFT = 0.02  # a ceramic resonator stays below 0.005; a larger fitted drift is limited to this
+_RAN_BACK = 1.0  # s; frames arrive in order, so a larger step back is a reset
 
 _Sample = tuple[float, float]  # device, host
 
 
 class DeviceClock:
-    """The clock of one device, as its host sees it. Times in s."""
+    """The clock of one device relative to the host's clock. Times in s."""
 
     def __init__(self) -> None:
         self.resets = 0
-        self.drift = 0.0  # s the host's clock gains in each of the device's
+        self.drift = 0.0  # s that the host's clock gains per second of device time
         self._boot = 0
         self._restarted = False
-        self._before = 0.0  # what the device's clock had come to before its last reset
+        self._before = 0.0  # s added to device time, so that it continues across resets
         self._newest = 0.0  # continued device time
         self._best: deque[_Sample] = deque(maxlen=_BUCKETS)
         self._centre = (0.0, 0.0)
 
     @property
     def known(self) -> bool:
-        """Whether anything has been heard."""
+        """Whether any frame has been added."""
         return bool(self._best)
 
-    def greeted(self, boot: int) -> None:
-        """The device has said how often it has started; 0: it does not count."""
+    def set_boot(self, boot: int) -> None:
+        """Set the boot count from Info; a changed count means a reset. 0: the device does not count."""
         self._restarted = bool(boot and self._boot and boot != self._boot)
         self._boot = boot
 
-    def heard(self, device_us: int, arrived: float) -> None:
-        """A frame of that device time has come at `arrived` on the host's clock."""
+    def add_frame(self, device_us: int, arrived: float) -> None:
+        """Add a frame with device time `device_us` that arrived at host time `arrived`."""
         device = seconds_of(device_us)
         if self._restarted or (self.known and self._before + device < self._newest - _RAN_BACK):
             self._restart(device, arrived)
@@ -59,11 +58,11 @@ class DeviceClock:
             self._fit()
 
     def continued(self, device_us: int) -> float:
-        """Device time as if it had never been reset, s."""
+        """Return the device time as if the device had never been reset, s."""
         return self._before + seconds_of(device_us)
 
     def host_time(self, continued: float) -> float | None:
-        """The host's time at a continued device time; None before anything was heard."""
+        """Return the host time at a continued device time, or None before the first frame."""
         device, host = self._centre
         return host + (continued - device) * (1 + self.drift) if self.known else None
 

@@ -1,7 +1,4 @@
-"""How a field of a message lies on the wire: numbers, text, arrays; little-endian, without padding.
-
-Takes a value and gives its bytes, and the other way round; `messages` names the fields.
-"""
+"""Encoding of message fields: numbers, text and arrays; little-endian, without padding."""
 
 import struct
 from dataclasses import dataclass
@@ -9,7 +6,7 @@ from typing import Any
 
 
 class MessageError(ValueError):
-    """A payload that does not have the shape of its message type."""
+    """A payload does not match its message type, or a value does not fit its field."""
 
 
 @dataclass(frozen=True)
@@ -17,17 +14,17 @@ class Scalar:
     """One number."""
 
     name: str
-    code: str  # of struct
+    code: str  # format character of struct
 
     def pack(self, value: Any) -> bytes:
-        """The bytes of one value; raises MessageError where it does not fit."""
+        """Return the bytes of a value. Raises MessageError if it does not fit."""
         try:
             return struct.pack("<" + self.code, value)
         except struct.error as error:
             raise MessageError(f"{value!r} does not fit {self.name}: {error}") from error
 
     def unpack(self, payload: bytes, at: int) -> tuple[Any, int]:
-        """The value at offset `at` and the offset behind it."""
+        """Return the value at offset `at` and the offset after it."""
         try:
             return struct.unpack_from("<" + self.code, payload, at)[0], at + struct.calcsize("<" + self.code)
         except struct.error as error:
@@ -46,17 +43,17 @@ def _take(payload: bytes, at: int, size: int, name: str) -> tuple[bytes, int]:
 
 @dataclass(frozen=True)
 class Text:
-    """UTF-8 behind its length in bytes (u8)."""
+    """A length in bytes (u8), then the text in UTF-8."""
 
     name: str = "text"
 
     def pack(self, value: str) -> bytes:
-        """The bytes of the text; raises MessageError beyond 255."""
+        """Return the bytes of the text. Raises MessageError if it has more than 255."""
         data = value.encode()
         return U8.pack(len(data)) + data
 
     def unpack(self, payload: bytes, at: int) -> tuple[str, int]:
-        """The text at offset `at` and the offset behind it."""
+        """Return the text at offset `at` and the offset after it."""
         size, at = U8.unpack(payload, at)
         data, at = _take(payload, at, size, self.name)
         try:
@@ -67,16 +64,16 @@ class Text:
 
 @dataclass(frozen=True)
 class Numbers:
-    """u32 values behind their count (u8)."""
+    """A count (u8), then that many u32 values."""
 
     name: str = "u32[]"
 
     def pack(self, value: tuple[int, ...]) -> bytes:
-        """The bytes of all values; raises MessageError beyond 255."""
+        """Return the bytes of all values. Raises MessageError if there are more than 255."""
         return U8.pack(len(value)) + b"".join(map(U32.pack, value))
 
     def unpack(self, payload: bytes, at: int) -> tuple[tuple[int, ...], int]:
-        """The values at offset `at` and the offset behind them."""
+        """Return the values at offset `at` and the offset after them."""
         count, at = U8.unpack(payload, at)
         data, at = _take(payload, at, 4 * count, self.name)
         return struct.unpack(f"<{count}I", data), at
@@ -84,16 +81,16 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Samples:
-    """Bytes behind their count (u16)."""
+    """A count (u16), then that many bytes."""
 
     name: str = "u8[]"
 
     def pack(self, value: bytes) -> bytes:
-        """The bytes behind their count."""
+        """Return the count and the bytes."""
         return U16.pack(len(value)) + value
 
     def unpack(self, payload: bytes, at: int) -> tuple[bytes, int]:
-        """The bytes at offset `at` and the offset behind them."""
+        """Return the bytes at offset `at` and the offset after them."""
         count, at = U16.unpack(payload, at)
         return _take(payload, at, count, self.name)
 

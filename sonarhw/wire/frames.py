@@ -1,8 +1,8 @@
-"""Frames: how a message becomes bytes on the wire and how bytes become frames again.
+"""Encoding and decoding of frames.
 
     frame = COBS( type u8 · sequence u16 · time u64 · payload · CRC-32 u32 ) · 0x00        little-endian
 
-A zero never occurs inside, so a damaged stream is whole again at the next zero. The CRC is zlib's, over
+An encoded frame contains no zero, so a receiver is synchronized again at the next zero. The CRC is that of zlib, over
 everything before it.
 """
 
@@ -19,30 +19,30 @@ DELIMITER = b"\0"
 _HEADER = struct.Struct("<BHQ")
 _CRC = struct.Struct("<I")
 _SHORTEST = _HEADER.size + _CRC.size
-# COBS adds one byte for each 254 begun
+# COBS adds one byte per started 254 bytes
 LONGEST_BLOCK = _SHORTEST + MAX_PAYLOAD + (_SHORTEST + MAX_PAYLOAD) // 254 + 1
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One undamaged frame."""
+    """One valid frame."""
 
     type: int
-    sequence: int  # 0..65535, counts this sender's frames
-    time_us: int  # the sender's clock, µs since it started
+    sequence: int  # 0..65535, counts the frames of this sender
+    time_us: int  # clock of the sender, µs
     payload: bytes
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """A stretch of bytes between two delimiters that is no frame."""
+    """Bytes between two delimiters that are not a valid frame."""
 
     block: bytes
     reason: str
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """Bytes for the wire, delimiter included. Raises ValueError where the payload is longer than MAX_PAYLOAD."""
+    """Return the encoded frame with its delimiter. Raises ValueError if the payload is longer than MAX_PAYLOAD."""
     if len(frame.payload) > MAX_PAYLOAD:
         raise ValueError(f"payload of {len(frame.payload)} bytes; at most {MAX_PAYLOAD} fit a frame")
     body = _HEADER.pack(frame.type, frame.sequence, frame.time_us) + frame.payload
@@ -51,7 +51,7 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 def decode_block(block: bytes) -> Frame | Rejected:
-    """The frame in the bytes between two delimiters, or why there is none."""
+    """Return the frame in the bytes between two delimiters, or the reason why they are rejected."""
     if len(block) > LONGEST_BLOCK:
         return Rejected(block, f"{len(block)} bytes without a delimiter")
     try:
@@ -67,14 +67,14 @@ def decode_block(block: bytes) -> Frame | Rejected:
 
 
 def frame_type(block: bytes) -> int | None:
-    """The type of an undamaged frame, read where stuffing has left it; None where the block is too short for one."""
+    """Return the type of a valid frame without decoding the block, or None if the block is too short."""
     if len(block) <= _SHORTEST:
         return None
     return 0 if block[0] == 1 else block[1]
 
 
 def frame_payload(block: bytes) -> bytes:
-    """The payload of a frame that is known to be undamaged; its CRC-32 is not looked at. Empty where it is none."""
+    """Return the payload of a frame that is known to be valid; the CRC-32 is not checked. Empty if COBS is invalid."""
     try:
         body: bytes = cobs.decode(block)
     except cobs.DecodeError:
@@ -83,17 +83,17 @@ def frame_payload(block: bytes) -> bytes:
 
 
 class FrameDecoder:
-    """Cuts a byte stream into frames. Never raises, whatever comes; holds at most one frame's bytes."""
+    """Splits a byte stream into frames. Never raises, and buffers at most one frame."""
 
     def __init__(self) -> None:
         self._block = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Frame | Rejected]:
-        """What the bytes completed, in order."""
+        """Yield the frames and rejected blocks that these bytes complete, in order."""
         return map(decode_block, self.blocks(data))
 
     def blocks(self, data: bytes) -> Iterator[bytes]:
-        """The blocks that the bytes completed, for `decode_block`; empty ones (doubled delimiters) are left out."""
+        """Yield the blocks that these bytes complete, for `decode_block`, without empty blocks (doubled delimiters)."""
         *ended, rest = data.split(DELIMITER)
         for piece in ended:
             self._keep(piece)
@@ -104,5 +104,5 @@ class FrameDecoder:
         self._keep(rest)
 
     def _keep(self, piece: bytes) -> None:
-        # one byte more than any frame has is enough to be rejected
+        # one byte more than the longest frame is enough for a rejection
         self._block += piece[: LONGEST_BLOCK + 1 - len(self._block)]

@@ -1,9 +1,10 @@
-"""The messages of the wire protocol: the one definition that code, document and tests share.
+"""Definitions of all messages of the wire protocol; code, document and tests are derived from them.
 
-A message is a frozen dataclass whose fields describe their form on the wire; `pack` and `unpack` follow the fields in
-order, little-endian, without padding. A field with a default came with version 1.1: an older sender leaves it out, an
-older receiver skips it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` list every message that is defined here.
-`firmware/generate.py` writes the C structures and the tables of firmware_protocol.md from this file.
+A message is a frozen dataclass. The metadata of its fields describe their encoding; `pack` and `unpack` process the
+fields in order, little-endian, without padding. A field with a default was added in version 1.1: older senders omit it
+and older receivers ignore it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` list every message that is defined here.
+`firmware/generate.py` writes the C structures from this file, and `firmware/protocol_tables.py` writes the tables of
+firmware_protocol.md.
 """
 
 from dataclasses import MISSING, dataclass, field, fields
@@ -11,7 +12,7 @@ from enum import Enum, IntEnum, IntFlag
 from typing import Any, ClassVar, TypeVar
 
 from sonarhw.wire.fields import I16, I32, U8, U16, U32, U64, Numbers, Samples, Text, Wire
-from sonarhw.wire.fields import MessageError as MessageError  # what packing and unpacking raise
+from sonarhw.wire.fields import MessageError as MessageError  # raised by pack and unpack
 from sonarhw.wire.limits import MAX_ECHOES, PROTOCOL_MINOR
 
 
@@ -20,11 +21,8 @@ def _on_wire(wire: Wire, meaning: str) -> Any:
 
 
 def _since_1_1(wire: Wire, meaning: str, default: int) -> Any:
-    """A field that senders of 1.0 leave out; `default` is what is meant then."""
+    """A field that senders of version 1.0 omit; receivers then use `default`."""
     return field(default=default, metadata={"wire": wire, "meaning": f"{meaning} · 1.1, else {default}"})
-
-
-# the messages
 
 
 BY_TYPE: "dict[int, type[Message]]" = {}
@@ -32,7 +30,7 @@ BY_TYPE: "dict[int, type[Message]]" = {}
 
 @dataclass(frozen=True)
 class Message:
-    """Base of all messages; one with a TYPE is on the wire, from the host below 0x80, from the device above."""
+    """Base of all messages. A class with a TYPE is sent: from the host below 0x80, from the device from 0x80 on."""
 
     TYPE: ClassVar[int]
 
@@ -41,16 +39,16 @@ class Message:
             BY_TYPE[cls.TYPE] = cls
 
     def pack(self, minor: int = PROTOCOL_MINOR) -> bytes:
-        """The payload as version 1.`minor` has it. Raises MessageError where a value does not fit its field."""
-        spoken = (item for item in fields(self) if minor >= 1 or item.default is MISSING)
-        return b"".join(item.metadata["wire"].pack(getattr(self, item.name)) for item in spoken)
+        """Return the payload for version 1.`minor`. Raises MessageError if a value does not fit its field."""
+        sent = (item for item in fields(self) if minor >= 1 or item.default is MISSING)
+        return b"".join(item.metadata["wire"].pack(getattr(self, item.name)) for item in sent)
 
     @classmethod
     def unpack(cls: type["M"], payload: bytes) -> "M":
-        """The message in a payload; bytes behind the last field belong to a newer minor version and are ignored.
+        """Return the message in a payload. Bytes after the last field belong to a newer minor version and are ignored.
 
-        A payload that ends before a field with a default comes from an older version. Raises MessageError where it
-        ends anywhere else or a text is not UTF-8.
+        A payload that ends before a field with a default comes from an older version. Raises MessageError if the
+        payload ends anywhere else, or if a text is not UTF-8.
         """
         values, at = [], 0
         for item in fields(cls):
@@ -74,7 +72,7 @@ class WhenBusy(Enum):
 
 @dataclass(frozen=True)
 class CommandMessage(Message):
-    """Base of the messages from the host; a device answers each with an `AnswerMessage`."""
+    """Base of the messages from the host. A device answers each with an `AnswerMessage`."""
 
     SINCE: ClassVar[int] = 0  # minor version
     WHEN_BUSY: ClassVar[WhenBusy] = WhenBusy.ANSWERED
@@ -82,7 +80,7 @@ class CommandMessage(Message):
 
 @dataclass(frozen=True)
 class ActionMessage(CommandMessage):
-    """Base of the commands that take time: a Finished follows the answer."""
+    """Base of the commands that take time: the device sends Finished when they end."""
 
     WHEN_BUSY = WhenBusy.REFUSED
 
@@ -91,11 +89,11 @@ class ActionMessage(CommandMessage):
 class AnswerMessage(Message):
     """Base of the messages that answer a command."""
 
-    command: int = _on_wire(U16, "sequence number of the command")
+    command: int = _on_wire(U16, "sequence number of the answered command")
 
 
 class State(IntEnum):
-    """What the turntable is doing."""
+    """What the device is doing."""
 
     IDLE = 0
     HOMING = 1
@@ -115,12 +113,12 @@ class Outcome(IntEnum):
 class Refusal(IntEnum):
     """Why a command was refused."""
 
-    UNKNOWN = 1  # message type not known
-    MALFORMED = 2  # payload does not have the shape of its type
-    OUT_OF_RANGE = 3  # a value this board cannot do
-    BUSY = 4  # homing, turning or scanning: stop first
-    NOT_HOMED = 5  # where is zero? home first
-    NO_HELLO = 6  # say hello first
+    UNKNOWN = 1  # unknown message type, or a type that only devices send
+    MALFORMED = 2  # the payload does not match its type
+    OUT_OF_RANGE = 3  # a value that the device does not support
+    BUSY = 4  # homing, turning or scanning; send Stop first
+    NOT_HOMED = 5  # the zero is unknown; send Home first
+    NO_HELLO = 6  # no conversation yet; send Hello first
 
 
 class TraceKind(IntEnum):
@@ -132,7 +130,7 @@ class TraceKind(IntEnum):
 
 
 class Approach(IntEnum):
-    """From which side the turntable comes to an angle."""
+    """Direction in which the turntable approaches an angle."""
 
     EITHER = 0
     COUNTER_CLOCKWISE = 1
@@ -151,7 +149,7 @@ class ResetCause(IntEnum):
 
 
 class Feature(IntFlag):
-    """What a device can beyond turning and timing one echo."""
+    """What a device supports besides turning and timing one echo."""
 
     HOME_MARK = 1
     LOST_STEPS = 2
@@ -168,29 +166,29 @@ class Feature(IntFlag):
 
 @dataclass(frozen=True)
 class Hello(CommandMessage):
-    """Opens the conversation; stops whatever the device was doing. Answer: Info."""
+    """Start a conversation; stop whatever the device is doing. Answer: Info."""
 
     TYPE = 0x01
     WHEN_BUSY = WhenBusy.STOPS
-    major: int = _on_wire(U8, "protocol version the host speaks")
-    minor: int = _on_wire(U8, "protocol version the host speaks")
+    major: int = _on_wire(U8, "major protocol version of the host")
+    minor: int = _on_wire(U8, "minor protocol version of the host")
 
 
 @dataclass(frozen=True)
 class Configure(CommandMessage):
-    """Settings for the pings to come. Answer: Settings, with what is in force."""
+    """Set how the next pings are made. Answer: Settings, with the values in force."""
 
     TYPE = 0x02
     WHEN_BUSY = WhenBusy.REFUSED
-    listen_us: int = _on_wire(U32, "how long to listen after the start of transmission, µs")
-    blanking_us: int = _on_wire(U32, "no echo counts before this time, µs")
-    trace: int = _on_wire(U8, "trace code: what to send of every ping besides its echo times")
-    speed_of_sound: int = _on_wire(U32, "mm/s; kept and returned, so that a log alone gives ranges")
-    pulses: int = _since_1_1(U8, "cycles to transmit; 0: the board's own", 0)
-    echoes: int = _since_1_1(U8, "how many echoes of a ping to report at most, 1 to 122", MAX_ECHOES)
-    rearm_us: int = _since_1_1(U16, "from an echo until the board hears again, µs; 0: as soon as it can", 0)
-    trace_rate: int = _since_1_1(U32, "samples per second, Hz; 0: the device's own", 0)
-    trace_bits: int = _since_1_1(U8, "bits of a sample, 8 or 16; 0: the device's own", 0)
+    listen_us: int = _on_wire(U32, "how long to listen, from the start of transmission, µs")
+    blanking_us: int = _on_wire(U32, "echoes before this time are ignored, from the start of transmission, µs")
+    trace: int = _on_wire(U8, "trace code: what to send of each ping besides its echo times")
+    speed_of_sound: int = _on_wire(U32, "mm/s; stored and returned only, so that a log contains all that ranges need")
+    pulses: int = _since_1_1(U8, "cycles to transmit; 0: the board's default", 0)
+    echoes: int = _since_1_1(U8, "maximum number of echoes to report of a ping, 1 to 122", MAX_ECHOES)
+    rearm_us: int = _since_1_1(U16, "time from an echo to re-arming the receiver, µs; 0: as short as possible", 0)
+    trace_rate: int = _since_1_1(U32, "sample rate of traces, Hz; 0: the device's default", 0)
+    trace_bits: int = _since_1_1(U8, "bits per sample of traces, 8 or 16; 0: the device's default", 0)
 
 
 @dataclass(frozen=True)
@@ -214,12 +212,12 @@ class StartScan(ActionMessage):
 
     TYPE = 0x05
     start: int = _on_wire(I32, "first turntable angle, µdeg")
-    step: int = _on_wire(I32, "from one heading to the next, µdeg, not 0")
-    headings: int = _on_wire(U16, "headings of one sweep, at least 1")
-    sweeps: int = _on_wire(U16, "sweeps, at least 1; every second one runs backwards")
-    pings: int = _on_wire(U8, "pings at each heading, at least 1")
-    first: int = _since_1_1(U32, "number of the first reading to make; those before it are left out", 0)
-    count: int = _since_1_1(U32, "how many readings to make; 0: all from the first on", 0)
+    step: int = _on_wire(I32, "angle from one heading to the next, µdeg; not 0")
+    headings: int = _on_wire(U16, "number of headings in a sweep, at least 1")
+    sweeps: int = _on_wire(U16, "number of sweeps, at least 1; every second sweep runs backwards")
+    pings: int = _on_wire(U8, "number of pings at each heading, at least 1")
+    first: int = _since_1_1(U32, "number of the first reading to make; earlier readings are skipped", 0)
+    count: int = _since_1_1(U32, "number of readings to make; 0: all from `first` to the end", 0)
 
 
 @dataclass(frozen=True)
@@ -232,16 +230,16 @@ class Stop(CommandMessage):
 
 @dataclass(frozen=True)
 class Resend(CommandMessage):
-    """Send readings again that did not arrive. Answer: Accepted, then those readings still kept."""
+    """Send lost readings again. Answer: Accepted, then those of the readings that the device still keeps."""
 
     TYPE = 0x07
-    first: int = _on_wire(U32, "number of the first reading wanted")
-    count: int = _on_wire(U8, "how many, 1 to 64")
+    first: int = _on_wire(U32, "number of the first reading to send")
+    count: int = _on_wire(U8, "number of readings to send, 1 to 64")
 
 
 @dataclass(frozen=True)
 class AskCapabilities(CommandMessage):
-    """Ask what the device can. Answer: Capabilities."""
+    """Request the limits and features of the device. Answer: Capabilities."""
 
     TYPE = 0x08
     SINCE = 1
@@ -249,20 +247,20 @@ class AskCapabilities(CommandMessage):
 
 @dataclass(frozen=True)
 class ConfigureTurntable(CommandMessage):
-    """How to turn from now on. Answer: TurntableSettings, with what is in force."""
+    """Set how the turntable turns. Answer: TurntableSettings, with the values in force."""
 
     TYPE = 0x09
     SINCE = 1
     WHEN_BUSY = WhenBusy.REFUSED
-    speed: int = _on_wire(U32, "µdeg/s; 0: the device's own")
-    acceleration: int = _on_wire(U32, "µdeg/s²; 0: the device's own")
-    settle_us: int = _on_wire(U32, "from standing still to the next ping, µs")
-    approach: int = _on_wire(U8, "approach code: from which side to come to an angle, against backlash")
+    speed: int = _on_wire(U32, "highest speed, µdeg/s; 0: the device's default")
+    acceleration: int = _on_wire(U32, "acceleration, µdeg/s²; 0: the device's default")
+    settle_us: int = _on_wire(U32, "pause between the end of a movement and the next ping, µs")
+    approach: int = _on_wire(U8, "approach code: direction in which to approach an angle, against backlash")
 
 
 @dataclass(frozen=True)
 class AskStatistics(CommandMessage):
-    """Ask what the device has counted; the host's sign of life. Answer: Statistics."""
+    """Request the device's counters; also keeps the connection alive. Answer: Statistics."""
 
     TYPE = 0x0A
     SINCE = 1
@@ -270,7 +268,7 @@ class AskStatistics(CommandMessage):
 
 @dataclass(frozen=True)
 class SetBaud(CommandMessage):
-    """Change the speed of the line. Answer: Accepted at the old speed, everything behind it at the new one."""
+    """Change the baud rate of the line. Answer: Accepted at the old baud rate; everything after it at the new one."""
 
     TYPE = 0x0B
     SINCE = 1
@@ -280,13 +278,13 @@ class SetBaud(CommandMessage):
 
 @dataclass(frozen=True)
 class TestLink(CommandMessage):
-    """Ask for bytes back, to try the line. Answer: LinkTested."""
+    """Request bytes back, to test the line. Answer: LinkTested."""
 
-    __test__ = False  # pytest: no test of ours
+    __test__ = False  # not a test: pytest collects classes named Test*
     TYPE = 0x0C
     SINCE = 1
-    size: int = _on_wire(U16, "how many bytes to send back, at most 480")
-    data: bytes = _on_wire(Samples(), "1 to 64 bytes")
+    size: int = _on_wire(U16, "number of bytes to send back, at most 480")
+    data: bytes = _on_wire(Samples(), "pattern to repeat, 1 to 64 bytes")
 
 
 # device to host
@@ -294,173 +292,173 @@ class TestLink(CommandMessage):
 
 @dataclass(frozen=True)
 class Info(AnswerMessage):
-    """Who the device is. Answers Hello."""
+    """Identity and state of the device. Answers Hello."""
 
     TYPE = 0x81
-    command: int = _on_wire(U16, "sequence number of the Hello answered")
-    major: int = _on_wire(U8, "protocol version the device speaks")
-    minor: int = _on_wire(U8, "protocol version the device speaks")
+    command: int = _on_wire(U16, "sequence number of the answered Hello")
+    major: int = _on_wire(U8, "major protocol version of the device")
+    minor: int = _on_wire(U8, "minor protocol version of the device")
     firmware: str = _on_wire(Text(), "name and version of the firmware")
     serial: str = _on_wire(Text(), "serial number")
-    board: str = _on_wire(Text(), "board profile that describes it, empty if unknown")
-    temperature: int = _on_wire(I16, "air at the board, 0.01 °C; −32768: no thermometer")
-    trace_rate: int = _on_wire(U32, "samples per second of a trace, Hz; 0: no traces")
-    microsteps: int = _on_wire(U32, "microsteps in a whole turn")
-    boot: int = _since_1_1(U32, "how often the device has started; 0: not counted", 0)
-    homed: int = _since_1_1(U8, "1: the turntable knows its zero, 0: it does not", 0)
+    board: str = _on_wire(Text(), "name of the board profile that describes the device; empty if unknown")
+    temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
+    trace_rate: int = _on_wire(U32, "sample rate of traces, Hz; 0: no traces")
+    microsteps: int = _on_wire(U32, "microsteps per turn of the table")
+    boot: int = _since_1_1(U32, "how many times the device has started; 0: not counted", 0)
+    homed: int = _since_1_1(U8, "1: the zero of the turntable is known; 0: it is not", 0)
 
 
 @dataclass(frozen=True)
 class Accepted(AnswerMessage):
-    """The command is understood and begun."""
+    """The command is valid and has been carried out or begun."""
 
     TYPE = 0x82
 
 
 @dataclass(frozen=True)
 class Refused(AnswerMessage):
-    """The command is not carried out; nothing changed."""
+    """The command is rejected; nothing has changed."""
 
     TYPE = 0x83
     code: int = _on_wire(U8, "refusal code")
-    text: str = _on_wire(Text(), "the reason for a person to read")
+    text: str = _on_wire(Text(), "the reason, as text for the user")
 
 
 @dataclass(frozen=True)
 class Settings(AnswerMessage):
-    """The settings in force. Answers Configure; a board that cannot do what was asked says here what it does."""
+    """The settings in force. Answers Configure. May differ from the request where the device does not support it."""
 
     TYPE = 0x84
-    command: int = _on_wire(U16, "sequence number of the Configure answered")
+    command: int = _on_wire(U16, "sequence number of the answered Configure")
     listen_us: int = _on_wire(U32, "as in Configure")
     blanking_us: int = _on_wire(U32, "as in Configure")
     trace: int = _on_wire(U8, "as in Configure")
     speed_of_sound: int = _on_wire(U32, "as in Configure")
-    pulses: int = _since_1_1(U8, "as in Configure, but never 0 where the device knows", 0)
+    pulses: int = _since_1_1(U8, "as in Configure; 0 only if unknown", 0)
     echoes: int = _since_1_1(U8, "as in Configure", MAX_ECHOES)
     rearm_us: int = _since_1_1(U16, "as in Configure", 0)
-    trace_rate: int = _since_1_1(U32, "as in Configure, but never 0 where traces are sent", 0)
-    trace_bits: int = _since_1_1(U8, "as in Configure, but never 0 where traces are sent", 0)
+    trace_rate: int = _since_1_1(U32, "as in Configure; 0 only if no traces are sent", 0)
+    trace_bits: int = _since_1_1(U8, "as in Configure; 0 only if no traces are sent", 0)
 
 
 @dataclass(frozen=True)
 class Started(AnswerMessage):
-    """The scan has begun; readings of the one before are no longer kept."""
+    """The scan has begun. Readings of the previous scan are no longer kept. Answers StartScan."""
 
     TYPE = 0x85
-    command: int = _on_wire(U16, "sequence number of the StartScan answered")
-    readings: int = _on_wire(U32, "how many readings will come")
-    first: int = _since_1_1(U32, "number of the first one", 0)
+    command: int = _on_wire(U16, "sequence number of the answered StartScan")
+    readings: int = _on_wire(U32, "number of readings that will follow")
+    first: int = _since_1_1(U32, "number of the first of them", 0)
 
 
 @dataclass(frozen=True)
 class Finished(Message):
-    """A home, turn or scan has ended."""
+    """A Home, Turn or StartScan has ended."""
 
     TYPE = 0x86
-    command: int = _on_wire(U16, "sequence number of the command that ended")
+    command: int = _on_wire(U16, "sequence number of the command that has ended")
     outcome: int = _on_wire(U8, "outcome code")
-    readings: int = _on_wire(U32, "the number that the next reading would have had; 0 but for a scan")
-    text: str = _on_wire(Text(), "what went wrong, empty where nothing did")
+    readings: int = _on_wire(U32, "scan: number of the first reading not made; otherwise 0")
+    text: str = _on_wire(Text(), "reason of a failure, as text for the user; empty on success")
 
 
 @dataclass(frozen=True)
 class ReadingMessage(Message):
-    """What one ping gave."""
+    """The result of one ping."""
 
     TYPE = 0x87
-    number: int = _on_wire(U32, "counts from 0 within the scan")
-    sweep: int = _on_wire(U16, "counts from 0")
-    ping: int = _on_wire(U8, "counts from 0 at each heading")
+    number: int = _on_wire(U32, "number of the reading in its scan, from 0")
+    sweep: int = _on_wire(U16, "number of the sweep, from 0")
+    ping: int = _on_wire(U8, "number of the ping at its heading, from 0")
     angle: int = _on_wire(I32, "turntable angle, µdeg")
     fired_us: int = _on_wire(U64, "device clock at the start of transmission, µs")
-    temperature: int = _on_wire(I16, "air at the board, 0.01 °C; −32768: no thermometer")
+    temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
     echoes: tuple[int, ...] = _on_wire(Numbers(), "times of flight from the start of transmission, ns, earliest first")
 
 
 @dataclass(frozen=True)
 class TraceChunk(Message):
-    """A stretch of one reading's trace. Not sent again when lost."""
+    """Part of the trace of one reading. Not sent again if lost."""
 
     TYPE = 0x88
-    number: int = _on_wire(U32, "reading it belongs to")
-    offset: int = _on_wire(U16, "index of its first sample in the trace")
-    total: int = _on_wire(U16, "samples in the whole trace")
-    period_ns: int = _on_wire(U32, "from one sample to the next, ns")
-    start_ns: int = _on_wire(U32, "from the start of transmission to sample 0, ns")
-    samples: bytes = _on_wire(Samples(), "at most 256 bytes a chunk; samples of 16 bits are little-endian")
-    kind: int = _since_1_1(U8, "trace code: 1 the envelope, 2 the carrier, which rests at half of full scale", 1)
-    bits: int = _since_1_1(U8, "bits of a sample, 8 or 16; all of them set is full scale", 8)
+    number: int = _on_wire(U32, "number of the reading")
+    offset: int = _on_wire(U16, "index of the chunk's first sample in the trace")
+    total: int = _on_wire(U16, "number of samples in the whole trace")
+    period_ns: int = _on_wire(U32, "sample period, ns")
+    start_ns: int = _on_wire(U32, "time from the start of transmission to sample 0, ns")
+    samples: bytes = _on_wire(Samples(), "at most 256 bytes; 16-bit samples are little-endian")
+    kind: int = _since_1_1(U8, "trace code: 1 envelope; 2 carrier, whose zero is half of full scale", 1)
+    bits: int = _since_1_1(U8, "bits per sample, 8 or 16; full scale is all bits set", 8)
 
 
 @dataclass(frozen=True)
 class Heartbeat(Message):
-    """Sent every 250 ms in every state, once greeted."""
+    """State of the device. Sent every 250 ms in every state, from Info on."""
 
     TYPE = 0x89
     state: int = _on_wire(U8, "state code")
     angle: int = _on_wire(I32, "turntable angle, µdeg")
-    readings: int = _on_wire(U32, "the number that the next reading of this or the last scan would have")
-    temperature: int = _on_wire(I16, "air at the board, 0.01 °C; −32768: no thermometer")
-    boot: int = _since_1_1(U32, "as in Info: another number than there tells of a reset", 0)
+    readings: int = _on_wire(U32, "number of the next reading of this or the last scan")
+    temperature: int = _on_wire(I16, "air temperature at the board, 0.01 °C; −32768: no thermometer")
+    boot: int = _since_1_1(U32, "as in Info; a different number means that the device was reset", 0)
     homed: int = _since_1_1(U8, "as in Info", 0)
 
 
 @dataclass(frozen=True)
 class Capabilities(AnswerMessage):
-    """What the device can. Answers AskCapabilities."""
+    """Limits and features of the device. Answers AskCapabilities."""
 
     TYPE = 0x8A
-    features: int = _on_wire(U32, "sum of the feature codes that hold")
-    lowest_angle: int = _on_wire(I32, "how far the cable lets it turn clockwise, µdeg")
-    highest_angle: int = _on_wire(I32, "how far the cable lets it turn counter-clockwise, µdeg")
-    steps: int = _on_wire(U16, "full steps of the motor in a whole turn of the table; 0: not known")
+    features: int = _on_wire(U32, "sum of the codes of the supported features")
+    lowest_angle: int = _on_wire(I32, "clockwise limit of the cable, µdeg")
+    highest_angle: int = _on_wire(I32, "counter-clockwise limit of the cable, µdeg")
+    steps: int = _on_wire(U16, "full motor steps per turn of the table; 0: unknown")
     fastest: int = _on_wire(U32, "highest speed, µdeg/s")
-    hardest: int = _on_wire(U32, "highest acceleration, µdeg/s²; 0: not known")
-    backlash: int = _on_wire(U32, "play of the gear, µdeg; 0: none or not known")
-    longest_listen_us: int = _on_wire(U32, "how long it can listen, µs")
-    shortest_blanking_us: int = _on_wire(U32, "µs")
-    shortest_rearm_us: int = _on_wire(U16, "µs")
-    most_pulses: int = _on_wire(U8, "cycles it can transmit; 0: not known")
-    most_echoes: int = _on_wire(U8, "echoes it can report of one ping")
-    ping_period_us: int = _on_wire(U32, "from the start of one ping to the next, at least, µs")
-    fastest_trace: int = _on_wire(U32, "Hz; 0: no traces")
-    longest_trace: int = _on_wire(U16, "samples")
-    fastest_baud: int = _on_wire(U32, "highest speed of its line; 0: the line has none of its own (TCP, USB CDC)")
-    readings_kept: int = _on_wire(U16, "how many readings it keeps to send again")
+    hardest: int = _on_wire(U32, "highest acceleration, µdeg/s²; 0: unknown")
+    backlash: int = _on_wire(U32, "backlash of the gear, µdeg; 0: none or unknown")
+    longest_listen_us: int = _on_wire(U32, "longest listening time, µs")
+    shortest_blanking_us: int = _on_wire(U32, "shortest blanking, µs")
+    shortest_rearm_us: int = _on_wire(U16, "shortest `rearm_us`, µs")
+    most_pulses: int = _on_wire(U8, "highest number of transmitted cycles; 0: unknown")
+    most_echoes: int = _on_wire(U8, "highest number of echoes in a reading")
+    ping_period_us: int = _on_wire(U32, "shortest time from the start of one ping to the start of the next, µs")
+    fastest_trace: int = _on_wire(U32, "highest sample rate of traces, Hz; 0: no traces")
+    longest_trace: int = _on_wire(U16, "highest number of samples in a trace")
+    fastest_baud: int = _on_wire(U32, "highest baud rate of the line; 0: the line has no baud rate (TCP, USB CDC)")
+    readings_kept: int = _on_wire(U16, "number of readings that the device keeps for Resend")
 
 
 @dataclass(frozen=True)
 class TurntableSettings(AnswerMessage):
-    """How it turns. Answers ConfigureTurntable; where the device cannot do what was asked it says what it does."""
+    """Turntable settings in force. Answers ConfigureTurntable. May differ from the request, as Settings may."""
 
     TYPE = 0x8B
-    speed: int = _on_wire(U32, "µdeg/s, never 0")
-    acceleration: int = _on_wire(U32, "µdeg/s²; 0: not known")
+    speed: int = _on_wire(U32, "highest speed, µdeg/s; never 0")
+    acceleration: int = _on_wire(U32, "acceleration, µdeg/s²; 0: unknown")
     settle_us: int = _on_wire(U32, "as in ConfigureTurntable")
     approach: int = _on_wire(U8, "as in ConfigureTurntable")
 
 
 @dataclass(frozen=True)
 class Statistics(AnswerMessage):
-    """What the device has counted since it started. Answers AskStatistics."""
+    """The device's counters since its start. Answers AskStatistics."""
 
     TYPE = 0x8C
-    frames: int = _on_wire(U32, "sound frames that came from the host")
-    rejected: int = _on_wire(U32, "blocks between two zeros that were no frame")
-    overruns: int = _on_wire(U32, "bytes that came faster than they were taken")
+    frames: int = _on_wire(U32, "valid frames received from the host")
+    rejected: int = _on_wire(U32, "blocks between two zeros that were not valid frames")
+    overruns: int = _on_wire(U32, "bytes lost because the receive buffer was full")
     pings: int = _on_wire(U32, "pings made")
-    lost_steps: int = _on_wire(I32, "microsteps found missing at the zero mark, all together")
-    reset_cause: int = _on_wire(U8, "reset code: why it started last")
-    stack_free: int = _on_wire(U16, "bytes of the stack never used; 0: not measured")
+    lost_steps: int = _on_wire(I32, "sum of the microsteps that were missing at the zero mark")
+    reset_cause: int = _on_wire(U8, "reset code: cause of the last start")
+    stack_free: int = _on_wire(U16, "bytes of stack never used; 0: not measured")
 
 
 @dataclass(frozen=True)
 class LinkTested(AnswerMessage):
-    """Bytes back. Answers TestLink."""
+    """The requested bytes. Answers TestLink."""
 
     TYPE = 0x8D
-    data: bytes = _on_wire(Samples(), "those of the TestLink over and over, as many as it asked for")
+    data: bytes = _on_wire(Samples(), "the pattern of the TestLink, repeated to the requested size")
 
 
 FROM_HOST = tuple(kind for _, kind in sorted(BY_TYPE.items()) if issubclass(kind, CommandMessage))
@@ -468,9 +466,9 @@ FROM_DEVICE = tuple(kind for _, kind in sorted(BY_TYPE.items()) if not issubclas
 
 
 def unpack_message(kind: int, payload: bytes) -> Message | None:
-    """The message of a frame's type and payload; None for a type this version does not know.
+    """Return the message of a frame type and payload, or None for an unknown type.
 
-    Raises MessageError where the payload does not have the shape of its type.
+    Raises MessageError if the payload does not match its type.
     """
     message = BY_TYPE.get(kind)
     return None if message is None else message.unpack(payload)

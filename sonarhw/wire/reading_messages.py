@@ -1,4 +1,4 @@
-"""Readings, traces and scan orders as the messages that carry them; `assembly` decodes the first two again."""
+"""Conversion of readings, traces and scan orders to messages; `assembly` decodes readings and traces."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,9 @@ from sonarhw.wire.units import FULL_SCALE, centidegrees_of, microdegrees_of, mic
 
 
 def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
-    """The message of a reading where the settings in force carry `speed_of_sound`, mm/s: the same ranges.
+    """Return the message of a reading, with echo times that give the same ranges at `speed_of_sound`, mm/s.
 
-    Of more than MAX_ECHOES echoes it has the earliest. Packing it raises MessageError where a value does not fit.
+    Contains the earliest MAX_ECHOES echoes. Packing raises MessageError if a value does not fit.
     """
     scale = reading.speed_of_sound / (speed_of_sound * 1e-3) * 1e9
     return ReadingMessage(
@@ -28,9 +28,9 @@ def reading_message(reading: Reading, speed_of_sound: int) -> ReadingMessage:
 
 
 def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
-    """The messages that carry the trace of reading `number`, 8 bits a sample; a trace beyond 65 535 samples is cut.
+    """Yield the messages of the trace of reading `number`, 8 bits per sample, at most 65 535 samples.
 
-    A stretch that was lost on a line before (NaN) stays lost.
+    Chunks with missing samples (NaN) are omitted.
     """
     samples = (trace.samples[:0xFFFF] + 1) / 2 if trace.carrier else trace.samples[:0xFFFF]
     levels = np.clip(np.rint(samples * FULL_SCALE), 0, FULL_SCALE)
@@ -43,14 +43,14 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
 
 
 def scan_order(message: StartScan) -> ScanOrder:
-    """The whole scan of which `message` orders all or a part."""
+    """Return the whole scan that `message` requests completely or in part."""
     return ScanOrder(
         radians_of(message.start), radians_of(message.step), message.headings, message.sweeps, message.pings
     )
 
 
 def start_scan(order: ScanOrder) -> StartScan:
-    """The message that orders the whole scan. Packing it raises MessageError where a value does not fit."""
+    """Return the message that requests the whole scan. Packing raises MessageError if a value does not fit."""
     return StartScan(
         start=microdegrees_of(order.start),
         step=microdegrees_of(order.step),

@@ -90,7 +90,7 @@ void host_link_work(uint64_t now_us)
 bool host_link_lost(uint64_t now_us)
 {
     uint64_t silence_us = now_us - heard_us;
-    if (baud.former && silence_us >= UNHEARD_US) {
+    if (baud.former && silence_us >= BAUD_TIMEOUT_US) {
         use_baud(baud.former);
         baud.former = 0;
         heard_us = now_us;

@@ -19,7 +19,7 @@
 #define KEPT_READINGS 64
 #define HEARTBEAT_US 250000
 #define HOST_SILENCE_US 2000000
-#define UNHEARD_US 500000
+#define BAUD_TIMEOUT_US 500000
 
 enum message_type {
     HELLO = 0x01,
@@ -105,20 +105,20 @@ enum feature {
 };
 
 struct hello {
-    uint8_t major; // protocol version the host speaks
-    uint8_t minor; // protocol version the host speaks
+    uint8_t major; // major protocol version of the host
+    uint8_t minor; // minor protocol version of the host
 };
 
 struct configure {
-    uint32_t listen_us; // how long to listen after the start of transmission, µs
-    uint32_t blanking_us; // no echo counts before this time, µs
-    uint8_t trace; // trace code: what to send of every ping besides its echo times
-    uint32_t speed_of_sound; // mm/s; kept and returned, so that a log alone gives ranges
-    uint8_t pulses; // cycles to transmit; 0: the board's own · 1.1, else 0
-    uint8_t echoes; // how many echoes of a ping to report at most, 1 to 122 · 1.1, else 122
-    uint16_t rearm_us; // from an echo until the board hears again, µs; 0: as soon as it can · 1.1, else 0
-    uint32_t trace_rate; // samples per second, Hz; 0: the device's own · 1.1, else 0
-    uint8_t trace_bits; // bits of a sample, 8 or 16; 0: the device's own · 1.1, else 0
+    uint32_t listen_us; // how long to listen, from the start of transmission, µs
+    uint32_t blanking_us; // echoes before this time are ignored, from the start of transmission, µs
+    uint8_t trace; // trace code: what to send of each ping besides its echo times
+    uint32_t speed_of_sound; // mm/s; stored and returned only, so that a log contains all that ranges need
+    uint8_t pulses; // cycles to transmit; 0: the board's default · 1.1, else 0
+    uint8_t echoes; // maximum number of echoes to report of a ping, 1 to 122 · 1.1, else 122
+    uint16_t rearm_us; // time from an echo to re-arming the receiver, µs; 0: as short as possible · 1.1, else 0
+    uint32_t trace_rate; // sample rate of traces, Hz; 0: the device's default · 1.1, else 0
+    uint8_t trace_bits; // bits per sample of traces, 8 or 16; 0: the device's default · 1.1, else 0
 };
 
 struct turn {
@@ -127,24 +127,24 @@ struct turn {
 
 struct start_scan {
     int32_t start; // first turntable angle, µdeg
-    int32_t step; // from one heading to the next, µdeg, not 0
-    uint16_t headings; // headings of one sweep, at least 1
-    uint16_t sweeps; // sweeps, at least 1; every second one runs backwards
-    uint8_t pings; // pings at each heading, at least 1
-    uint32_t first; // number of the first reading to make; those before it are left out · 1.1, else 0
-    uint32_t count; // how many readings to make; 0: all from the first on · 1.1, else 0
+    int32_t step; // angle from one heading to the next, µdeg; not 0
+    uint16_t headings; // number of headings in a sweep, at least 1
+    uint16_t sweeps; // number of sweeps, at least 1; every second sweep runs backwards
+    uint8_t pings; // number of pings at each heading, at least 1
+    uint32_t first; // number of the first reading to make; earlier readings are skipped · 1.1, else 0
+    uint32_t count; // number of readings to make; 0: all from `first` to the end · 1.1, else 0
 };
 
 struct resend {
-    uint32_t first; // number of the first reading wanted
-    uint8_t count; // how many, 1 to 64
+    uint32_t first; // number of the first reading to send
+    uint8_t count; // number of readings to send, 1 to 64
 };
 
 struct configure_turntable {
-    uint32_t speed; // µdeg/s; 0: the device's own
-    uint32_t acceleration; // µdeg/s²; 0: the device's own
-    uint32_t settle_us; // from standing still to the next ping, µs
-    uint8_t approach; // approach code: from which side to come to an angle, against backlash
+    uint32_t speed; // highest speed, µdeg/s; 0: the device's default
+    uint32_t acceleration; // acceleration, µdeg/s²; 0: the device's default
+    uint32_t settle_us; // pause between the end of a movement and the next ping, µs
+    uint8_t approach; // approach code: direction in which to approach an angle, against backlash
 };
 
 struct set_baud {
@@ -152,133 +152,133 @@ struct set_baud {
 };
 
 struct test_link {
-    uint16_t size; // how many bytes to send back, at most 480
-    struct samples data; // 1 to 64 bytes
+    uint16_t size; // number of bytes to send back, at most 480
+    struct samples data; // pattern to repeat, 1 to 64 bytes
 };
 
 struct info {
-    uint16_t command; // sequence number of the Hello answered
-    uint8_t major; // protocol version the device speaks
-    uint8_t minor; // protocol version the device speaks
+    uint16_t command; // sequence number of the answered Hello
+    uint8_t major; // major protocol version of the device
+    uint8_t minor; // minor protocol version of the device
     struct text firmware; // name and version of the firmware
     struct text serial; // serial number
-    struct text board; // board profile that describes it, empty if unknown
-    int16_t temperature; // air at the board, 0.01 °C; −32768: no thermometer
-    uint32_t trace_rate; // samples per second of a trace, Hz; 0: no traces
-    uint32_t microsteps; // microsteps in a whole turn
-    uint32_t boot; // how often the device has started; 0: not counted · 1.1, else 0
-    uint8_t homed; // 1: the turntable knows its zero, 0: it does not · 1.1, else 0
+    struct text board; // name of the board profile that describes the device; empty if unknown
+    int16_t temperature; // air temperature at the board, 0.01 °C; −32768: no thermometer
+    uint32_t trace_rate; // sample rate of traces, Hz; 0: no traces
+    uint32_t microsteps; // microsteps per turn of the table
+    uint32_t boot; // how many times the device has started; 0: not counted · 1.1, else 0
+    uint8_t homed; // 1: the zero of the turntable is known; 0: it is not · 1.1, else 0
 };
 
 struct accepted {
-    uint16_t command; // sequence number of the command
+    uint16_t command; // sequence number of the answered command
 };
 
 struct refused {
-    uint16_t command; // sequence number of the command
+    uint16_t command; // sequence number of the answered command
     uint8_t code; // refusal code
-    struct text text; // the reason for a person to read
+    struct text text; // the reason, as text for the user
 };
 
 struct settings {
-    uint16_t command; // sequence number of the Configure answered
+    uint16_t command; // sequence number of the answered Configure
     uint32_t listen_us; // as in Configure
     uint32_t blanking_us; // as in Configure
     uint8_t trace; // as in Configure
     uint32_t speed_of_sound; // as in Configure
-    uint8_t pulses; // as in Configure, but never 0 where the device knows · 1.1, else 0
+    uint8_t pulses; // as in Configure; 0 only if unknown · 1.1, else 0
     uint8_t echoes; // as in Configure · 1.1, else 122
     uint16_t rearm_us; // as in Configure · 1.1, else 0
-    uint32_t trace_rate; // as in Configure, but never 0 where traces are sent · 1.1, else 0
-    uint8_t trace_bits; // as in Configure, but never 0 where traces are sent · 1.1, else 0
+    uint32_t trace_rate; // as in Configure; 0 only if no traces are sent · 1.1, else 0
+    uint8_t trace_bits; // as in Configure; 0 only if no traces are sent · 1.1, else 0
 };
 
 struct started {
-    uint16_t command; // sequence number of the StartScan answered
-    uint32_t readings; // how many readings will come
-    uint32_t first; // number of the first one · 1.1, else 0
+    uint16_t command; // sequence number of the answered StartScan
+    uint32_t readings; // number of readings that will follow
+    uint32_t first; // number of the first of them · 1.1, else 0
 };
 
 struct finished {
-    uint16_t command; // sequence number of the command that ended
+    uint16_t command; // sequence number of the command that has ended
     uint8_t outcome; // outcome code
-    uint32_t readings; // the number that the next reading would have had; 0 but for a scan
-    struct text text; // what went wrong, empty where nothing did
+    uint32_t readings; // scan: number of the first reading not made; otherwise 0
+    struct text text; // reason of a failure, as text for the user; empty on success
 };
 
 struct reading_message {
-    uint32_t number; // counts from 0 within the scan
-    uint16_t sweep; // counts from 0
-    uint8_t ping; // counts from 0 at each heading
+    uint32_t number; // number of the reading in its scan, from 0
+    uint16_t sweep; // number of the sweep, from 0
+    uint8_t ping; // number of the ping at its heading, from 0
     int32_t angle; // turntable angle, µdeg
     uint64_t fired_us; // device clock at the start of transmission, µs
-    int16_t temperature; // air at the board, 0.01 °C; −32768: no thermometer
+    int16_t temperature; // air temperature at the board, 0.01 °C; −32768: no thermometer
     struct numbers echoes; // times of flight from the start of transmission, ns, earliest first
 };
 
 struct trace_chunk {
-    uint32_t number; // reading it belongs to
-    uint16_t offset; // index of its first sample in the trace
-    uint16_t total; // samples in the whole trace
-    uint32_t period_ns; // from one sample to the next, ns
-    uint32_t start_ns; // from the start of transmission to sample 0, ns
-    struct samples samples; // at most 256 bytes a chunk; samples of 16 bits are little-endian
-    uint8_t kind; // trace code: 1 the envelope, 2 the carrier, which rests at half of full scale · 1.1, else 1
-    uint8_t bits; // bits of a sample, 8 or 16; all of them set is full scale · 1.1, else 8
+    uint32_t number; // number of the reading
+    uint16_t offset; // index of the chunk's first sample in the trace
+    uint16_t total; // number of samples in the whole trace
+    uint32_t period_ns; // sample period, ns
+    uint32_t start_ns; // time from the start of transmission to sample 0, ns
+    struct samples samples; // at most 256 bytes; 16-bit samples are little-endian
+    uint8_t kind; // trace code: 1 envelope; 2 carrier, whose zero is half of full scale · 1.1, else 1
+    uint8_t bits; // bits per sample, 8 or 16; full scale is all bits set · 1.1, else 8
 };
 
 struct heartbeat {
     uint8_t state; // state code
     int32_t angle; // turntable angle, µdeg
-    uint32_t readings; // the number that the next reading of this or the last scan would have
-    int16_t temperature; // air at the board, 0.01 °C; −32768: no thermometer
-    uint32_t boot; // as in Info: another number than there tells of a reset · 1.1, else 0
+    uint32_t readings; // number of the next reading of this or the last scan
+    int16_t temperature; // air temperature at the board, 0.01 °C; −32768: no thermometer
+    uint32_t boot; // as in Info; a different number means that the device was reset · 1.1, else 0
     uint8_t homed; // as in Info · 1.1, else 0
 };
 
 struct capabilities {
-    uint16_t command; // sequence number of the command
-    uint32_t features; // sum of the feature codes that hold
-    int32_t lowest_angle; // how far the cable lets it turn clockwise, µdeg
-    int32_t highest_angle; // how far the cable lets it turn counter-clockwise, µdeg
-    uint16_t steps; // full steps of the motor in a whole turn of the table; 0: not known
+    uint16_t command; // sequence number of the answered command
+    uint32_t features; // sum of the codes of the supported features
+    int32_t lowest_angle; // clockwise limit of the cable, µdeg
+    int32_t highest_angle; // counter-clockwise limit of the cable, µdeg
+    uint16_t steps; // full motor steps per turn of the table; 0: unknown
     uint32_t fastest; // highest speed, µdeg/s
-    uint32_t hardest; // highest acceleration, µdeg/s²; 0: not known
-    uint32_t backlash; // play of the gear, µdeg; 0: none or not known
-    uint32_t longest_listen_us; // how long it can listen, µs
-    uint32_t shortest_blanking_us; // µs
-    uint16_t shortest_rearm_us; // µs
-    uint8_t most_pulses; // cycles it can transmit; 0: not known
-    uint8_t most_echoes; // echoes it can report of one ping
-    uint32_t ping_period_us; // from the start of one ping to the next, at least, µs
-    uint32_t fastest_trace; // Hz; 0: no traces
-    uint16_t longest_trace; // samples
-    uint32_t fastest_baud; // highest speed of its line; 0: the line has none of its own (TCP, USB CDC)
-    uint16_t readings_kept; // how many readings it keeps to send again
+    uint32_t hardest; // highest acceleration, µdeg/s²; 0: unknown
+    uint32_t backlash; // backlash of the gear, µdeg; 0: none or unknown
+    uint32_t longest_listen_us; // longest listening time, µs
+    uint32_t shortest_blanking_us; // shortest blanking, µs
+    uint16_t shortest_rearm_us; // shortest `rearm_us`, µs
+    uint8_t most_pulses; // highest number of transmitted cycles; 0: unknown
+    uint8_t most_echoes; // highest number of echoes in a reading
+    uint32_t ping_period_us; // shortest time from the start of one ping to the start of the next, µs
+    uint32_t fastest_trace; // highest sample rate of traces, Hz; 0: no traces
+    uint16_t longest_trace; // highest number of samples in a trace
+    uint32_t fastest_baud; // highest baud rate of the line; 0: the line has no baud rate (TCP, USB CDC)
+    uint16_t readings_kept; // number of readings that the device keeps for Resend
 };
 
 struct turntable_settings {
-    uint16_t command; // sequence number of the command
-    uint32_t speed; // µdeg/s, never 0
-    uint32_t acceleration; // µdeg/s²; 0: not known
+    uint16_t command; // sequence number of the answered command
+    uint32_t speed; // highest speed, µdeg/s; never 0
+    uint32_t acceleration; // acceleration, µdeg/s²; 0: unknown
     uint32_t settle_us; // as in ConfigureTurntable
     uint8_t approach; // as in ConfigureTurntable
 };
 
 struct statistics {
-    uint16_t command; // sequence number of the command
-    uint32_t frames; // sound frames that came from the host
-    uint32_t rejected; // blocks between two zeros that were no frame
-    uint32_t overruns; // bytes that came faster than they were taken
+    uint16_t command; // sequence number of the answered command
+    uint32_t frames; // valid frames received from the host
+    uint32_t rejected; // blocks between two zeros that were not valid frames
+    uint32_t overruns; // bytes lost because the receive buffer was full
     uint32_t pings; // pings made
-    int32_t lost_steps; // microsteps found missing at the zero mark, all together
-    uint8_t reset_cause; // reset code: why it started last
-    uint16_t stack_free; // bytes of the stack never used; 0: not measured
+    int32_t lost_steps; // sum of the microsteps that were missing at the zero mark
+    uint8_t reset_cause; // reset code: cause of the last start
+    uint16_t stack_free; // bytes of stack never used; 0: not measured
 };
 
 struct link_tested {
-    uint16_t command; // sequence number of the command
-    struct samples data; // those of the TestLink over and over, as many as it asked for
+    uint16_t command; // sequence number of the answered command
+    struct samples data; // the pattern of the TestLink, repeated to the requested size
 };
 
 #endif

@@ -4,7 +4,7 @@ import pytest
 
 from sonarhw.device.fake_board import BoardIdentity, FakeBoard, rearmed
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
-from sonarhw.wire.limits import HOST_SILENCE, UNHEARD
+from sonarhw.wire.limits import BAUD_TIMEOUT, HOST_SILENCE
 from sonarhw.wire.messages import (
     Accepted,
     AskCapabilities,
@@ -192,11 +192,11 @@ def test_a_new_speed_is_left_again_where_nothing_sound_comes_at_it() -> None:
     host.say(SetBaud(1_000_000))
     assert host.board.line.baud == 1_000_000
     host.board.receive(b"rubbish\0" * 5, host.now)
-    host.hear(UNHEARD + 0.1)
+    host.hear(BAUD_TIMEOUT + 0.1)
     assert host.board.line.baud == 250_000
     host.say(SetBaud(1_000_000))
     host.say(AskStatistics())
-    host.hear(UNHEARD + 0.1)
+    host.hear(BAUD_TIMEOUT + 0.1)
     assert host.board.line.baud == 1_000_000
     host.hear(HOST_SILENCE)
     assert host.board.line.baud == 250_000

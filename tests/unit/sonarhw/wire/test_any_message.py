@@ -1,4 +1,4 @@
-"""No message from a host ends a device: whatever it asks is answered, once, and the next question too."""
+"""A device answers any message from a host exactly once, and also the next one."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -35,7 +35,7 @@ LIMITS = {"u8": (0, 0xFF), "u16": (0, 0xFFFF), "u32": (0, 0xFFFF_FFFF), "i32": (
 
 
 def values(wire: Scalar | Samples) -> st.SearchStrategy[int] | st.SearchStrategy[bytes]:
-    """What a field may carry, its ends and small numbers above all."""
+    """Values of a field, with an emphasis on its limits and small numbers."""
     if isinstance(wire, Samples):
         return st.binary(max_size=70)
     lowest, highest = LIMITS[wire.name]
@@ -49,29 +49,31 @@ ANY_FRAMES = MESSAGES.map(lambda message: (message.TYPE, message.pack())) | st.t
 
 
 class Host:
-    """Asks a device, with a virtual clock."""
+    """Sends frames to a device and collects its messages, on a virtual clock."""
 
     def __init__(self, device: ProtocolDevice) -> None:
         self.device = device
         self.now = 0.0
         self._sequence = 0
 
-    def ask(self, kind: int, payload: bytes) -> list[Message]:
-        """What the device says within two seconds of a frame."""
+    def send_frame(self, kind: int, payload: bytes) -> list[Message]:
+        """Send a frame and return the messages of the device within 1.9 s."""
         self._sequence += 1
         self.device.receive(encode_frame(Frame(kind, self._sequence, 0, payload)), self.now)
-        self.now += 1.9  # no silence yet
+        self.now += 1.9  # less than the silence after which the host is gone
         frames = [frame for frame in FrameDecoder().feed(self.device.advance(self.now)) if isinstance(frame, Frame)]
-        said = [unpack_message(frame.type, frame.payload) for frame in frames]
-        return [message for message in said if message is not None]
+        received = [unpack_message(frame.type, frame.payload) for frame in frames]
+        return [message for message in received if message is not None]
 
-    def say(self, message: Message) -> list[Message]:
-        """The same for a message."""
-        return self.ask(message.TYPE, message.pack())
+    def send(self, message: Message) -> list[Message]:
+        """Send a message and return the messages of the device within 1.9 s."""
+        return self.send_frame(message.TYPE, message.pack())
 
-    def answers(self, said: list[Message]) -> list[Message]:
-        """Those that answer the last frame."""
-        return [message for message in said if isinstance(message, AnswerMessage) and message.command == self._sequence]
+    def answers(self, received: list[Message]) -> list[Message]:
+        """Return those of the received messages that answer the last frame."""
+        return [
+            message for message in received if isinstance(message, AnswerMessage) and message.command == self._sequence
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +92,7 @@ DEVICES: dict[str, Callable[[Log], ProtocolDevice]] = {
 
 
 def without_settings(log: Log) -> Log:
-    """The same log where its Settings did not arrive; then those count that the host wishes."""
+    """The same log without its Settings; a replay then uses the settings that the host requests."""
     return replace(log, settings=None, scans=tuple(replace(scan, settings=None) for scan in log.scans))
 
 
@@ -99,23 +101,23 @@ def without_settings(log: Log) -> Log:
 @example(frames=[(StartScan.TYPE, StartScan(0, 1, 0xFFFF, 0xFFFF, 0xFF).pack())])
 @example(frames=[(kind.TYPE, kind.pack()) for kind in (Configure(65_000, 0, 1, 1), StartScan(0, 1, 1, 1, 1))])
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_every_message_is_answered_once_and_the_next_one_too(
+def test_every_message_is_answered_once_and_so_is_the_next(
     device: Callable[[Log], ProtocolDevice], log: Log, frames: list[tuple[int, bytes]]
 ) -> None:
     host = Host(device(log))
     for message in (Hello(1, 0), Home()):
-        assert len(host.answers(host.say(message))) == 1
+        assert len(host.answers(host.send(message))) == 1
     for kind, payload in frames:
-        assert len(host.answers(host.ask(kind, payload))) == 1
-    assert host.answers(host.say(Stop())) == [Accepted(host._sequence)]
+        assert len(host.answers(host.send_frame(kind, payload))) == 1
+    assert host.answers(host.send(Stop())) == [Accepted(host._sequence)]
 
 
-def test_a_reading_that_fits_no_message_ends_the_scan_with_its_reason(log: Log) -> None:
-    # at 1 mm/s the echo of a wall two metres away takes an hour: more nanoseconds than a reading carries
+def test_a_reading_that_does_not_fit_its_message_ends_the_scan_with_a_reason(log: Log) -> None:
+    # at 1 mm/s the echo of a wall two metres away takes an hour; that many nanoseconds do not fit u32
     host = Host(ReplayDevice(without_settings(log)))
-    host.say(Hello(1, 0))
-    host.say(Configure(65_000, 0, 0, 1))
-    said = host.say(StartScan(0, 1_000_000, 12, 1, 1))
-    (finished,) = (message for message in said if isinstance(message, Finished))
+    host.send(Hello(1, 0))
+    host.send(Configure(65_000, 0, 0, 1))
+    received = host.send(StartScan(0, 1_000_000, 12, 1, 1))
+    (finished,) = (message for message in received if isinstance(message, Finished))
     assert (finished.outcome, finished.readings) == (Outcome.FAULT, 0)
     assert "does not fit u32" in finished.text

@@ -1,4 +1,4 @@
-"""Laws of putting readings together: each once, each with its own trace, whatever was lost or came twice."""
+"""Readings are assembled once each with their own trace, despite lost and repeated messages."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def chunks(number: int) -> list[TraceChunk]:
 
 @pytest.fixture
 def assembler() -> ReadingAssembler:
-    """One that waits for traces."""
+    """An assembler in a scan with traces."""
     assembler = ReadingAssembler()
     assembler.feed(Settings(1, 62_500, 2380, 1, 343_200))
     assembler.feed(Started(2, 100))
@@ -33,7 +33,7 @@ def whole(reading: Reading) -> bool:
     return reading.trace is not None and bool((reading.trace.samples == reading.number / 255).all())
 
 
-def test_a_reading_is_handed_on_with_the_last_chunk_of_its_trace(assembler: ReadingAssembler) -> None:
+def test_a_reading_is_returned_with_the_last_chunk_of_its_trace(assembler: ReadingAssembler) -> None:
     first, second = chunks(5)
     assert assembler.feed(reading(5)) == []
     assert assembler.feed(first) == []
@@ -42,12 +42,12 @@ def test_a_reading_is_handed_on_with_the_last_chunk_of_its_trace(assembler: Read
     assert done.time == pytest.approx(0.6)
 
 
-def test_a_reading_that_comes_twice_is_handed_on_once(assembler: ReadingAssembler) -> None:
+def test_a_repeated_reading_is_returned_once(assembler: ReadingAssembler) -> None:
     out = [item for message in (reading(1), reading(1), *chunks(1), reading(1)) for item in assembler.feed(message)]
     assert len(out + assembler.flush()) == 1
 
 
-def test_a_reading_sent_again_does_not_spoil_the_trace_being_put_together(assembler: ReadingAssembler) -> None:
+def test_a_reading_sent_again_does_not_disturb_the_current_trace(assembler: ReadingAssembler) -> None:
     first, second = chunks(7)
     out = [item for message in (reading(7), first, reading(6), second) for item in assembler.feed(message)]
     assert [item.number for item in out] == [6, 7]
@@ -55,7 +55,7 @@ def test_a_reading_sent_again_does_not_spoil_the_trace_being_put_together(assemb
     assert whole(out[1])
 
 
-def test_a_trace_whose_reading_was_lost_waits_for_it_to_be_sent_again(assembler: ReadingAssembler) -> None:
+def test_a_trace_is_kept_until_its_lost_reading_is_sent_again(assembler: ReadingAssembler) -> None:
     for chunk in chunks(6):
         assert assembler.feed(chunk) == []
     out = [item for message in (reading(7), reading(6), *chunks(7)) for item in assembler.feed(message)]
@@ -63,7 +63,7 @@ def test_a_trace_whose_reading_was_lost_waits_for_it_to_be_sent_again(assembler:
     assert all(map(whole, out))
 
 
-def test_the_last_reading_lost_and_sent_again_has_its_trace(assembler: ReadingAssembler) -> None:
+def test_the_last_reading_sent_again_has_its_trace(assembler: ReadingAssembler) -> None:
     for message in (*chunks(9), Finished(2, 0, 10, "")):
         assert assembler.feed(message) == []
     (done,) = assembler.feed(reading(9))
@@ -75,7 +75,7 @@ def test_the_last_reading_lost_and_sent_again_has_its_trace(assembler: ReadingAs
     [reading(4), Heartbeat(3, 0, 5, 2000), Finished(2, 0, 4, ""), Started(3, 10)],
     ids=lambda m: type(m).__name__,
 )
-def test_a_trace_that_lost_a_chunk_is_given_up_when_something_later_comes(
+def test_a_later_message_completes_a_reading_with_missing_chunks(
     assembler: ReadingAssembler, later: ReadingMessage | Heartbeat | Finished | Started
 ) -> None:
     assembler.feed(reading(3))
@@ -85,7 +85,7 @@ def test_a_trace_that_lost_a_chunk_is_given_up_when_something_later_comes(
     assert np.isnan(done.trace.samples).tolist() == [True, True, False, False]
 
 
-def test_a_heartbeat_between_two_chunks_gives_nothing_up(assembler: ReadingAssembler) -> None:
+def test_a_heartbeat_between_two_chunks_does_not_complete_the_reading(assembler: ReadingAssembler) -> None:
     first, second = chunks(3)
     out = [
         item for message in (reading(3), first, Heartbeat(3, 0, 4, 2000), second) for item in assembler.feed(message)
@@ -94,13 +94,13 @@ def test_a_heartbeat_between_two_chunks_gives_nothing_up(assembler: ReadingAssem
     assert whole(out[0])
 
 
-def test_traces_without_readings_do_not_pile_up(assembler: ReadingAssembler) -> None:
+def test_traces_without_readings_do_not_accumulate(assembler: ReadingAssembler) -> None:
     for number in range(1000):
         assembler.feed(TraceChunk(number, 0, 4, 20_000, 0, b"\1\1"))
     assert len(assembler._traces) <= 4
 
 
-def test_the_same_numbers_in_the_next_scan_are_new_readings_even_where_its_start_was_lost(
+def test_numbers_of_the_next_scan_are_new_readings_even_if_its_started_was_lost(
     assembler: ReadingAssembler,
 ) -> None:
     first = [item for n in range(3) for item in assembler.feed(reading(n))] + assembler.feed(Finished(2, 0, 3, ""))
@@ -108,14 +108,14 @@ def test_the_same_numbers_in_the_next_scan_are_new_readings_even_where_its_start
     assert [item.number for item in first] == [item.number for item in second] == [0, 1, 2]
 
 
-def test_a_repeated_start_changes_nothing(assembler: ReadingAssembler) -> None:
+def test_a_repeated_started_has_no_effect(assembler: ReadingAssembler) -> None:
     first, second = chunks(0)
     out = [item for message in (reading(0), first, Started(2, 100), second) for item in assembler.feed(message)]
     assert len(out) == 1
     assert whole(out[0])
 
 
-def test_a_device_that_was_switched_off_and_greeted_anew_starts_its_clock_again(assembler: ReadingAssembler) -> None:
+def test_readings_of_a_restarted_device_are_new(assembler: ReadingAssembler) -> None:
     out = [item for n in range(3) for item in assembler.feed(reading(n))]
     out += assembler.feed(Info(1, 1, 0, "", "", "", 2000, 0, 0))
     assert [item.number for item in out] == [0, 1, 2]
@@ -128,14 +128,14 @@ def test_a_device_that_was_switched_off_and_greeted_anew_starts_its_clock_again(
     [TraceChunk(1, 0, 4, 0, 0, b"\1\1"), TraceChunk(1, 3, 4, 20_000, 0, b"\1\1"), TraceChunk(1, 0, 0, 20_000, 0, b"")],
     ids=["no period", "beyond the end", "empty"],
 )
-def test_a_chunk_that_makes_no_sense_does_no_harm(assembler: ReadingAssembler, chunk: TraceChunk) -> None:
+def test_an_invalid_chunk_is_ignored(assembler: ReadingAssembler, chunk: TraceChunk) -> None:
     assembler.feed(reading(1))
     out = assembler.feed(chunk) + assembler.flush()
     assert [item.number for item in out] == [1]
 
 
 @pytest.mark.parametrize("carrier", [False, True], ids=["envelope", "carrier"])
-def test_a_trace_survives_the_line_to_eight_bits(carrier: bool) -> None:
+def test_a_trace_is_transmitted_with_eight_bits(carrier: bool) -> None:
     samples = np.sin(np.linspace(0, 9, 700))
     sent = Trace(samples if carrier else np.abs(samples), 76_900.0, 0.0004, carrier)
     assembler = ReadingAssembler()
@@ -148,7 +148,7 @@ def test_a_trace_survives_the_line_to_eight_bits(carrier: bool) -> None:
     np.testing.assert_allclose(whole.trace.samples, sent.samples, atol=(1.01 if carrier else 0.51) / 255)
 
 
-def test_samples_of_sixteen_bits_are_read_to_their_last_bit() -> None:
+def test_sixteen_bit_samples_keep_full_precision() -> None:
     levels = np.array([0, 1, 32768, 65534, 65535], dtype="<u2")
     assembler = ReadingAssembler()
     assembler.feed(Settings(1, 62_500, 2380, 1, 343_200))

@@ -1,4 +1,4 @@
-"""The protocol document is executed: its tables are the code's, its bytes decode, its conversation happens."""
+"""firmware_protocol.md matches the code: its tables, its bytes and its conversation."""
 
 import importlib
 import re
@@ -48,7 +48,7 @@ from tests.fixtures.joined import Joined
 from tests.fixtures.plain_echoes import PlainEchoes
 
 DOCUMENT = (CHECKOUT / "firmware_protocol.md").read_text(encoding="utf-8")
-TRANSCRIPT_SEED = 31  # a turntable that stands close to its zero
+TRANSCRIPT_SEED = 31  # the turntable starts close to its zero
 
 
 class DocumentedRoom:
@@ -57,13 +57,13 @@ class DocumentedRoom:
     temperature_c = 21.5
 
     def receive(self, ping: Ping) -> PingResult:
-        """A wall at 1.2 m."""
+        """Return the echoes of a wall at 1.2 m, 7 ms and 14.1 ms after transmission."""
         samples = np.array([0.0, 0.0, 1.0, 0.5, 0.2, 0.1, 0.0, 0.0])
         return PingResult((0.007, 0.0141), Trace(samples, 400.0, 0.0) if ping.trace else None)
 
 
 def rows(title: str) -> list[list[str]]:
-    """The cells of the table under a heading, without its head."""
+    """Return the cells of the table under a heading, without its header."""
     section = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#|\Z)", DOCUMENT, re.M | re.S)
     assert section, f"no heading {title!r}"
     lines = [line for line in section[1].splitlines() if line.startswith("|")]
@@ -71,14 +71,14 @@ def rows(title: str) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("kind", FROM_HOST + FROM_DEVICE, ids=lambda kind: kind.__name__)
-def test_every_message_has_its_table(kind: type[Message]) -> None:
+def test_every_message_is_documented_with_its_table(kind: type[Message]) -> None:
     way = "host to device" if kind in FROM_HOST else "device to host"
     table = rows(f"{kind.__name__} · 0x{kind.TYPE:02X} · {way}") if fields(kind) else []
     assert table == [[item.name, item.metadata["wire"].name, item.metadata["meaning"]] for item in fields(kind)]
     assert f"### {kind.__name__} · 0x{kind.TYPE:02X} · {way}\n\n{kind.__doc__}" in DOCUMENT
 
 
-def test_no_message_is_documented_that_is_not_spoken() -> None:
+def test_exactly_the_existing_messages_are_documented() -> None:
     documented = re.findall(r"^### (\w+) · 0x(..) ·", DOCUMENT, re.M)
     assert {int(kind, 16): name for name, kind in documented} == {kind: m.__name__ for kind, m in BY_TYPE.items()}
 
@@ -95,21 +95,21 @@ def test_no_message_is_documented_that_is_not_spoken() -> None:
         ("Feature codes", Feature),
     ],
 )
-def test_every_code_is_in_its_table(title: str, codes: type[IntEnum]) -> None:
+def test_tables_of_codes_match_the_code(title: str, codes: type[IntEnum]) -> None:
     assert [(int(row[0]), row[1]) for row in rows(title)] == [(code.value, code.name) for code in codes]
 
 
 @pytest.mark.parametrize("row", rows("Times and sizes"), ids=lambda row: row[0])
-def test_every_time_and_size_is_the_one_the_code_keeps(row: list[str]) -> None:
-    _, value, held_by = row
+def test_every_time_and_size_matches_its_constant(row: list[str]) -> None:
+    _, value, constant = row
     number = float(re.match(r"[\d ]+(\.\d+)?", value)[0].replace(" ", ""))  # type: ignore[index]
-    module, _, name = held_by.rpartition(".")
-    kept = getattr(importlib.import_module(module), name)
+    module, _, name = constant.rpartition(".")
+    actual = getattr(importlib.import_module(module), name)
     scale = 1000 if re.search(r"\bms\b", value) else 1
-    assert number == pytest.approx(kept * scale)
+    assert number == pytest.approx(actual * scale)
 
 
-def test_the_checksum_is_the_one_described() -> None:
+def test_the_documented_checksum_and_its_table_are_correct() -> None:
     assert f"{zlib.crc32(b'123456789'):08X}" == "CBF43926"
     assert "`CBF43926`" in DOCUMENT
     table = [int(word, 16) for word in re.findall(r"0x([0-9A-F]{8})\b", rows_of_code("crc table"))]
@@ -122,13 +122,13 @@ def test_the_checksum_is_the_one_described() -> None:
 
 
 def rows_of_code(label: str) -> str:
-    """The fenced block with this label."""
+    """Return the content of the fenced block with this label."""
     block = re.search(rf"^```{re.escape(label)}\n(.*?)^```$", DOCUMENT, re.M | re.S)
     assert block, f"no block {label!r}"
     return block[1]
 
 
-def test_the_worked_example_is_right_at_every_step() -> None:
+def test_every_step_of_the_worked_example_is_correct() -> None:
     steps = dict(re.findall(r"^(\w+) +((?:[0-9A-F]{2} ?)+)", rows_of_code("worked example"), re.M))
     body, crc, stuffed, wire = (bytes.fromhex(steps[name]) for name in ("body", "crc", "stuffed", "wire"))
     parts = [bytes.fromhex(steps[name]) for name in ("type", "sequence", "time", "payload")]
@@ -141,14 +141,14 @@ def test_the_worked_example_is_right_at_every_step() -> None:
     assert unpack_message(frame.type, frame.payload) == Hello(1, 1)
 
 
-def test_a_last_piece_of_254_bytes_needs_nothing_behind_it_and_may_have_it() -> None:
+def test_a_last_piece_of_254_bytes_decodes_with_and_without_an_empty_rest() -> None:
     piece = bytes([7]) * 254
     assert cobs.encode(piece) == b"\xff" + piece
     assert cobs.decode(b"\xff" + piece) == cobs.decode(b"\xff" + piece + b"\x01") == piece
 
 
 @pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
-def test_what_is_documented_as_refused_is(row: list[str]) -> None:
+def test_documented_refusals_have_the_documented_code(row: list[str]) -> None:
     command, code = row
     name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
@@ -162,12 +162,12 @@ def test_what_is_documented_as_refused_is(row: list[str]) -> None:
 
 
 def simplest(kind: type[Message]) -> Message:
-    """A command that a device which does nothing else carries out, or refuses as BUSY before it looks at the values."""
+    """Return a command that an idle device carries out and a busy device may refuse with BUSY."""
     return kind(**{item.name: b"a" if item.metadata["wire"].name == "u8[]" else 1 for item in fields(kind)})
 
 
 @pytest.mark.parametrize("row", rows("Commands at a glance"), ids=lambda row: row[0])
-def test_a_busy_board_does_with_a_command_what_the_table_says(row: list[str]) -> None:
+def test_a_busy_board_handles_a_command_as_documented(row: list[str]) -> None:
     name, answer, busy, _ = row
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
     assert kind.WHEN_BUSY.value == busy
@@ -180,22 +180,22 @@ def test_a_busy_board_does_with_a_command_what_the_table_says(row: list[str]) ->
     device.receive(encode_frame(Frame(scan.TYPE, 2, 0, scan.pack())), 1.9)
     assert [type(message) for message in device_messages(device, 1.95)] == [Started]
     device.receive(encode_frame(Frame(kind.TYPE, 3, 0, simplest(kind).pack())), 1.95)
-    said = [message for message in device_messages(device, 1.96) if not isinstance(message, Heartbeat)]
+    received = [message for message in device_messages(device, 1.96) if not isinstance(message, Heartbeat)]
     if busy == "BUSY":
-        (refused,) = said
+        (refused,) = received
         assert isinstance(refused, Refused)
         assert refused.code == Refusal.BUSY
     else:
-        assert type(said[-1]).__name__ == answer
-        assert isinstance(said[0], Finished) == (busy == "stops it")
+        assert type(received[-1]).__name__ == answer
+        assert isinstance(received[0], Finished) == (busy == "stops it")
         assert device.busy == (busy == "answered")
 
 
-def test_the_table_of_commands_has_them_all() -> None:
+def test_the_table_of_commands_is_complete() -> None:
     assert [row[0] for row in rows("Commands at a glance")] == [kind.__name__ for kind in FROM_HOST]
 
 
-def test_no_command_needs_more_than_the_documented_buffer() -> None:
+def test_every_command_fits_the_documented_buffer() -> None:
     longest = [kind(**{item.name: widest(item) for item in fields(kind)}) for kind in FROM_HOST]
     assert max(len(message.pack()) for message in longest) <= 80
     blocks = [encode_frame(Frame(message.TYPE, 0xFFFF, 2**64 - 1, message.pack())) for message in longest]
@@ -203,38 +203,38 @@ def test_no_command_needs_more_than_the_documented_buffer() -> None:
 
 
 def widest(item: Field[Any]) -> int | bytes:
-    """A value of a command's field that takes most bytes."""
+    """Return the value of a field with the longest encoding."""
     return bytes(MAX_TEST) if item.metadata["wire"].name == "u8[]" else 1
 
 
 def device_messages(board: FakeBoard, until: float) -> list[Message | None]:
-    """What a board says up to a time."""
+    """Return the messages that a board sends until a time."""
     frames = FrameDecoder().feed(board.advance(until))
     return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
 
 
-def test_every_frame_in_the_conversation_decodes_to_what_stands_above_it() -> None:
+def test_every_frame_in_the_conversation_decodes_to_the_message_above_it() -> None:
     entries = re.findall(
         r"^(host  |device)  #(\d+) at (\d+) us  (\w+\(.*\))\n((?:        (?:[0-9A-F]{2} ?)+\n)+)",
         rows_of_code("conversation"),
         re.M,
     )
     assert len(entries) == rows_of_code("conversation").count(" at ")
-    for side, sequence, time, said, wire in entries:
+    for side, sequence, time, message, wire in entries:
         (frame,) = FrameDecoder().feed(bytes.fromhex(wire))
         assert isinstance(frame, Frame)
         assert (frame.sequence, frame.time_us) == (int(sequence), int(time))
-        assert repr(unpack_message(frame.type, frame.payload)) == said
+        assert repr(unpack_message(frame.type, frame.payload)) == message
         assert (frame.type < 0x80) == (side == "host  ")
 
 
-def test_the_fake_board_holds_the_documented_conversation_byte_for_byte() -> None:
+def test_the_fake_board_repeats_the_documented_conversation_byte_for_byte() -> None:
     assert rows_of_code("conversation") == conversation()
 
 
 def conversation() -> str:
-    """The document's conversation as the fake board holds it now; paste it in where the protocol has changed."""
-    said = [
+    """Return the conversation with the present fake board; paste it into the document if the protocol has changed."""
+    commands = [
         (0.000, Hello(1, 1)),
         (0.001, AskCapabilities()),
         (0.002, Configure(20_000, 2_380, 1, 343_200)),
@@ -247,22 +247,22 @@ def conversation() -> str:
     ]
     board = FakeBoard(DocumentedRoom(), seed=TRANSCRIPT_SEED)
     lines = []
-    for sequence, (time, message) in enumerate(said, start=1):
-        lines += device_says(board, time)
+    for sequence, (time, message) in enumerate(commands, start=1):
+        lines += frames_sent(board, time)
         frame = Frame(message.TYPE, sequence, round(time * 1e6), message.pack())
-        lines += written("host  ", frame)
+        lines += documented_frame("host  ", frame)
         board.receive(encode_frame(frame), time)
-    return "".join([*lines, *device_says(board, 0.355)])
+    return "".join([*lines, *frames_sent(board, 0.355)])
 
 
-def device_says(board: FakeBoard, until: float) -> list[str]:
-    """What the board sends up to a time."""
+def frames_sent(board: FakeBoard, until: float) -> list[str]:
+    """Return the frames that the board sends until a time, as the document writes them."""
     frames = FrameDecoder().feed(board.advance(until))
-    return [line for frame in frames if isinstance(frame, Frame) for line in written("device", frame)]
+    return [line for frame in frames if isinstance(frame, Frame) for line in documented_frame("device", frame)]
 
 
-def written(side: str, frame: Frame) -> list[str]:
-    """A frame as the document writes it."""
+def documented_frame(side: str, frame: Frame) -> list[str]:
+    """Return a frame as the document writes it."""
     wire = encode_frame(frame).hex(" ").upper().split()
     message = unpack_message(frame.type, frame.payload)
     hex_lines = [f"        {' '.join(wire[at : at + 24])}\n" for at in range(0, len(wire), 24)]

@@ -1,4 +1,4 @@
-"""Laws of messages: every message survives packing, fits a frame, and no payload brings the decoder down."""
+"""Properties of messages: packing is reversible, messages fit a frame, and no payload crashes the decoder."""
 
 from dataclasses import MISSING, fields
 from typing import Any
@@ -31,7 +31,7 @@ RANGES = {
 
 
 def values(wire: Wire) -> st.SearchStrategy[Any]:
-    """What a field can hold."""
+    """Values of a field."""
     match wire:
         case Scalar(code=code):
             return st.integers(RANGES[code][0], RANGES[code][1] - 1)
@@ -49,19 +49,19 @@ messages = st.one_of(
 
 
 @given(messages)
-def test_every_message_survives_packing_and_fits_a_frame_when_within_bounds(message: Message) -> None:
+def test_packing_is_reversible_and_messages_within_limits_fit_a_frame(message: Message) -> None:
     payload = message.pack()
     assert unpack_message(message.TYPE, payload) == message
     assert len(payload) <= MAX_PAYLOAD or not isinstance(message, ReadingMessage)
 
 
 @given(messages, st.binary(max_size=20))
-def test_bytes_behind_the_last_field_belong_to_a_newer_version_and_are_ignored(message: Message, more: bytes) -> None:
+def test_bytes_after_the_last_field_are_ignored(message: Message, more: bytes) -> None:
     assert unpack_message(message.TYPE, message.pack() + more) == message
 
 
 @given(messages, st.integers(1, 40))
-def test_a_payload_cut_short_is_refused_unless_an_older_version_ends_there(message: Message, missing: int) -> None:
+def test_a_truncated_payload_is_rejected_unless_an_older_version_ends_there(message: Message, missing: int) -> None:
     payload = message.pack()
     cut = payload[: max(0, len(payload) - missing)]
     if not payload:
@@ -70,7 +70,7 @@ def test_a_payload_cut_short_is_refused_unless_an_older_version_ends_there(messa
         taken = unpack_message(message.TYPE, cut)
     except MessageError:
         return
-    # what is left out is what came last, whole fields of it, and it has its default
+    # only whole fields at the end are missing, and they have their defaults
     assert taken is not None
     assert len(cut) >= len(message.pack(minor=0))
     assert taken.pack()[: len(cut)] == cut
@@ -79,7 +79,7 @@ def test_a_payload_cut_short_is_refused_unless_an_older_version_ends_there(messa
 
 
 @given(messages)
-def test_what_an_older_version_sends_is_read_with_defaults_for_what_it_did_not_know(message: Message) -> None:
+def test_payloads_of_an_older_version_get_defaults_for_new_fields(message: Message) -> None:
     older = unpack_message(message.TYPE, message.pack(minor=0))
     for item in fields(message):
         expected = getattr(message, item.name) if item.default is MISSING else item.default
@@ -87,7 +87,7 @@ def test_what_an_older_version_sends_is_read_with_defaults_for_what_it_did_not_k
 
 
 @given(st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
-def test_any_payload_gives_a_message_nothing_or_a_message_error(kind: int, payload: bytes) -> None:
+def test_any_payload_gives_a_message_or_none_or_a_message_error(kind: int, payload: bytes) -> None:
     try:
         message = unpack_message(kind, payload)
     except MessageError:
@@ -95,18 +95,18 @@ def test_any_payload_gives_a_message_nothing_or_a_message_error(kind: int, paylo
     assert (message is None) == (kind not in BY_TYPE)
 
 
-def test_host_and_device_types_do_not_overlap_and_the_top_bit_tells_them_apart() -> None:
+def test_the_top_bit_distinguishes_host_types_from_device_types() -> None:
     assert len(BY_TYPE) == len(FROM_HOST) + len(FROM_DEVICE)
     assert all(kind.TYPE < 0x80 for kind in FROM_HOST)
     assert all(kind.TYPE >= 0x80 for kind in FROM_DEVICE)
 
 
-def test_a_value_that_does_not_fit_its_field_is_refused_when_packed() -> None:
+def test_packing_a_value_that_does_not_fit_raises_an_error() -> None:
     with pytest.raises(MessageError, match="does not fit i32"):
         Turn(angle=2**31).pack()
 
 
-def test_one_echo_more_than_the_bound_would_burst_the_frame() -> None:
+def test_one_echo_more_than_the_limit_does_not_fit_a_frame() -> None:
     def size(echoes: int) -> int:
         return len(ReadingMessage(0, 0, 0, 0, 0, 0, (0,) * echoes).pack())
 
