@@ -1,4 +1,4 @@
-"""Choosing a scanner: ports with what answers there, any URL, and a scan with it; nothing waits for a slow port."""
+"""Choosing a scanner: the list of ports, any URL, and a scan. A slow port blocks nothing."""
 
 import threading
 from collections.abc import Callable
@@ -44,7 +44,7 @@ def open_dialog(qtbot: QtBot, window: MainWindow) -> None:
     assert window.connecting.dialog.isVisible()
 
 
-def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_ports_are_listed_and_known_ones_are_queried(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (True, "scanner POL-7"))
     open_dialog(qtbot, window)
@@ -58,7 +58,7 @@ def test_ports_are_listed_and_the_known_ones_are_asked(qtbot: QtBot, open_with: 
     until(qtbot, lambda: rows(window)[1][2] == "scanner POL-7")
 
 
-def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_a_silent_port_does_not_block_the_window(qtbot: QtBot, open_with: OpenWith) -> None:
     gate = threading.Event()
     window = open_with(find_scanner=nowhere)
     with_ports(window, lambda device: (gate.wait(HANG), "answered late"))
@@ -70,9 +70,7 @@ def test_a_port_that_does_not_answer_holds_up_nothing(qtbot: QtBot, open_with: O
     until(qtbot, lambda: rows(window)[0][2] == "answered late")
 
 
-def test_a_url_that_is_typed_is_connected_and_scanned_with(
-    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene
-) -> None:
+def test_a_typed_url_is_connected_and_scans(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
     opener = fake("max")
     window = open_with(find_scanner=lambda url: ScannerTarget(url, opener))
     assert not window.commands.scan.isEnabled()
@@ -88,7 +86,7 @@ def test_a_url_that_is_typed_is_connected_and_scanned_with(
     until(qtbot, lambda: ended(window) and len(window.session.shown.readings) == ORDER.readings)
 
 
-def test_a_fake_scanner_brings_the_room_that_it_hears(
+def test_a_fake_scanner_provides_its_room(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene, recorded: Path
 ) -> None:
     opener = fake("max")
@@ -101,9 +99,7 @@ def test_a_fake_scanner_brings_the_room_that_it_hears(
     until(qtbot, lambda: window.session.status.phase is Phase.READY)
 
 
-def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
-    qtbot: QtBot, open_with: OpenWith, fake: OpenFake
-) -> None:
+def test_an_invalid_url_is_reported_and_the_scanner_stays(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(find_scanner=nowhere, source=fake("max"))
     window.session.scanners.choose("soket://host")
     assert "soket://host: leads nowhere" in window.banner.message
@@ -111,7 +107,7 @@ def test_a_url_that_leads_nowhere_is_told_and_what_there_was_stays(
     assert window.commands.scan.isEnabled()
 
 
-def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+def test_another_scanner_is_rejected_during_a_scan(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     opener = fake("real")
     window = open_with(
         find_scanner=lambda url: ScannerTarget(url, opener), source=fake(4.0), autostart=True, order=ENDLESS
@@ -124,9 +120,11 @@ def test_another_scanner_is_not_taken_in_mid_scan(qtbot: QtBot, open_with: OpenW
     assert window.session.scanners.urls == ()
 
 
-@pytest.mark.parametrize(("url", "said"), [("socket://127.0.0.1:9", "no scanner: "), ("nonsense://x", "no scanner: ")])
-def test_a_port_where_nobody_is_says_why(url: str, said: str) -> None:
+@pytest.mark.parametrize(
+    ("url", "reason"), [("socket://127.0.0.1:9", "no scanner: "), ("nonsense://x", "no scanner: ")]
+)
+def test_a_port_without_a_scanner_gives_the_reason(url: str, reason: str) -> None:
     answers, why = probe_port(url, patience=0.3)
     assert not answers
-    assert why.startswith(said)
-    assert not why.startswith(f"{said}{url}")
+    assert why.startswith(reason)
+    assert not why.startswith(f"{reason}{url}")

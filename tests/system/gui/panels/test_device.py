@@ -1,4 +1,4 @@
-"""The scanner from the window: connected, turned, homed, stopped, unplugged and plugged in again."""
+"""The scanner in the window: connecting, turning, homing, stopping, a lost and restored cable."""
 
 import math
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ from tests.system.gui.conftest import ENDLESS, ORDER, OpenFake, OpenWith
 from tests.system.gui.driving import PATIENCE, ended, until
 
 LONG = replace(ORDER, sweeps=5)
-AWAY = 10 * HANG  # s that a lost scanner may be away: a test puts it back when it has seen enough
+AWAY = 10 * HANG  # s that the link waits for a lost scanner; every test restores it earlier
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def board(scene: Scene, echoes: RoomEchoes) -> FakeBoard:
 
 
 def opened(open_with: OpenWith, board: FakeBoard, during: ExitStack, pace: Pace = 4.0, **start: object) -> MainWindow:
-    """A window with its device panel open, before a board that is served."""
+    """Serve a board and return a window with its device panel open."""
     endpoint = during.enter_context(serve(board, tcp="127.0.0.1:0", pace=pace))
     window = open_with(source=lambda: Scanner.open(endpoint.url, reconnect=AWAY), **start)
     window.docks.actions[0].trigger()
@@ -70,7 +70,7 @@ def idle(window: MainWindow, phase: Phase) -> bool:
 # connecting
 
 
-def test_connect_says_who_answers_and_disconnect_lets_go_of_the_port(
+def test_connect_shows_the_identity_and_disconnect_releases_the_port(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
@@ -97,7 +97,7 @@ def test_after_disconnect_a_scan_connects_again(
     assert len(window.session.shown.readings) == ORDER.readings
 
 
-def test_one_connection_serves_one_scan_after_the_other(
+def test_one_connection_runs_several_scans(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
@@ -112,7 +112,7 @@ def test_one_connection_serves_one_scan_after_the_other(
 # turning
 
 
-def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
+def test_turn_and_home_move_the_turntable_and_show_its_angle(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
@@ -124,9 +124,7 @@ def test_turn_and_home_turn_the_turntable_and_say_where_it_points(
     assert window.session.shown.readings == ()
 
 
-def test_f6_stops_a_turntable_that_turns(
-    qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
-) -> None:
+def test_f6_stops_a_turning_turntable(qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack) -> None:
     window = opened(open_with, EndlessHoming(echoes), during)
     window.session.live.home()
     until(qtbot, lambda: window.session.status.phase is Phase.HOMING)
@@ -135,7 +133,7 @@ def test_f6_stops_a_turntable_that_turns(
     assert window.banner.message == ""
 
 
-def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
+def test_f6_works_in_a_dialog_in_front_of_the_window(
     qtbot: QtBot, open_with: OpenWith, echoes: RoomEchoes, during: ExitStack
 ) -> None:
     window = opened(open_with, EndlessHoming(echoes), during)
@@ -149,7 +147,7 @@ def test_f6_stops_it_from_a_dialog_in_front_of_the_window(
     until(qtbot, lambda: idle(window, Phase.STOPPED))
 
 
-def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
+def test_an_angle_beyond_the_cable_is_reported_and_the_connection_stays(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
@@ -164,7 +162,7 @@ def test_an_angle_the_cable_does_not_reach_is_told_and_the_scanner_stays(
 # scanning a sector
 
 
-def test_a_sector_typed_into_the_panel_is_what_is_scanned(
+def test_a_scan_covers_the_sector_typed_in_the_panel(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
@@ -181,19 +179,19 @@ def test_a_sector_typed_into_the_panel_is_what_is_scanned(
     assert all(reading.trace is None for reading in readings)
 
 
-def test_a_shorter_range_is_not_listened_beyond(
+def test_echoes_beyond_a_shorter_range_are_ignored(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
     type_into(qtbot, window.device.reach, "0.6")
     window.commands.scan.trigger()
     until(qtbot, lambda: idle(window, Phase.DONE))
-    heard = [reading.range for reading in window.session.shown.readings if reading.range is not None]
-    assert heard
-    assert max(heard) < 0.62
+    ranges = [reading.range for reading in window.session.shown.readings if reading.range is not None]
+    assert ranges
+    assert max(ranges) < 0.62
 
 
-def test_a_sector_without_headings_is_told_and_the_last_wish_stays(
+def test_an_empty_sector_is_reported_and_the_last_settings_stay(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
@@ -203,7 +201,7 @@ def test_a_sector_without_headings_is_told_and_the_last_wish_stays(
     assert window.session.status.scan_settings.order == ORDER
 
 
-def test_a_sector_that_leads_down_has_a_negative_step() -> None:
+def test_a_descending_sector_has_a_negative_step() -> None:
     order = order_of_sector(90.0, 0.0, 10.0, sweeps=2, pings=3)
     assert order == ScanOrder(math.radians(90), math.radians(-10), 9, 2, 3)
     assert order_of_sector(0.0, 360.0, 5.0, 1, 1) == sector()
@@ -212,10 +210,10 @@ def test_a_sector_that_leads_down_has_a_negative_step() -> None:
         order_of_sector(0.0, 360.0, 0.01, sweeps=10_000, pings=100)
 
 
-# what can be done
+# possible actions
 
 
-def test_without_a_scanner_nothing_of_it_can_be_pressed(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_without_a_scanner_its_buttons_are_disabled(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     window.docks.actions[0].trigger()
     panel = window.device
@@ -226,7 +224,7 @@ def test_without_a_scanner_nothing_of_it_can_be_pressed(qtbot: QtBot, open_with:
         assert not action.isEnabled()
 
 
-def test_in_a_replay_the_turntable_is_left_alone(
+def test_the_turntable_is_disabled_during_a_replay(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, recorded: object
 ) -> None:
     window = open_with(source=fake("max"))
@@ -241,20 +239,20 @@ def test_in_a_replay_the_turntable_is_left_alone(
 
 
 class PulledOnce(RoomEchoes):
-    """Pulls the cable of a board at the tenth ping."""
+    """A room that pulls the cable of its board at the tenth ping."""
 
     board: FakeBoard
     pings = 0
 
     def receive(self, ping: Ping) -> PingResult:
-        """What the room gives back."""
+        """Return the echoes of a ping."""
         self.pings += 1
         if self.pings == 10:
             self.board.plug = None
         return super().receive(ping)
 
 
-def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_the_scan_is_whole(
+def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_scan_is_complete(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, during: ExitStack
 ) -> None:
     echoes = PulledOnce(scene.room, scene.place, scene.board, 1, EXACT)
@@ -277,7 +275,7 @@ def test_a_cable_pulled_in_mid_scan_is_a_banner_that_goes_when_it_is_back_and_th
     assert len(log.readings) == LONG.readings
 
 
-def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_its_room(
+def test_the_badge_of_an_ended_scan_depends_on_its_scanner_and_room(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack, scene: Scene
 ) -> None:
     window = opened(open_with, board, during, "max", autostart=True)
@@ -293,16 +291,16 @@ def test_a_scan_that_is_over_is_recorded_only_beside_its_connected_scanner_in_it
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
     until(qtbot, lambda: seen.text() == "recorded")
-    window.session.live.use(None)  # as another scanner is chosen
+    window.session.live.use(None)  # as if another scanner was chosen
     until(qtbot, lambda: seen.text() == "away")
 
 
-@pytest.mark.parametrize(("readings", "told"), [(12, "lost"), (0, "no scan")])
-def test_after_a_scan_that_failed_the_badge_is_not_live(readings: int, told: str) -> None:
-    assert badge_text(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == told
+@pytest.mark.parametrize(("readings", "text"), [(12, "lost"), (0, "no scan")])
+def test_the_badge_is_not_live_after_a_failed_scan(readings: int, text: str) -> None:
+    assert badge_text(Status(Source.LIVE, Phase.FAILED, can_scan=True, readings=readings)) == text
 
 
-def test_a_cable_pulled_while_nothing_runs_is_told_too(
+def test_a_cable_pulled_between_scans_is_reported(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
@@ -316,7 +314,7 @@ def test_a_cable_pulled_while_nothing_runs_is_told_too(
     until(qtbot, lambda: window.device.state.text() == "Connected")
 
 
-def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
+def test_a_dismissed_banner_of_a_lost_cable_stays_hidden_and_stop_works(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, autostart=True, order=ENDLESS)
@@ -332,19 +330,19 @@ def test_a_lost_cable_that_was_put_away_stays_away_and_stop_still_works(
     assert len(read_log(window.session.status.recording).readings) >= 2
 
 
-def test_the_clock_of_a_scanner_that_runs_at_another_pace_tells_no_drift(
+def test_no_clock_drift_is_shown_for_a_scanner_at_another_pace(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during)
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
     link = window.session.status.link
-    for drift, told in ((1e-4, "+100 ppm"), (-0.019, "-19000 ppm"), (-0.02, "–"), (0.02, "–")):
+    for drift, text in ((1e-4, "+100 ppm"), (-0.019, "-19000 ppm"), (-0.02, "–"), (0.02, "–")):
         figures = {name: text for name, text, _ in link_figures(replace(link, drift=drift))}
-        assert figures["Clock drift"] == told
+        assert figures["Clock drift"] == text
 
 
-def test_the_panel_alone_shows_what_it_is_told(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_the_panel_alone_shows_a_status(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     panel = DevicePanel(Commands(window))
     qtbot.addWidget(panel)

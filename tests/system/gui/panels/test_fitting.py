@@ -1,4 +1,4 @@
-"""Find where I stood: from the panel, with mouse and keys; accepted, undone, cancelled, refused."""
+"""The fit in the panel, with mouse and keys: accepted, undone, cancelled, rejected."""
 
 import math
 import re
@@ -25,7 +25,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 
 def opened(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> MainWindow:
-    """On a scan of figure 9, with the sensor believed to stand 12 cm and 9° beside it."""
+    """Open a scan of figure 9 with the sensor 12 cm and 9° away from its true pose."""
     beside, _ = sensor_at(scene, (0.69, 0.17))
     beside = replace(beside, place=replace(beside.place, heading=math.radians(9)))
     window = open_with(scene=beside, source=read_log(recorded))
@@ -39,14 +39,14 @@ def find(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: window.session.fitting.state.found is not None)
 
 
-def test_the_place_is_found_told_with_its_error_accepted_and_undone(
+def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
     window = opened(qtbot, open_with, recorded, scene)
     panel, before = window.fit_panel, window.session.shown.scene
     find(qtbot, window)
     assert panel.accept.isVisible()
-    # a position in the unit of its error: m beside mm were read as one
+    # a position has the unit of its deviation, because m beside mm is misread
     assert len(re.findall(r"\d mm</td><td>&nbsp;&nbsp;± [\d.]+ mm", panel.table.text())) >= 2
     assert "within 5 cm: " in panel.notes.text()
     assert window.session.shown.scene is before
@@ -63,7 +63,7 @@ def test_the_place_is_found_told_with_its_error_accepted_and_undone(
     until(qtbot, lambda: window.session.shown.scene is before)
 
 
-def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
+def test_in_a_symmetric_room_every_solution_is_listed_and_can_be_accepted(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
     window = opened(qtbot, open_with, recorded, scene)
@@ -85,7 +85,7 @@ def test_in_a_symmetric_room_every_answer_is_told_and_each_can_be_taken(
     assert abs(math.remainder(place.heading - heading, math.tau)) < math.radians(2)
 
 
-def test_a_fit_that_is_cancelled_or_put_away_changes_nothing(
+def test_a_cancelled_or_discarded_fit_changes_nothing(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
     window = opened(qtbot, open_with, recorded, scene)
@@ -102,9 +102,7 @@ def test_a_fit_that_is_cancelled_or_put_away_changes_nothing(
     assert window.session.shown.scene is before
 
 
-def test_another_room_or_scan_takes_no_answer_of_the_one_before(
-    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
-) -> None:
+def test_another_scan_cancels_a_running_fit(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
     window = opened(qtbot, open_with, recorded, scene)
     qtbot.mouseClick(window.fit_panel.begin, LEFT)
     window.session.leave_replay()
@@ -113,7 +111,7 @@ def test_another_room_or_scan_takes_no_answer_of_the_one_before(
     assert not window.fit_panel.cancel.isVisible()
 
 
-def test_what_cannot_be_fitted_is_a_banner(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
+def test_an_impossible_fit_shows_a_banner(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
     log = read_log(recorded)
     silent = tuple(replace(reading, echo_times=()) for reading in log.readings)
     window = open_with(scene=scene, source=replace(log, scans=(replace(log.scans[0], readings=silent),)))
@@ -122,7 +120,9 @@ def test_what_cannot_be_fitted_is_a_banner(qtbot: QtBot, open_with: OpenWith, re
     assert window.fit_panel.isVisible()
 
 
-def test_nothing_free_is_nothing_to_find(qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene) -> None:
+def test_without_a_free_parameter_no_fit_can_start(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
+) -> None:
     panel = opened(qtbot, open_with, recorded, scene).fit_panel
     for box in panel.free.values():
         box.setFocus()
@@ -131,12 +131,12 @@ def test_nothing_free_is_nothing_to_find(qtbot: QtBot, open_with: OpenWith, reco
     assert not panel.begin.isEnabled()
 
 
-def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene) -> None:
+def test_values_below_zero_have_a_minus_sign_and_zero_has_none(scene: Scene) -> None:
     found = {"heading": math.radians(-0.01), "offset": -0.00001, "temperature": -5.04, "x": -0.00001}
     free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
     values = {one: found.get(one.name, 0.5) for one in free}
-    told = {one.name: value_text(one, value, LengthUnit.M) for one, value in values.items()}
-    assert told == {
+    texts = {one.name: value_text(one, value, LengthUnit.M) for one, value in values.items()}
+    assert texts == {
         "x": "0.000 m",
         "y": "0.500 m",
         "heading": "−0.01°",
@@ -147,7 +147,7 @@ def test_what_is_just_below_zero_has_a_true_minus_and_zero_has_none(scene: Scene
     assert value_text(heading, math.radians(-90), LengthUnit.M) == "270.00°"
 
 
-def test_what_was_found_stands_in_room_and_profile(scene: Scene) -> None:
+def test_found_values_are_stored_in_room_and_profile(scene: Scene) -> None:
     found_at = {"x": 0.5, "y": 0.25, "heading": math.radians(90), "offset": 0.012, "temperature": 23.4}
     free = free_parameters(("position", "heading", "offset", "temperature"), ["scan"], scene.room, scene.board)
     after, _ = fitted(scene, {one: found_at[one.name] for one in free}, scene.board)

@@ -1,4 +1,4 @@
-"""Live scans in a real window: they fill it, stop, break and are closed, and the log is whole each time."""
+"""Live scans in a real window: complete, stopped, broken or closed, each with a readable log."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -42,7 +42,7 @@ def test_a_scan_fills_every_view(qtbot: QtBot, open_with: OpenWith, fake: OpenFa
     assert window.windowTitle() == "sonarhw — Simple room · place figure9"
 
 
-def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
+def test_the_log_of_a_scan_contains_every_reading_and_the_place(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
     window = open_with(source=fake("max"), autostart=True)
@@ -56,7 +56,7 @@ def test_the_log_of_a_scan_holds_every_reading_and_where_it_was_taken(
     assert f"recorded in {path}" in window.status_bar.activity.text()
 
 
-def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(
+def test_a_nearly_full_disk_is_reported_and_the_scan_continues(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 20_000_000)
@@ -66,7 +66,7 @@ def test_a_disk_that_is_nearly_full_is_told_of_while_the_scan_goes_on(
     assert len(read_log(window.session.status.recording).readings) == ORDER.readings
 
 
-def test_the_log_of_a_scan_carries_the_board(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
+def test_the_log_of_a_scan_contains_the_board(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, scene: Scene) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window))
     metadata = read_log(window.session.status.recording).metadata
@@ -74,7 +74,7 @@ def test_the_log_of_a_scan_carries_the_board(qtbot: QtBot, open_with: OpenWith, 
     assert scene_of_log(metadata).board.text == scene.board.text != ""
 
 
-def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+def test_stop_ends_a_scan_and_its_log_is_complete(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake(4.0), autostart=True, order=ENDLESS)
     until(qtbot, lambda: len(window.session.shown.readings) >= 3)
     assert window.status_bar.badge.text() == "● live"
@@ -91,7 +91,7 @@ def test_stop_ends_a_scan_and_leaves_its_log_whole(qtbot: QtBot, open_with: Open
 
 
 def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
-    """The way to a scanner that begins a step, `home` or `scan`, only after a stop has arrived."""
+    """Return an opener of a scanner that begins a step, `home` or `scan`, only after a stop has arrived."""
 
     @contextmanager
     def opened() -> Iterator[Scanner]:
@@ -99,7 +99,7 @@ def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
         with opener() as scanner:
             stop, begin = scanner.stop, getattr(scanner, step)
 
-            def stop_and_say_so() -> None:
+            def stop_and_signal() -> None:
                 stop()
                 stopped.set()
 
@@ -107,7 +107,7 @@ def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
                 assert stopped.wait(HANG)
                 return begin(*order)
 
-            scanner.stop = stop_and_say_so
+            scanner.stop = stop_and_signal
             setattr(scanner, step, begin_later)
             yield scanner
 
@@ -115,7 +115,7 @@ def stopped_before(step: str, opener: ScannerOpener) -> ScannerOpener:
 
 
 @pytest.mark.parametrize(("step", "phase"), [("home", Phase.HOMING), ("scan", Phase.SCANNING)])
-def test_a_stop_before_the_first_reading_is_followed_by_none(
+def test_a_stop_before_the_first_reading_leaves_no_readings(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, step: str, phase: Phase
 ) -> None:
     window = open_with(source=stopped_before(step, fake("max")), autostart=True)
@@ -127,27 +127,27 @@ def test_a_stop_before_the_first_reading_is_followed_by_none(
     assert window.session.status.recording is None
 
 
-def test_stop_before_the_scanner_has_answered_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
-    asked, go_on = threading.Event(), threading.Event()
+def test_a_stop_before_the_scanner_answers_leaves_no_log(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+    opening, proceed = threading.Event(), threading.Event()
     opener = fake("max")
 
     @contextmanager
     def slow() -> Iterator[Scanner]:
-        asked.set()
-        assert go_on.wait(HANG)
+        opening.set()
+        assert proceed.wait(HANG)
         with opener() as scanner:
             yield scanner
 
     window = open_with(source=slow, autostart=True)
-    assert asked.wait(HANG)
+    assert opening.wait(HANG)
     window.session.stop()
-    go_on.set()
+    proceed.set()
     until(qtbot, lambda: ended(window))
     assert window.session.status.phase is Phase.STOPPED
     assert window.session.status.recording is None
 
 
-def test_a_second_scan_begins_afresh(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
+def test_a_second_scan_starts_without_old_readings(qtbot: QtBot, open_with: OpenWith, fake: OpenFake) -> None:
     window = open_with(source=fake("max"), autostart=True)
     until(qtbot, lambda: ended(window) and predicted(window))
     first = window.session.status.recording
@@ -158,7 +158,7 @@ def test_a_second_scan_begins_afresh(qtbot: QtBot, open_with: OpenWith, fake: Op
     assert len(read_log(first).readings) == ORDER.readings
 
 
-def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
+def test_closing_during_a_scan_leaves_a_complete_log_and_no_thread(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
     before = {thread.name for thread in threading.enumerate()}
@@ -173,7 +173,7 @@ def test_closing_in_mid_scan_leaves_a_whole_log_and_no_thread(
     assert 3 <= len(log.readings) < ENDLESS.readings
 
 
-def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
+def test_a_lost_link_shows_a_banner_and_keeps_the_readings(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, echoes: RoomEchoes
 ) -> None:
     with vanishing(FakeBoard(echoes, 1, scene.board.blanking)) as (url, vanish):
@@ -191,7 +191,7 @@ def test_a_vanished_link_is_a_banner_and_what_was_measured_stays(
     assert len(log.readings) >= 3
 
 
-def test_what_a_reset_kept_from_being_checked_is_told_when_the_scan_is_done(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_angles_not_checked_because_of_a_reset_are_reported_after_the_scan(qtbot: QtBot, open_with: OpenWith) -> None:
     with serve(faulty("reset=0.1@r20"), tcp="127.0.0.1:0", pace=20) as endpoint:
         window = open_with(source=lambda: Scanner.open(endpoint.url), autostart=True)
         until(qtbot, lambda: ended(window))
@@ -199,16 +199,14 @@ def test_what_a_reset_kept_from_being_checked_is_told_when_the_scan_is_done(qtbo
     assert "20 of 36 angles, from 0° on, could not be checked for lost steps" in window.banner.message
 
 
-def test_a_scanner_that_is_not_there_is_a_banner(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_a_missing_scanner_shows_a_banner(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with(source=lambda: Scanner.open("socket://127.0.0.1:9"), autostart=True)
     until(qtbot, lambda: ended(window))
     assert "127.0.0.1:9" in window.banner.message
     assert window.commands.scan.isEnabled()
 
 
-def test_a_folder_that_cannot_be_written_is_a_banner(
-    qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path
-) -> None:
+def test_an_unwritable_folder_shows_a_banner(qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     window = open_with(source=fake("max"), autostart=True, recordings=tmp_path / "file" / "recordings")
     until(qtbot, lambda: ended(window))
@@ -227,7 +225,7 @@ def test_without_a_room_the_measured_points_are_shown(
 
 @contextmanager
 def vanishing(board: FakeBoard) -> Iterator[tuple[str, Callable[[], None]]]:
-    """A served board, its URL, and what makes it vanish."""
+    """Serve a board; yield its URL and a function that closes its port."""
     with open_server_port(tcp="127.0.0.1:0") as port:
         endpoint = Endpoint(board, port, 4.0)
         thread = threading.Thread(target=endpoint.run)
@@ -241,7 +239,7 @@ def vanishing(board: FakeBoard) -> Iterator[tuple[str, Callable[[], None]]]:
         yield port.url, vanish
 
 
-def test_a_scan_from_a_place_that_was_moved_says_that_the_scanner_stayed(
+def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake
 ) -> None:
     window = open_with(source=fake("max"))

@@ -1,4 +1,4 @@
-"""A log in a real window: all of it at once, played, paused, scrubbed, and torn."""
+"""A log in a real window: shown at once, played, paused, scrubbed, and truncated."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ def window(open_with: OpenWith, log: Log) -> MainWindow:
     return open_with(source=log)
 
 
-def test_a_log_is_shown_whole_with_the_slider_at_its_end(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_log_is_shown_completely_with_the_slider_at_its_end(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: predicted(window))
     assert len(window.session.shown.readings) == ORDER.readings
     assert window.replay_bar.isVisible()
@@ -56,41 +56,41 @@ def test_play_begins_at_the_beginning_and_runs_to_the_end(qtbot: QtBot, window: 
     assert window.replay_bar.play.text() == "Play"
 
 
-def test_stepping_and_scrubbing_keep_the_chosen_reading_marked_in_the_table(
+def test_stepping_and_scrubbing_keep_the_chosen_reading_selected_in_the_table(
     qtbot: QtBot, window: MainWindow, recorded: Path
 ) -> None:
     until(qtbot, lambda: predicted(window))
     replay, rows = window.session.replay, window.views.table.view.selectionModel()
 
-    def marked() -> bool:
+    def selected() -> bool:
         chosen = window.views.table.model.place_of(window.session.shown.chosen)
         return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
-    assert marked()
+    assert selected()
     for command in (window.commands.back, window.commands.back, window.commands.forward, window.commands.previous):
         command.trigger()
-        assert marked(), command.text()
+        assert selected(), command.text()
     window.commands.newest.trigger()
     for part in (0.0, 0.5, 0.2, 1.0):
         replay.seek(part * replay.state.duration)
-        assert marked(), part
+        assert selected(), part
     window.session.showing.choose(0)
     with qtbot.waitSignal(window.session.recent_changed, timeout=PATIENCE):
         window.session.open_file(str(recorded))
     until(qtbot, lambda: window.session.shown.chosen == ORDER.readings - 1)
-    assert marked()
+    assert selected()
 
 
-def test_pause_stands_still_and_play_goes_on_from_there(qtbot: QtBot, window: MainWindow) -> None:
+def test_play_continues_where_pause_has_stopped(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
     window.session.replay.advance(0.3)
     assert len(window.session.shown.readings) >= 2
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
-    stood = window.session.replay.state.position
+    paused_at = window.session.replay.state.position
     window.session.tick()
-    assert window.session.replay.state.position == stood
+    assert window.session.replay.state.position == paused_at
     qtbot.mouseClick(window.replay_bar.play, Qt.MouseButton.LeftButton)
-    until(qtbot, lambda: window.session.replay.state.position > stood)
+    until(qtbot, lambda: window.session.replay.state.position > paused_at)
 
 
 def test_space_plays_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
@@ -100,7 +100,7 @@ def test_space_plays_and_pauses(qtbot: QtBot, window: MainWindow) -> None:
     assert not window.session.replay.state.playing
 
 
-def test_scrubbing_shows_what_had_been_measured_by_then(qtbot: QtBot, window: MainWindow) -> None:
+def test_scrubbing_shows_the_readings_up_to_that_time(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: predicted(window))
     slider = window.replay_bar.slider
     slider.setValue(slider.maximum() // 2)
@@ -121,7 +121,7 @@ def test_all_at_once_is_a_speed(window: MainWindow) -> None:
     assert window.replay_bar.speed.currentText() == "all at once"
 
 
-def test_a_torn_log_says_so_in_the_banner_and_shows_what_it_holds(
+def test_a_truncated_log_shows_a_banner_and_its_readings(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     torn = tmp_path / "torn.mcap"
@@ -136,16 +136,16 @@ def test_a_torn_log_says_so_in_the_banner_and_shows_what_it_holds(
     assert f"{kept} whole readings are shown" in window.banner.message
 
 
-def test_a_log_of_a_scan_that_lost_steps_says_so_in_the_banner(qtbot: QtBot, window: MainWindow, log: Log) -> None:
+def test_a_log_of_a_scan_with_lost_steps_shows_a_banner(qtbot: QtBot, window: MainWindow, log: Log) -> None:
     (scan,) = log.scans
     assert scan.finished is not None
     lost = replace(scan.finished, outcome=Outcome.LOST_STEPS)
     window.session.show_log(replace(log, scans=(replace(scan, finished=lost),)), "bench.mcap")
-    told = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be off"
-    until(qtbot, lambda: window.banner.message.startswith(told))
+    warning = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be off"
+    until(qtbot, lambda: window.banner.message.startswith(warning))
 
 
-def test_a_log_opened_in_the_window_brings_its_own_room(
+def test_a_log_opened_in_the_window_provides_its_room(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, scene: Scene
 ) -> None:
     window = open_with(scene=Scene(None, None, scene.board))
@@ -155,7 +155,7 @@ def test_a_log_opened_in_the_window_brings_its_own_room(
     assert window.toolbar.place.currentText() == "figure9"
 
 
-def test_a_file_that_is_no_log_is_a_banner(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+def test_an_invalid_log_shows_a_banner(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     path = tmp_path / "no.mcap"
     path.write_text("no log")
     window = open_with()
@@ -164,7 +164,7 @@ def test_a_file_that_is_no_log_is_a_banner(qtbot: QtBot, open_with: OpenWith, tm
     assert "no.mcap" in window.banner.message
 
 
-def test_a_scan_after_a_replay_puts_the_log_away(
+def test_a_scan_after_a_replay_closes_the_log(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, recorded: Path
 ) -> None:
     window = open_with(source=fake("max"))
@@ -188,7 +188,7 @@ def test_playback_keeps_the_recorded_schedule(log: Log) -> None:
     assert playback.count == 1
 
 
-def test_a_log_longer_than_is_compared_at_once_is_compared_where_it_is_looked_at(
+def test_a_very_long_log_is_compared_around_the_visible_time(
     qtbot: QtBot, open_with: OpenWith, log: Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sonarhw_gui.work.forecast.MOST_COMPARED", 10)
@@ -202,17 +202,17 @@ def test_a_log_longer_than_is_compared_at_once_is_compared_where_it_is_looked_at
     assert window.session.shown.chosen == len(window.session.shown.readings) - 1
 
 
-def test_lost_are_the_readings_that_were_made_and_are_not_there(log: Log) -> None:
+def test_lost_readings_are_those_made_but_missing(log: Log) -> None:
     (scan,) = log.scans
     assert lost_in(scan) == 0
     assert lost_in(replace(scan, readings=scan.readings[:5] + scan.readings[7:])) == 2
-    # a scan that was stopped has not lost what it never made
+    # a stopped scan has not lost the readings that it never made
     stopped = replace(scan, readings=scan.readings[:10], finished=replace(scan.finished, readings=10))
     assert lost_in(stopped) == 0
     assert lost_in(replace(scan, readings=scan.readings[:10], finished=None)) == 0
 
 
-def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
+def test_nothing_of_earlier_frames_remains_on_the_screen(qtbot: QtBot, window: MainWindow) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.showing.choose(20)
     QApplication.processEvents()
@@ -222,7 +222,7 @@ def test_nothing_of_earlier_frames_stays_on_the_screen(qtbot: QtBot, window: Mai
     until(qtbot, lambda: predicted(window))
     QApplication.processEvents()
     for view in (window.views.ranges, window.views.plan.drawing):
-        until(qtbot, lambda view=view: _on_screen(window, view) == _drawn_anew(view))
+        until(qtbot, lambda view=view: _on_screen(window, view) == _redrawn(view))
 
 
 def _on_screen(window: MainWindow, view: QGraphicsView) -> QImage:
@@ -230,5 +230,5 @@ def _on_screen(window: MainWindow, view: QGraphicsView) -> QImage:
     return image.convertToFormat(QImage.Format.Format_RGB32)
 
 
-def _drawn_anew(view: QGraphicsView) -> QImage:
+def _redrawn(view: QGraphicsView) -> QImage:
     return view.viewport().grab().toImage().convertToFormat(QImage.Format.Format_RGB32)

@@ -1,4 +1,4 @@
-"""The replay bar in a real window: stepped, looped, scrubbed, from scan to scan, left, and with its drive gone."""
+"""The replay bar in a real window: steps, loop, time slider, scans, gaps, leaving, and a lost drive."""
 
 import errno
 import os
@@ -27,7 +27,7 @@ WAIT = 60.0  # s in the middle of the second scan
 
 @pytest.fixture
 def log(recorded: Path) -> Log:
-    """Two scans; in the second nothing was measured for a minute."""
+    """Return a log of two scans, the second with a gap of one minute."""
     (scan,) = read_log(recorded).scans
     late = tuple(replace(reading, time=reading.time + WAIT * (reading.number >= 18)) for reading in scan.readings)
     return replace(read_log(recorded), scans=(scan, replace(scan, readings=late)))
@@ -39,7 +39,7 @@ def window(open_with: OpenWith, log: Log) -> MainWindow:
 
 
 def button(window: MainWindow, action: QAction) -> QToolButton:
-    """The button of the replay bar that stands for an action."""
+    """Return the button of an action in the replay bar."""
     (found,) = (each for each in window.replay_bar.findChildren(QToolButton) if each.defaultAction() is action)
     return found
 
@@ -52,7 +52,7 @@ def seen(window: MainWindow) -> int:
     return len(window.session.shown.readings)
 
 
-def test_steps_go_back_and_forth_by_one_reading_with_mouse_and_keys(qtbot: QtBot, window: MainWindow) -> None:
+def test_steps_move_by_one_reading_with_mouse_and_keys(qtbot: QtBot, window: MainWindow) -> None:
     press(qtbot, window, window.commands.back)
     assert seen(window) == 2 * ORDER.readings - 1
     qtbot.keyClick(window, Qt.Key.Key_Comma)
@@ -64,14 +64,14 @@ def test_steps_go_back_and_forth_by_one_reading_with_mouse_and_keys(qtbot: QtBot
     assert not window.session.replay.state.playing
 
 
-def test_a_step_while_it_plays_lets_it_stand_still(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_step_pauses_the_replay(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.toggle()
     until(qtbot, lambda: seen(window) >= 2)
     press(qtbot, window, window.commands.forward)
     assert window.replay_bar.play.text() == "Play"
 
 
-def test_scans_are_marked_and_gone_to(qtbot: QtBot, window: MainWindow) -> None:
+def test_scans_are_marked_and_buttons_go_to_them(qtbot: QtBot, window: MainWindow) -> None:
     first, second = window.session.replay.state.scans
     marks = window.replay_bar.slider.marks
     assert marks[0] < marks[1] < window.replay_bar.slider.width()
@@ -86,9 +86,7 @@ def test_scans_are_marked_and_gone_to(qtbot: QtBot, window: MainWindow) -> None:
 
 
 @pytest.mark.parametrize("colours", [LIGHT, DARK])
-def test_the_mark_of_a_scan_is_drawn_where_its_slider_would_stand(
-    qtbot: QtBot, window: MainWindow, colours: Palette
-) -> None:
+def test_the_mark_of_a_scan_is_at_its_slider_position(qtbot: QtBot, window: MainWindow, colours: Palette) -> None:
     window.session.showing.set_look(replace(window.session.shown.look, palette=colours))
     window.session.replay.seek(window.session.replay.state.duration)
     slider = window.replay_bar.slider
@@ -97,7 +95,7 @@ def test_the_mark_of_a_scan_is_drawn_where_its_slider_would_stand(
         assert image.pixelColor(round(mark), 1).name().upper() == colours.predicted.upper()
 
 
-def test_a_click_on_the_slider_goes_there_at_once(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_on_the_slider_seeks_there(qtbot: QtBot, window: MainWindow) -> None:
     slider = window.replay_bar.slider
     qtbot.mouseClick(slider, Qt.MouseButton.LeftButton, pos=QPoint(slider.width() // 2, slider.height() // 2))
     state = window.session.replay.state
@@ -105,7 +103,7 @@ def test_a_click_on_the_slider_goes_there_at_once(qtbot: QtBot, window: MainWind
     assert window.replay_bar.time.text() == time_text(state)
 
 
-def test_the_handle_is_dragged_through_the_time_of_the_log(qtbot: QtBot, window: MainWindow) -> None:
+def test_dragging_the_handle_seeks(qtbot: QtBot, window: MainWindow) -> None:
     slider = window.replay_bar.slider
     middle = slider.height() // 2
     qtbot.mousePress(slider, Qt.MouseButton.LeftButton, pos=QPoint(slider.width() - 5, middle))
@@ -118,7 +116,7 @@ def test_the_handle_is_dragged_through_the_time_of_the_log(qtbot: QtBot, window:
     assert counts[-1] < counts[0]
 
 
-def test_in_a_loop_it_begins_again_and_without_it_stands_still(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_loop_restarts_the_replay_and_without_it_the_replay_stops(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.set_speed(50.0)
     qtbot.keyClick(window, Qt.Key.Key_L, Qt.KeyboardModifier.ControlModifier)
     assert button(window, window.commands.loop).isChecked()
@@ -132,7 +130,7 @@ def test_in_a_loop_it_begins_again_and_without_it_stands_still(qtbot: QtBot, win
     assert seen(window) == 2 * ORDER.readings
 
 
-def test_gaps_are_skipped_and_the_same_reading_stays_in_sight(qtbot: QtBot, window: MainWindow) -> None:
+def test_skipping_gaps_keeps_the_same_reading(qtbot: QtBot, window: MainWindow) -> None:
     window.session.replay.seek_reading(ORDER.readings + 20)
     before = window.session.replay.state
     press(qtbot, window, window.commands.skip_gaps)
@@ -144,7 +142,7 @@ def test_gaps_are_skipped_and_the_same_reading_stays_in_sight(qtbot: QtBot, wind
     assert window.session.replay.state.duration == pytest.approx(before.duration)
 
 
-def test_speeds_reach_from_a_tenth_to_fifty_times(window: MainWindow) -> None:
+def test_speeds_are_a_tenth_to_fifty_times_and_all_at_once(window: MainWindow) -> None:
     names = [window.replay_bar.speed.itemText(k) for k in range(len(SPEEDS))]
     assert (names[0], "50×" in names, names[-1]) == ("0.1×", True, "all at once")
     for index, speed in enumerate(SPEEDS):
@@ -153,7 +151,7 @@ def test_speeds_reach_from_a_tenth_to_fifty_times(window: MainWindow) -> None:
         assert window.replay_bar.speed.currentIndex() == index
 
 
-def test_one_way_out_leads_to_nothing_where_nothing_was_before(qtbot: QtBot, window: MainWindow) -> None:
+def test_leaving_a_replay_without_an_earlier_scan_shows_no_readings(qtbot: QtBot, window: MainWindow) -> None:
     assert window.replay_bar.badge.isVisible()
     press(qtbot, window, window.commands.leave_replay)
     assert not window.replay_bar.isVisible()
@@ -163,7 +161,7 @@ def test_one_way_out_leads_to_nothing_where_nothing_was_before(qtbot: QtBot, win
         assert not action.isEnabled()
 
 
-def test_the_way_out_leads_back_to_the_live_scan_in_its_own_place(
+def test_leaving_a_replay_returns_to_the_live_scan_and_its_place(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, recorded: Path
 ) -> None:
     window = open_with(source=fake("max"))
@@ -181,7 +179,7 @@ def test_the_way_out_leads_back_to_the_live_scan_in_its_own_place(
     until(qtbot, lambda: predicted(window) and window.session.status.source is Source.LIVE)
 
 
-def test_a_drive_that_is_gone_is_a_banner_and_the_replay_stands_still(
+def test_a_lost_drive_shows_a_banner_and_stops_the_replay(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def gone(*_: object) -> bytes:

@@ -1,4 +1,4 @@
-"""The room panel, with a real mouse and real keys: materials, air, hearing and the sensor in figures."""
+"""The room panel with mouse and keys: materials, air, board, model options and the pose of the sensor."""
 
 import math
 from collections.abc import Iterator
@@ -26,8 +26,8 @@ from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import predicted, until
 
 
-class Keeper:
-    """Does with edits what the session does: shows them; and keeps what they were called, and the gestures."""
+class EditRecorder:
+    """Shows each edit in the panel, as the session does, and records its label and gesture."""
 
     def __init__(self, panel: RoomPanel, scene: Scene) -> None:
         self._panel, self.scene = panel, scene
@@ -56,82 +56,84 @@ def panel(qtbot: QtBot) -> Iterator[RoomPanel]:
 
 
 @pytest.fixture
-def keeper(panel: RoomPanel, scene: Scene) -> Keeper:
-    return Keeper(panel, scene)
+def edits(panel: RoomPanel, scene: Scene) -> EditRecorder:
+    return EditRecorder(panel, scene)
 
 
 def drag_slider(qtbot: QtBot, slider: QSlider, *values: int) -> None:
-    """Take the knob with the mouse and put it down at the last value."""
+    """Drag the handle with the mouse through the values."""
     option = QStyleOptionSlider()
     slider.initStyleOption(option)
     part = QStyle.SubControl.SC_SliderHandle
     knob = slider.style().subControlRect(QStyle.ComplexControl.CC_Slider, option, part, slider)
     pixels = (slider.width() - knob.width()) / (slider.maximum() - slider.minimum())
     start, first = knob.center(), slider.value()
-    ways = [start + QPoint(round((value - first) * pixels), 0) for value in values]
+    stops = [start + QPoint(round((value - first) * pixels), 0) for value in values]
     qtbot.mousePress(slider, Qt.MouseButton.LeftButton, pos=start)
-    for at in ways:
+    for at in stops:
         qtbot.mouseMove(slider, at)
-    qtbot.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=ways[-1])
+    qtbot.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=stops[-1])
 
 
-def test_one_drag_of_a_slider_is_one_step_and_the_walls_take_it(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+def test_one_drag_of_a_slider_is_one_undo_step_and_changes_the_walls(
+    qtbot: QtBot, panel: RoomPanel, edits: EditRecorder
+) -> None:
     reflectance, scatter = panel.materials.sliders["shelving"]
     drag_slider(qtbot, reflectance.slider, 80, 60, 40)
-    assert len(keeper.labels) >= 3
-    assert len(set(map(id, keeper.gestures))) == 1
-    assert keeper.scene.room.reflectances[0] == pytest.approx(0.4, abs=0.03)
-    assert reflectance.field.value() == keeper.scene.room.reflectances[0]
+    assert len(edits.labels) >= 3
+    assert len(set(map(id, edits.gestures))) == 1
+    assert edits.scene.room.reflectances[0] == pytest.approx(0.4, abs=0.03)
+    assert reflectance.field.value() == edits.scene.room.reflectances[0]
     drag_slider(qtbot, scatter.slider, 30)
-    assert len(set(map(id, keeper.gestures))) == 2
-    shelving = materials(keeper.scene.room)["shelving"]
+    assert len(set(map(id, edits.gestures))) == 2
+    shelving = materials(edits.scene.room)["shelving"]
     assert shelving.scatter == pytest.approx(0.3, abs=0.03)
     assert shelving.reflectance == reflectance.field.value()
-    assert set(keeper.labels) == {"changing shelving"}
+    assert set(edits.labels) == {"changing shelving"}
 
 
-def test_air_is_typed_and_what_was_not_typed_stays_as_it_was(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
-    keeper.scene = replace(keeper.scene, room=with_air(keeper.scene.room, Air(10.0, 0.333, 99.987)))
-    keeper.show()
+def test_a_typed_air_value_leaves_the_others_unchanged(qtbot: QtBot, panel: RoomPanel, edits: EditRecorder) -> None:
+    edits.scene = replace(edits.scene, room=with_air(edits.scene.room, Air(10.0, 0.333, 99.987)))
+    edits.show()
     panel.air.temperature.field.setFocus()
     panel.air.temperature.field.selectAll()
     qtbot.keyClicks(panel.air.temperature.field, "-5.5")
     qtbot.keyClick(panel.air.temperature.field, Qt.Key.Key_Return)
-    air = keeper.scene.room.air
+    air = edits.scene.room.air
     assert (air.temperature_c, air.relative_humidity, air.pressure_kpa) == (-5.5, 0.333, 99.987)
     assert panel.air.speed.text() == f"{air.speed_of_sound:.1f} m/s"
-    assert "temperature_c = -5.5" in keeper.scene.room.text
+    assert "temperature_c = -5.5" in edits.scene.room.text
 
 
-def test_receiver_unit_and_edges_are_chosen_by_key(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+def test_keys_choose_receiver_unit_and_edges(qtbot: QtBot, panel: RoomPanel, edits: EditRecorder) -> None:
     group = panel.model
     for field in (group.receiver, group.unit, group.edges):
         qtbot.keyClick(field, Qt.Key.Key_Down)
-    options = keeper.scene.options
+    options = edits.scene.options
     assert options.receiver is Receiver.BOARD
     assert options.unit is Unit.BLOCK
     assert options.edge_strength is EdgeStrength.KELLER
-    assert keeper.scene.room.text == load_room(ROOM).text
+    assert edits.scene.room.text == load_room(ROOM).text
 
 
-def test_a_board_is_chosen_by_key_brings_its_receiver_and_the_scans_own_can_be_had_back(
-    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+def test_keys_choose_a_board_with_its_receiver_and_the_original_board_again(
+    qtbot: QtBot, panel: RoomPanel, edits: EditRecorder
 ) -> None:
-    own = replace(keeper.scene.board, range_offset=0.01)
-    keeper.scene = replace(keeper.scene, board=own)
-    keeper.show()
+    own = replace(edits.scene.board, range_offset=0.01)
+    edits.scene = replace(edits.scene, board=own)
+    edits.show()
     board = panel.model.board
     assert board.currentText() == f"{own.name}, changed"
     board.setFocus()
     qtbot.keyClicks(board, "lego")
-    assert keeper.scene.board == load_board("lego-nxt")
-    assert keeper.scene.options.receiver is keeper.scene.board.receiver
-    assert keeper.labels == ["board lego-nxt"]
+    assert edits.scene.board == load_board("lego-nxt")
+    assert edits.scene.options.receiver is edits.scene.board.receiver
+    assert edits.labels == ["board lego-nxt"]
     qtbot.keyClick(board, Qt.Key.Key_Home)
-    assert keeper.scene.board == own
+    assert edits.scene.board == own
 
 
-def test_a_board_of_ones_own_is_taken_from_its_file_and_a_wrong_file_is_told(
+def test_a_board_is_read_from_a_file_and_an_invalid_file_is_reported(
     qtbot: QtBot, open_with: OpenWith, scene: Scene, tmp_path: Path
 ) -> None:
     window = open_with()
@@ -157,7 +159,9 @@ def test_a_board_of_ones_own_is_taken_from_its_file_and_a_wrong_file_is_told(
     assert window.session.shown.scene is scene
 
 
-def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
+def test_another_board_changes_the_prediction_and_can_be_undone(
+    qtbot: QtBot, open_with: OpenWith, scene: Scene
+) -> None:
     window = open_with()
     window.docks.show("Room")
     until(qtbot, lambda: predicted(window))
@@ -172,75 +176,77 @@ def test_another_board_is_predicted_and_undone(qtbot: QtBot, open_with: OpenWith
     until(qtbot, lambda: window.session.shown.outline.board == scene.board)
 
 
-def test_the_sensor_is_put_where_the_figures_say_in_the_unit_of_the_look(
-    qtbot: QtBot, panel: RoomPanel, keeper: Keeper
+def test_typed_coordinates_move_the_sensor_in_the_unit_of_the_look(
+    qtbot: QtBot, panel: RoomPanel, edits: EditRecorder
 ) -> None:
-    keeper.show(Look(unit=LengthUnit.CM))
+    edits.show(Look(unit=LengthUnit.CM))
     x = panel.sensor.along_x
     assert x.text() == "77.4 cm"
     x.setFocus()
     x.selectAll()
     qtbot.keyClicks(x, "50")
     qtbot.keyClick(x, Qt.Key.Key_Return)
-    assert keeper.scene.pose.position == (0.5, 0.085)
-    keeper.show()
+    assert edits.scene.pose.position == (0.5, 0.085)
+    edits.show()
     assert x.text() == "0.500 m"
     panel.sensor.heading.selectAll()
     qtbot.keyClicks(panel.sensor.heading, "90")
     qtbot.keyClick(panel.sensor.heading, Qt.Key.Key_Return)
-    assert keeper.scene.pose.heading == pytest.approx(math.pi / 2)
+    assert edits.scene.pose.heading == pytest.approx(math.pi / 2)
 
 
 @pytest.mark.parametrize(("typed", "metres"), [("1,5", 1.5), ("1.5", 1.5), ("1,234.5", 1.234), ("1.234,5", 1.234)])
 def test_a_comma_is_a_decimal_point_and_nothing_groups_digits(
-    qtbot: QtBot, panel: RoomPanel, keeper: Keeper, typed: str, metres: float
+    qtbot: QtBot, panel: RoomPanel, edits: EditRecorder, typed: str, metres: float
 ) -> None:
     x = panel.sensor.along_x
     x.setFocus()
     x.selectAll()
     qtbot.keyClicks(x, typed)
     qtbot.keyClick(x, Qt.Key.Key_Return)
-    assert keeper.scene.pose.position[0] == metres
+    assert edits.scene.pose.position[0] == metres
 
 
-def test_a_place_is_kept_by_name(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+def test_a_place_is_saved_under_its_name(qtbot: QtBot, panel: RoomPanel, edits: EditRecorder) -> None:
     panel.sensor.along_y.setValue(0.6)
     qtbot.keyClicks(panel.sensor.name, "shelf")
     qtbot.keyClick(panel.sensor.name, Qt.Key.Key_Return)
-    assert keeper.scene.pose.name == "shelf"
-    assert keeper.scene.room.place("shelf").position == (0.774, 0.6)
-    assert keeper.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
-    assert keeper.labels[-1] == "keeping place shelf"
+    assert edits.scene.pose.name == "shelf"
+    assert edits.scene.room.place("shelf").position == (0.774, 0.6)
+    assert edits.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
+    assert edits.labels[-1] == "keeping place shelf"
 
 
-def test_a_wall_is_made_of_a_new_material(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
+def test_a_new_material_is_assigned_to_a_wall(qtbot: QtBot, panel: RoomPanel, edits: EditRecorder) -> None:
     qtbot.keyClicks(panel.materials.name, "felt")
     qtbot.mouseClick(panel.materials.add, Qt.MouseButton.LeftButton)
     assert [*panel.materials.sliders] == ["shelving", "felt"]
     panel.choose_surface("top")
     qtbot.keyClick(panel.surface.material, Qt.Key.Key_Down)
-    room = keeper.scene.room
+    room = edits.scene.room
     assert [room.names[k] for k, material in enumerate(room.materials) if material == "felt"] == ["top"]
     assert panel.surface.description.text().startswith("top · felt, reflectance 0.90")
 
 
-def test_what_cannot_be_is_told_and_the_figures_go_back(qtbot: QtBot, panel: RoomPanel, keeper: Keeper) -> None:
-    while len(keeper.scene.room.walls) > 1:
+def test_a_rejected_edit_is_reported_and_the_fields_are_restored(
+    qtbot: QtBot, panel: RoomPanel, edits: EditRecorder
+) -> None:
+    while len(edits.scene.room.walls) > 1:
         qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
-    before = keeper.scene
+    before = edits.scene
     qtbot.mouseClick(panel.surface.remove, Qt.MouseButton.LeftButton)
-    assert keeper.scene is before
+    assert edits.scene is before
     assert "last wall" in panel._refused.text()
     assert panel._refused.isVisible()
 
 
-def test_without_a_room_nothing_can_be_set(panel: RoomPanel, keeper: Keeper) -> None:
-    keeper.scene = replace(keeper.scene, room=None, place=None)
-    keeper.show()
+def test_without_a_room_all_groups_are_disabled(panel: RoomPanel, edits: EditRecorder) -> None:
+    edits.scene = replace(edits.scene, room=None, place=None)
+    edits.show()
     assert not any(group.isEnabled() for group in panel._groups)
 
 
-def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
+def test_a_changed_reflectance_is_predicted_and_saved_with_the_room(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     window = open_with(source=read_log(recorded))
@@ -271,7 +277,7 @@ def test_the_prediction_takes_the_reflectance_and_the_room_is_saved_as_it_is(
     assert window.session.shown.scene.room is before.scene.room
 
 
-def test_a_chosen_wall_is_the_same_in_plan_and_panel(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_plan_and_panel_share_the_chosen_wall(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F8)
     window.views.plan.drawing.controller.choose_surface("top")
