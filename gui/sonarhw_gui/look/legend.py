@@ -97,7 +97,7 @@ _LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
     (
         partial(_line_picture, "chosen", _SOLID),
         "rays",
-        "the path of the chosen reading, bounce by bounce; dotted: predicted, not measured",
+        "the path of the selected reading, bounce by bounce; dotted: predicted, not measured",
     ),
     (partial(_patch_picture, "beam"), "beam", "directions with more than half of the power on the axis"),
     (partial(_patch_picture, "blanking"), "blanking", "the board does not detect echoes that arrive within this time"),

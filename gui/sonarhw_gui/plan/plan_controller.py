@@ -152,7 +152,7 @@ class PlanController:
         """Remove the chosen wall or post."""
         surface = self.chosen_surface
         if surface is None:
-            self.show_message("click a wall or a post with Edit (E) first")
+            self.show_message("select a wall or a post with Edit (E) first")
         elif self.change(lambda scene: without_surface(scene, surface), self.scene, None):
             self.choose_surface(None)
 

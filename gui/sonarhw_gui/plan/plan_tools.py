@@ -82,7 +82,7 @@ class Hand(Tool):
     """Moves and turns the sensor; any other drag pans."""
 
     name, key = "Hand", "H"
-    tip = "Drag the sensor or the handle on its beam. Drag elsewhere to pan. Click a reading to choose it"
+    tip = "Drag the sensor or the handle on its beam. Drag elsewhere to pan. Click a reading to select it"
 
     def __init__(self, context: ToolContext) -> None:
         super().__init__(context)
@@ -124,7 +124,7 @@ class Pencil(Hand):
     """Also moves corners, walls and posts."""
 
     name, key = "Edit", "E"
-    tip = "Drag corners, walls, posts or rims. Click to choose, Del to remove, double-click a wall to add a corner"
+    tip = "Drag corners, walls, posts or rims. Click to select, Del to remove, double-click a wall to add a corner"
     edits = True
 
     def grip(self, at: Point) -> Grip | None:

@@ -59,7 +59,7 @@ class PlanView(QWidget):
             action.setData(tool)
             self.tools.addAction(action)
             row.addWidget(_button(action))
-        self.remove = self._action("Remove", "Del", "Remove the chosen wall or post")
+        self.remove = self._action("Remove", "Del", "Remove the selected wall or post")
         self.remove.triggered.connect(self.drawing.controller.remove_chosen)
         row.addWidget(_button(self.remove))
         row.addSpacing(8)
@@ -71,7 +71,7 @@ class PlanView(QWidget):
     def _add_keys(self) -> None:
         controller = self.drawing.controller
         for side, by in _MOVES.items():
-            tip = "Move the sensor by 1 cm; with Edit, the chosen wall or post"
+            tip = "Move the sensor by 1 cm; with Edit, the selected wall or post"
             self._action(f"Move {side.lower()}", f"Shift+{side}", tip).triggered.connect(partial(controller.nudge, *by))
         for side, (key, steps) in _TURNS.items():
             action = self._action(f"Turn {side}", key, "Turn the sensor by 1°")
