@@ -71,7 +71,7 @@ def test_a_view_is_kept_as_pixels_and_as_a_drawing(
     assert drawing.tag.endswith("svg")
     texts = [text for element in drawing.iter() if (text := (element.text or "").strip())]
     assert any("Simple room · place figure9" in text for text in texts)
-    assert window.status_bar.currentMessage() == f"kept in {tmp_path / 'view.svg'}"
+    assert window.status_bar.currentMessage() == f"saved: {tmp_path / 'view.svg'}"
 
 
 def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
