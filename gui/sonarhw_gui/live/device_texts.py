@@ -1,4 +1,4 @@
-"""The texts of the device panel: who answers, the state of the line, the size of a scan."""
+"""The texts of the device panel: identity of the scanner, state of the link, size of a scan."""
 
 import math
 
@@ -14,45 +14,45 @@ UNKNOWN = "–"
 
 
 def order_of_sector(start: float, stop: float, step: float, sweeps: int, pings: int) -> ScanOrder:
-    """The scan of a sector in degrees, `stop` not included, whichever way it leads.
+    """Return the scan order of a sector in degrees, excluding `stop`, in either direction.
 
-    Raises ValueError, in words for a person, where there is none or no scanner makes so many readings.
+    Raises ValueError, with a message for the user, if the sector is empty or the protocol does not allow the scan.
     """
     if stop == start:
-        raise ValueError("the sector is empty: “to” is the angle where it ends")
+        raise ValueError("the sector is empty: “from” and “to” are equal")
     step = math.copysign(step, stop - start)
     order = ScanOrder(math.radians(start), math.radians(step), headings_between(start, stop, step), sweeps, pings)
     if microdegrees_of(order.step) == 0:
-        raise ValueError("the step is too fine for the protocol")
+        raise ValueError("the step is too small for the protocol")
     if order.readings > MOST_READINGS:
-        raise ValueError(f"{order.readings} readings are more than the {MOST_READINGS} of one scan")
+        raise ValueError(f"{order.readings} readings: a scan can have {MOST_READINGS} at most")
     return order
 
 
 def scan_summary(order: ScanOrder, device: DeviceInfo | None) -> str:
-    """How many readings a scan will make, and how long that takes at least, where the device has said."""
-    told = f"{order.headings} headings, {order.readings} readings"
+    """Return the size of a scan, and its minimum duration if the device reports its ping period."""
+    size = f"{order.headings} headings, {order.readings} readings"
     capabilities = device.capabilities if device else None
     if capabilities is None or not capabilities.ping_period:
-        return told
-    return f"{told}, {_duration(order.readings * capabilities.ping_period)} or more"
+        return size
+    return f"{size}, {_duration(order.readings * capabilities.ping_period)} or more"
 
 
 def state_text(status: Status) -> str:
-    """How it stands with the scanner, in a few words."""
+    """Return the state of the scanner in a few words."""
     if not status.can_scan:
         return "No scanner chosen"
     if status.link is None:
         return "Connecting …" if status.scanning else "Not connected"
     if status.link.loss:
-        return "Lost; it is looked for"
+        return "Lost; searching"
     if status.source is Source.REPLAY or status.phase is None or not status.scanning:
         return "Connected"
     return f"{str(status.phase).capitalize()} …"
 
 
 def identity_text(link: LinkState | None) -> str:
-    """Who answers, and where."""
+    """Return firmware, serial number, protocol and URL of the scanner."""
     if link is None:
         return UNKNOWN
     device = link.device
@@ -61,27 +61,27 @@ def identity_text(link: LinkState | None) -> str:
 
 
 def link_figures(link: LinkState | None) -> list[tuple[str, str, str]]:
-    """The books of the line: name, figure, and what it means."""
-    books = link.statistics if link else None
+    """Return the statistics of the link: name, value, and tooltip."""
+    statistics = link.statistics if link else None
 
     def count(*names: str) -> str:
-        return f"{sum(getattr(books, name) for name in names):,}".replace(",", " ") if books else UNKNOWN
+        return f"{sum(getattr(statistics, name) for name in names):,}".replace(",", " ") if statistics else UNKNOWN
 
-    round_trip = books.round_trip if books else None
+    round_trip = statistics.round_trip if statistics else None
     return [
-        ("Frames in · out", f"{count('frames_received')} · {count('frames_sent')}", "undamaged frames, either way"),
-        ("Lost", count("missing_frames"), "frames of the device that never came: gaps in its numbers"),
-        ("Corrupt", count("rejected_blocks", "rejected_messages"), "damaged on the way, and thrown away"),
-        ("Resent", count("resends", "repeated_commands"), "asked for again, by either side"),
-        ("Measured again", count("lost_readings"), "readings that were lost and could not be sent again"),
-        ("Times lost", count("losses"), "how often the scanner was gone: unplugged, silent or reset"),
+        ("Frames in · out", f"{count('frames_received')} · {count('frames_sent')}", "undamaged frames, each direction"),
+        ("Lost", count("missing_frames"), "frames from the device that did not arrive: gaps in their numbers"),
+        ("Corrupt", count("rejected_blocks", "rejected_messages"), "damaged frames and invalid messages, discarded"),
+        ("Resent", count("resends", "repeated_commands"), "requested again by either side"),
+        ("Measured again", count("lost_readings"), "lost readings that the device no longer had"),
+        ("Times lost", count("losses"), "how often the connection was lost: unplugged, silent or reset"),
         (
             "Round trip",
             UNKNOWN if round_trip is None else f"{round_trip * 1e3:.1f} ms",
-            "from a question to its answer",
+            "time from a command to its answer",
         ),
-        ("Speed", f"{link.baud:,} baud".replace(",", " ") if link and link.baud else UNKNOWN, "– where it has none"),
-        ("Clock drift", _drift(link), "host's clock against the device's; – where that is played at another pace"),
+        ("Speed", f"{link.baud:,} baud".replace(",", " ") if link and link.baud else UNKNOWN, "– without a baud rate"),
+        ("Clock drift", _drift(link), "host clock relative to the device clock; – at another pace"),
     ]
 
 
@@ -92,12 +92,12 @@ def _drift(link: LinkState | None) -> str:
 
 
 def temperature_text(status: Status) -> str:
-    """The air at the board."""
+    """Return the air temperature at the board."""
     return UNKNOWN if status.temperature_c is None else f"{status.temperature_c:.1f} °C"
 
 
 def angle_text(angle: float | None) -> str:
-    """Where the turntable points, as last told."""
+    """Return the last reported angle of the turntable."""
     return UNKNOWN if angle is None else f"{math.degrees(angle):.1f}°"
 
 

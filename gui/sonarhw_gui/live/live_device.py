@@ -1,4 +1,4 @@
-"""One scanner in a thread of its own: opened, sent on one job after another, watched, closed.
+"""One scanner in a thread: opens the connection, runs jobs one after another, watches the link, closes it.
 
 Readings wait in a bounded queue that drops the oldest, so the scan and its log never wait for the window.
 """
@@ -18,57 +18,57 @@ from sonarhw_gui.live.scanner_jobs import ScannerJob, ScannerOpener
 from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase
 
 MOST_WAITING = 1024  # readings; over half a minute of the fastest board
-_LOOK_EVERY = 0.25  # s; figures that change more often cannot be read
+_POLL_EVERY = 0.25  # s; values that change more often cannot be read
 
 
 class LiveDevice:
-    """A connection from `start` until `disconnect`, or until it breaks; then make another."""
+    """A connection from `start` until `disconnect` or until it breaks. It cannot be started again."""
 
     def __init__(self, opener: ScannerOpener, job: ScannerJob, after: "LiveDevice | None" = None) -> None:
-        """`after` is waited for first: it may still hold the port."""
+        """`after`: an earlier connection, which must end first because it may still use the port."""
         self.status = JobState()
         self.link: LinkState | None = None
-        self.warnings: deque[str] = deque()  # to be taken out by who tells them
-        self.leaving = False  # whether it takes no more jobs
+        self.warnings: deque[str] = deque()  # the reader removes them
+        self.leaving = False  # whether it accepts no more jobs
         self._opener = opener
         self._after = after
         self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()
         self._jobs.put(job)
         self._readings: deque[Reading] = deque(maxlen=MOST_WAITING)
         self._stop_wanted = threading.Event()
-        self._look_now = threading.Event()
+        self._wake = threading.Event()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live scanner", daemon=True)
 
     def start(self) -> None:
-        """Begin to connect, for the first job."""
+        """Start to connect and to run the first job."""
         self._thread.start()
 
     @property
     def over(self) -> bool:
-        """Whether the connection is closed for good."""
+        """Whether the connection is closed."""
         return self._over.is_set()
 
     def submit(self, job: ScannerJob) -> None:
-        """Have something done; the job before it has ended."""
+        """Queue a job; the previous job must have ended."""
         self._stop_wanted.clear()
         self.status = JobState(job.phase, temperature_c=self.status.temperature_c, angle=self.status.angle)
         self._jobs.put(job)
 
     def take(self) -> list[Reading]:
-        """The readings since the last call."""
+        """Return the readings since the last call."""
         taken = []
         while self._readings:
             taken.append(self._readings.popleft())
         return taken
 
     def stop(self) -> None:
-        """Ask for the end of the job; it has come when `status.ended`."""
+        """Ask the job to stop; it has stopped when `status.ended`."""
         self._stop_wanted.set()
-        self._look_now.set()
+        self._wake.set()
 
     def disconnect(self) -> None:
-        """Ask for the end of the connection, once the job is over."""
+        """Close the connection after the current job."""
         self.leaving = True
         self._jobs.put(None)
 
@@ -76,23 +76,23 @@ class LiveDevice:
         """Wait until the board has stopped, the log is closed and the port is free."""
         self._thread.join()
 
-    # Report: what an job tells
+    # JobReport
 
     @property
     def stop_wanted(self) -> bool:
-        """Whether a person wants the job to end."""
+        """Whether the user wants the job to stop."""
         return self._stop_wanted.is_set()
 
     def advance(self, phase: Phase, **known: Any) -> None:
-        """The job has come that far."""
+        """Store the phase of the job, and other values of its state."""
         self.status = replace(self.status, phase=phase, **known)
 
-    def take_in(self, reading: Reading) -> None:
-        """The job has made a reading."""
+    def add_reading(self, reading: Reading) -> None:
+        """Queue a reading of the job."""
         self._readings.append(reading)
 
     def warn(self, message: str) -> None:
-        """Something to tell that does not end the job."""
+        """Queue a warning; the job continues."""
         self.warnings.append(message)
 
     # the thread
@@ -103,15 +103,15 @@ class LiveDevice:
             self._after = None
         try:
             with self._opener() as scanner:
-                self._converse(scanner)
-        except Exception as error:  # noqa: BLE001 - told by the window, or raised there if it is a defect
-            self.leaving = True  # before the job is seen to have ended, lest another be asked of it
+                self._run_jobs(scanner)
+        except Exception as error:  # noqa: BLE001 - the window reports it, or raises it if it is a defect
+            self.leaving = True  # before the job is reported as failed, so that no other job is queued
             self._failed(error)
         finally:
             self.link = None
             self._over.set()
 
-    def _converse(self, scanner: Scanner) -> None:
+    def _run_jobs(self, scanner: Scanner) -> None:
         closing = threading.Event()
         self.link = _link_state(scanner)
         self.advance(self.status.phase, temperature_c=scanner.info.temperature_c)
@@ -119,37 +119,37 @@ class LiveDevice:
         watcher.start()
         try:
             while (job := self._jobs.get()) is not None:
-                self._do(job, scanner)
+                self._run_job(job, scanner)
         finally:
             closing.set()
-            self._look_now.set()
+            self._wake.set()
             watcher.join()
 
-    def _do(self, job: ScannerJob, scanner: Scanner) -> None:
+    def _run_job(self, job: ScannerJob, scanner: Scanner) -> None:
         try:
             self.advance(job.phase)
             outcome = Outcome.STOPPED if self.stop_wanted else job.run(scanner, self)
         except (LinkError, NoAnswer, WrongDevice, Incompatible):
             raise
-        except SonarError as error:  # the scanner is still there
+        except SonarError as error:  # the connection still works
             self._failed(error)
         else:
             self.advance(Phase.STOPPED if outcome is Outcome.STOPPED else job.done)
 
     def _failed(self, error: Exception) -> None:
-        # whatever breaks while it is being stopped belongs to the stopping
+        # errors while stopping are caused by the stop
         stopping = self.stop_wanted and isinstance(error, SonarError)
         self.advance(Phase.STOPPED if stopping else Phase.FAILED, error=None if stopping else error)
 
     def _watch(self, scanner: Scanner, closing: threading.Event) -> None:
-        """Look at the line now and then, and stop the scanner: neither may hold up the window or the job."""
+        """Poll the state of the link, and send stop commands; neither may delay the window or the job."""
         while not closing.is_set():
             if self.stop_wanted and not self.status.ended:
-                with suppress(SonarError):  # said again until the job has noticed
+                with suppress(SonarError):  # repeated until the job has ended
                     scanner.stop()
             self.link = _link_state(scanner)
-            self._look_now.wait(_LOOK_EVERY)
-            self._look_now.clear()
+            self._wake.wait(_POLL_EVERY)
+            self._wake.clear()
 
 
 def _link_state(scanner: Scanner) -> LinkState:

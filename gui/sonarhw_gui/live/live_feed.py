@@ -1,4 +1,4 @@
-"""The live scanner as the session uses it: it starts and stops jobs and polls for new readings every tick."""
+"""The live scanner of the session: starts and stops jobs, and polls for new readings every tick."""
 
 from sonarhw.errors import SonarError
 from sonarhw.readings import Reading
@@ -20,25 +20,25 @@ _IDLE = JobState(Phase.DONE)
 
 
 class LiveFeed:
-    """At most one connection, at most one job on it, and what the last scan has brought."""
+    """At most one connection with at most one job, and the readings of the last scan."""
 
     def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings) -> None:
         self.scan_settings = scan_settings
         self.readings: tuple[Reading, ...] = ()
         self._opener = opener
         self._device: LiveDevice | None = None
-        self._has_own_readings = False  # whether the readings came from the scanner that the way leads to
-        self._last_state = _IDLE  # of the job, when its readings were taken last
+        self._has_own_readings = False  # whether the readings came from the current scanner
+        self._last_state = _IDLE  # of the job, when its readings were fetched last
         self._end_reported = True
 
     @property
     def possible(self) -> bool:
-        """Whether there is a way to a scanner."""
+        """Whether a scanner was chosen."""
         return self._opener is not None
 
     @property
     def phase(self) -> Phase | None:
-        """How far the job is; None before the first, and where all it did was to connect and hang up again."""
+        """The phase of the job; None before the first job, and after a connection that was closed without readings."""
         device = self._device
         if device is None or (device.over and self._last_state.phase is Phase.READY and not self.readings):
             return None
@@ -46,41 +46,41 @@ class LiveFeed:
 
     @property
     def status(self) -> JobState:
-        """What is known of the job: no more than of its readings, so that none comes after the end."""
+        """The state of the job when its readings were fetched last, so that no reading follows the end."""
         return self._last_state
 
     @property
     def link(self) -> LinkState | None:
-        """The connection as it was seen last; None where there is none."""
+        """The last known state of the connection; None without a connection."""
         return self._device.link if self._device else None
 
     @property
     def made_readings(self) -> bool:
-        """Whether the scanner that is connected made the readings."""
+        """Whether the connected scanner made the readings."""
         return self.link is not None and self._has_own_readings
 
     @property
     def trouble(self) -> str:
-        """What to tell of a scanner that is away; empty where all is well."""
+        """The message about a lost connection; empty if the connection works."""
         return trouble(self.link, self.phase)
 
     @property
     def running(self) -> bool:
-        """Whether more is to come."""
+        """Whether a job is running."""
         return not self.status.ended
 
     def use(self, opener: ScannerOpener | None) -> None:
-        """From now on go another way to a scanner, or none."""
+        """Use another scanner from now on, or none."""
         self.disconnect()
         self._has_own_readings = False
         self._opener = opener
 
     def set_scan_settings(self, scan_settings: ScanSettings) -> None:
-        """Scan like this from the next time on."""
+        """Set the settings of the next scan."""
         self.scan_settings = scan_settings
 
     def connect(self) -> None:
-        """See who answers."""
+        """Connect to the scanner."""
         self._submit(ConnectJob())
 
     def home(self) -> None:
@@ -92,33 +92,33 @@ class LiveFeed:
         self._submit(TurnJob(angle))
 
     def start(self, scene: Scene) -> None:
-        """Begin a scan; what the one before brought is forgotten."""
+        """Start a scan; the readings of the previous scan are dropped."""
         if self.possible and not self.running:
             self.readings = ()
             self._submit(ScanJob(scene, self.scan_settings))
 
     def stop(self) -> None:
-        """Ask for the end of the job."""
+        """Ask the job to stop."""
         if self._device is not None:
             self._device.stop()
 
     def disconnect(self) -> None:
-        """Stop what runs and let go of the port."""
+        """Stop the job and close the port."""
         if self._device is not None:
             self._device.stop()
             self._device.disconnect()
 
     def close(self) -> None:
-        """Stop the board and wait until the log is closed."""
+        """Disconnect, and wait until the board has stopped and the log is closed."""
         self.disconnect()
         if self._device is not None:
             self._device.join()
 
     def take(self) -> tuple[int, str]:
-        """How many readings are new, and what to tell: a warning, or an end that was none wanted; else empty."""
+        """Fetch new readings; return their number, and a warning or the error of the job, if any."""
         if self._device is None:
             return 0, ""
-        status = self._last_state = self._device.status  # before the readings, so that none comes after the end
+        status = self._last_state = self._device.status  # before the readings, so that no reading follows the end
         fresh = tuple(self._device.take())
         if fresh:
             self._has_own_readings = True
@@ -128,7 +128,7 @@ class LiveFeed:
         if not status.ended or self._end_reported:
             return len(fresh), ""
         self._end_reported = True
-        return len(fresh), _told(status)
+        return len(fresh), _error_text(status)
 
     def _submit(self, job: ScannerJob) -> None:
         if self._opener is None or self.running:
@@ -143,8 +143,8 @@ class LiveFeed:
         self._last_state = device.status
 
 
-def _told(status: JobState) -> str:
-    """What the person is to know of an error; raises what is a defect."""
+def _error_text(status: JobState) -> str:
+    """Return the message of the job's error, if any; raises an error that is a defect."""
     if status.error is None:
         return ""
     if not isinstance(status.error, SonarError | OSError):

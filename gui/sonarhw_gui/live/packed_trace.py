@@ -1,4 +1,4 @@
-"""Traces kept as the bytes of the wire, so that an hour of a live scan with traces fits into memory.
+"""Traces stored in the sample format of the wire, so that an hour of a live scan with traces fits into memory.
 
 The samples are computed on access.
 """
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray, Reading, Trace
 
-_FORMS = np.uint8, np.uint16  # of samples on the wire
+_FORMS = np.uint8, np.uint16  # sample formats of the wire
 _SAME = 1e-12
-_IN_STEPS: FloatArray = np.empty(0)  # in place of the samples
+_IN_STEPS: FloatArray = np.empty(0)  # used instead of the samples
 
 
 class PackedTrace(Trace):
-    """A trace of whole steps of a converter."""
+    """A trace that stores the integer steps of the converter."""
 
     def __init__(self, steps: NDArray[np.unsignedinteger], like: Trace) -> None:
         super().__init__(_IN_STEPS, like.rate, like.start, like.carrier)
@@ -24,18 +24,18 @@ class PackedTrace(Trace):
 
     @property
     def samples(self) -> FloatArray:
-        """The samples as they were before."""
+        """The samples as floats, as before packing."""
         levels = self._steps / np.float64(np.iinfo(self._steps.dtype).max)
         return 2 * levels - 1 if self.carrier else levels
 
 
 def with_packed_trace(reading: Reading) -> Reading:
-    """The same reading, its trace packed."""
+    """Return the reading with a packed trace."""
     return reading if reading.trace is None else replace(reading, trace=packed(reading.trace))
 
 
 def packed(trace: Trace) -> Trace:
-    """The trace in an eighth or a quarter of its memory; itself where samples are lost or finer than the wire's."""
+    """Return the trace in 1/8 or 1/4 of its memory; unchanged if samples are lost or finer than on the wire."""
     levels = (trace.samples + 1) / 2 if trace.carrier else trace.samples
     for form in _FORMS:
         full = np.iinfo(form).max

@@ -1,4 +1,4 @@
-"""What a scanner can be sent to do: connect, home, turn, or scan and record. Each is a frozen value."""
+"""The jobs of a scanner, as frozen values: connect, home, turn, or scan and record."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -28,52 +28,52 @@ class ScanSettings:
     folder: Path
     order: ScanOrder = WHOLE_TURN
     traces: bool = True
-    max_range: float | None = None  # m; listen no further than this; None: as far as the board hears
+    max_range: float | None = None  # m; None: the maximum range of the board
 
 
 class JobReport(Protocol):
-    """Who is told how an job goes."""
+    """Receives the progress of a job."""
 
     status: JobState
 
     @property
     def stop_wanted(self) -> bool:
-        """Whether a person wants it to end."""
+        """Whether the user wants the job to stop."""
 
     def advance(self, phase: Phase, **known: Any) -> None:
-        """It has come that far."""
+        """Store the phase of the job, and other values of its state."""
 
-    def take_in(self, reading: Reading) -> None:
-        """It has made a reading."""
+    def add_reading(self, reading: Reading) -> None:
+        """Add a reading of the job."""
 
     def warn(self, message: str) -> None:
-        """Something to tell that does not end it."""
+        """Report a warning; the job continues."""
 
 
 class ScannerJob(Protocol):
-    """Something to be done with a scanner."""
+    """A job of a scanner."""
 
     @property
     def phase(self) -> Phase:
-        """What it begins with."""
+        """The phase at its start."""
 
     @property
     def done(self) -> Phase:
-        """What it ends with, if all goes well."""
+        """The phase after success."""
 
     def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Do it. Raises what the scanner raises."""
+        """Run the job. Raises the errors of the scanner."""
 
 
 @dataclass(frozen=True)
 class ConnectJob:
-    """Only see who answers."""
+    """Only connect."""
 
     phase: Phase = Phase.CONNECTING
     done: Phase = Phase.READY
 
     def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Nothing is left to do once the scanner is open."""
+        """Return at once: the scanner is already connected."""
         return Outcome.DONE
 
 
@@ -85,7 +85,7 @@ class HomeJob:
     done: Phase = Phase.READY
 
     def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Home."""
+        """Home the turntable."""
         return _at(0.0, scanner.home(), report)
 
 
@@ -98,7 +98,7 @@ class TurnJob:
     done: Phase = Phase.READY
 
     def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Turn, having found the zero."""
+        """Turn; the scanner homes first if necessary."""
         return _at(self.angle, scanner.turn(self.angle), report)
 
 
@@ -112,7 +112,7 @@ class ScanJob:
     done: Phase = Phase.DONE
 
     def run(self, scanner: Scanner, report: JobReport) -> Outcome:
-        """Scan into a new log. Raises LogError where none can be made, too."""
+        """Scan into a new log. Also raises LogError if the log cannot be created."""
         log, path = start_recording(self.scan_settings.folder, self.scene, report.warn)
         report.advance(Phase.HOMING, recording=path)
         try:
@@ -134,7 +134,7 @@ class ScanJob:
 
 
 class _ScanReport:
-    """Passes the progress of a scan to a report."""
+    """Passes the progress of a scan to the report of its job."""
 
     def __init__(self, report: JobReport, scanner: Scanner) -> None:
         self.warn = report.warn
@@ -151,7 +151,7 @@ class _ScanReport:
 
     def reading(self, reading: Reading) -> None:
         report = self._report
-        report.take_in(reading)
+        report.add_reading(reading)
         lost = self._scanner.statistics.lost_readings - self._lost_before
         report.advance(Phase.SCANNING, made=report.status.made + 1, lost=lost, angle=reading.angle)
         if reading.temperature_c is not None:

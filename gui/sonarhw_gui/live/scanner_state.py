@@ -10,7 +10,7 @@ from sonarhw.link.link_statistics import LinkStatistics
 
 
 class Phase(StrEnum):
-    """How far an job is."""
+    """The phase of a job."""
 
     CONNECTING = "connecting"
     READY = "connected"
@@ -23,46 +23,46 @@ class Phase(StrEnum):
 
     @property
     def busy(self) -> bool:
-        """Whether more is to come of it."""
+        """Whether the job is running."""
         return self in (Phase.CONNECTING, Phase.HOMING, Phase.TURNING, Phase.SCANNING)
 
 
 @dataclass(frozen=True)
 class JobState:
-    """What is known of an job besides its readings."""
+    """The state of a job, without its readings."""
 
     phase: Phase = Phase.CONNECTING
     made: int = 0  # readings
     lost: int = 0  # readings
     temperature_c: float | None = None
-    angle: float | None = None  # of the turntable, rad, as last told
+    angle: float | None = None  # last reported angle of the turntable, rad
     recording: Path | None = None
     error: Exception | None = None
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the job has ended."""
         return not self.phase.busy
 
 
 @dataclass(frozen=True)
 class LinkState:
-    """The connection to a scanner, looked at once."""
+    """The state of the connection to a scanner at one moment."""
 
     url: str
     device: DeviceInfo
     connection: Connection
     statistics: LinkStatistics
-    baud: int | None  # None: the line has no speed of its own
-    drift: float  # how much faster the host's clock runs than the device's
-    loss: str = ""  # why the scanner is away; empty: it is there
+    baud: int | None  # None: the link has no baud rate
+    drift: float  # how much faster the host clock runs than the device clock, as a ratio
+    loss: str = ""  # why the connection is lost; empty: it works
 
 
 def trouble(link: LinkState | None, phase: Phase | None) -> str:
-    """What to tell of a scanner that is away, and what is being done about it; empty where all is well."""
+    """Return a message about a lost connection and the attempts to restore it; empty if it works."""
     if link is None or not link.loss:
         return ""
     greeted = link.connection in (Connection.GREETING, Connection.PREPARING)
-    told = "The scanner is asked whether it is back" if greeted else "The scanner is away and looked for"
-    goes_on = ", and the scan goes on by itself" if phase is Phase.SCANNING else ""
-    return f"{told}{goes_on}. {link.loss}"
+    attempt = "Reconnecting to the scanner" if greeted else "The scanner is lost; searching for it"
+    then = ". The scan then continues by itself" if phase is Phase.SCANNING else ""
+    return f"{attempt}{then}. {link.loss}"

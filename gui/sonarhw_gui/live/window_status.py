@@ -10,7 +10,7 @@ from sonarhw_gui.live.scanner_state import LinkState, Phase
 
 
 class Source(StrEnum):
-    """Where the readings come from."""
+    """The source of the readings."""
 
     NONE = "no scan"
     LIVE = "live"
@@ -18,7 +18,7 @@ class Source(StrEnum):
 
 
 class Badge(StrEnum):
-    """How it stands with what is shown, in the word of the badge."""
+    """The text of the badge: the state of the readings."""
 
     NONE = "no scan"
     LIVE = "live"
@@ -30,7 +30,7 @@ class Badge(StrEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """How things stand."""
+    """The state of the scanner, the replay and the prediction."""
 
     source: Source = Source.NONE
     phase: Phase | None = None  # of a live scan
@@ -40,18 +40,18 @@ class Status:
     lost: int = 0  # readings
     temperature_c: float | None = None
     recording: Path | None = None
-    log_name: str = ""  # of the log that is replayed
+    log_name: str = ""  # of the replayed log
     predicting: bool = False
-    outdated: bool = False  # whether the figures shown belong to the prediction before
-    scan_settings: ScanSettings | None = None  # what the next scan does
+    outdated: bool = False  # whether the values shown are of the previous prediction
+    scan_settings: ScanSettings | None = None  # settings of the next scan
     link: LinkState | None = None  # the connection to a scanner
-    trouble: str = ""  # what is being done about a scanner that is away
-    angle: float | None = None  # of the turntable, rad, as last told
-    own_readings: bool = False  # whether those shown come from the connected scanner, in the room that is shown
+    trouble: str = ""  # message about a lost connection
+    angle: float | None = None  # last reported angle of the turntable, rad
+    own_readings: bool = False  # whether the readings come from the connected scanner, in the shown room
 
     @property
     def badge(self) -> Badge:
-        """What the badge says: live only while the scanner is there and at work."""
+        """The badge: live only while a connected scanner works."""
         if self.source is Source.REPLAY:
             return Badge.REPLAY
         if self.trouble:
@@ -65,17 +65,17 @@ class Status:
 
     @property
     def scanning(self) -> bool:
-        """Whether a scanner is at work."""
+        """Whether a scanner works: connects, homes, turns or scans."""
         return self.phase is not None and self.phase.busy
 
     @property
     def can_turn(self) -> bool:
-        """Whether the turntable may be sent somewhere: there is a scanner, it is idle, and no log is looked at."""
+        """Whether the turntable may turn: a scanner was chosen and is idle, and no log is replayed."""
         return self.can_scan and self.source is not Source.REPLAY and not self.scanning
 
 
 def lost_in(scan: RecordedScan) -> int:
-    """How many of the readings that a scan made its log does not have; where it does not say how many, the gaps."""
+    """Return the number of readings of a scan missing in its log; if its size is unknown, the number of gaps."""
     numbers = {reading.number for reading in scan.readings}
     made = scan.finished.readings if scan.finished else max(numbers, default=-1) + 1
     return max(0, made - len(numbers))

@@ -1,6 +1,6 @@
 """Apply the values of a fit to a scene: place, range offset, air and materials.
 
-The texts of room and board change too, so that the result can be saved and recorded.
+The texts of the room and the board change too, so that the result can be saved and recorded.
 """
 
 import math
@@ -15,9 +15,9 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.scene.scene_edit import Edit, room_and_place, with_sensor_at
 
 if TYPE_CHECKING:
-    from sonarhw_compare.fit import Parameter  # what it loads takes half a second
+    from sonarhw_compare.fit import Parameter  # importing it takes half a second
 
-FITTED = "finding where I stood"  # behind Undo
+FITTED = "finding where I stood"  # label of Undo
 _DIGITS = 4  # of lengths in m
 _DIGITS_DEG = 2
 
@@ -25,18 +25,18 @@ _X, _Y, _HEADING = "x", "y", "heading"
 
 
 def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> Edit:
-    """The scene with those values; offsets count from `board`, the one that was fitted with.
+    """Return the scene with the fitted values; offsets count from `board`, the board of the fit.
 
-    Raises InputError where the room cannot take them.
+    Raises InputError if the room cannot have these values.
     """
     from sonarhw_compare.fit.findings import found_room
 
     room, _ = room_and_place(scene)
     changed = replace(scene, room=found_room(room, values, ()), board=_board(scene.board, board, values))
-    return _stood(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
+    return _at_fitted_place(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
 
 
-def _stood(scene: Scene, of: Mapping[str, float]) -> Scene:
+def _at_fitted_place(scene: Scene, of: Mapping[str, float]) -> Scene:
     _, place = room_and_place(scene)
     if not of.keys() & {_X, _Y, _HEADING}:
         return scene

@@ -1,6 +1,6 @@
-"""The parts of the plan that the mouse can drag, and which of them lies under it.
+"""The parts of the plan that the mouse can drag, and which of them is under the pointer.
 
-Small parts come before large ones: sensor and beam handle, then corners and rims of posts, then walls and posts.
+Small parts have priority: sensor and beam handle, then corners and rims of posts, then walls and posts.
 """
 
 import math
@@ -19,10 +19,10 @@ _SENSOR_REACH = 11.0  # it is drawn larger
 
 
 class GripPart(Enum):
-    """What a grip is a grip of."""
+    """The part of the plan that a grip moves."""
 
     SENSOR = auto()
-    BEAM = auto()  # its handle: to turn the sensor
+    BEAM = auto()  # the handle on the beam, which turns the sensor
     CORNER = auto()
     RIM = auto()  # of a post
     WALL = auto()
@@ -31,15 +31,15 @@ class GripPart(Enum):
 
 @dataclass(frozen=True)
 class Grip:
-    """One thing to take hold of."""
+    """One part that can be dragged."""
 
     part: GripPart
-    at: Point  # m: of a corner, the corner itself; else where it was taken
+    at: Point  # m; of a corner: the corner itself, else the point where the drag began
     surface: int | None = None  # number of the wall or post
 
 
 def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> Grip | None:
-    """The sensor, or the handle on its beam, within reach of a point; `pixel` is how long one is, m."""
+    """Return the sensor or its beam handle if one is within reach of a point; `pixel` is the size of a pixel, m."""
     if scene.place is None:
         return None
     if math.dist(scene.pose.position, at) <= _SENSOR_REACH * pixel:
@@ -50,7 +50,7 @@ def sensor_grip(scene: Scene, handle: Point | None, at: Point, pixel: float) -> 
 
 
 def room_grip(room: Room, at: Point, pixel: float) -> Grip | None:
-    """Corner, rim, wall or post within reach of a point."""
+    """Return the corner, rim, wall or post within reach of a point."""
     reach = REACH * pixel
     ends = corners(room)
     away = np.hypot(*(np.array(ends) - at).T)
@@ -68,7 +68,7 @@ def room_grip(room: Room, at: Point, pixel: float) -> Grip | None:
 
 
 def surface_at(room: Room, at: Point, pixel: float) -> int | None:
-    """Number of the wall or post within reach of a point: the nearest; inside a post, that."""
+    """Return the number of the nearest wall or post within reach of a point; inside a post, of this post."""
     walls = wall_distances(room, at)
     posts = np.maximum(np.hypot(*(room.posts[:, :2] - at).T) - room.posts[:, 2], 0.0)
     distances = np.concatenate((posts, walls))
@@ -79,7 +79,7 @@ def surface_at(room: Room, at: Point, pixel: float) -> int | None:
 
 
 def wall_distances(room: Room, at: Point) -> FloatArray:
-    """Distance of a point to each wall, (n,) m."""
+    """Return the distance of a point to each wall, (n,) float, m."""
     starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
     share = np.clip(((np.array(at) - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.asarray(np.hypot(*(starts + share[:, None] * along - at).T))

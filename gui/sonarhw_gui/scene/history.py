@@ -1,4 +1,4 @@
-"""The undo history of the scene: labelled scenes, one step a gesture."""
+"""The undo history of the scene: labelled scenes, one step for each gesture."""
 
 from dataclasses import dataclass
 
@@ -9,56 +9,56 @@ _MOST_STEPS = 200
 
 @dataclass(frozen=True)
 class EditStep:
-    """A scene, and what was done to it or undone to get at it."""
+    """A scene, and the label of the edit that was made, or undone, there."""
 
     scene: Scene
     label: str
-    gesture: object = None  # steps of one gesture are one step
+    gesture: object = None  # edits of one gesture are one step
 
 
 class History:
-    """Scenes before this one, and scenes that were undone."""
+    """The scenes before the current one, and the scenes that were undone."""
 
     def __init__(self) -> None:
         self._done: list[EditStep] = []
         self._undone: list[EditStep] = []
-        self._given_up: list[EditStep] = []  # what could have been done again before the last step
+        self._discarded: list[EditStep] = []  # steps that could be redone before the last edit
 
     @property
     def undo_label(self) -> str:
-        """What undo would undo; empty where there is nothing."""
+        """The label of the edit that undo takes back; empty if there is none."""
         return self._done[-1].label if self._done else ""
 
     @property
     def redo_label(self) -> str:
-        """What redo would do again; empty where there is nothing."""
+        """The label of the edit that redo repeats; empty if there is none."""
         return self._undone[-1].label if self._undone else ""
 
     def remember(self, before: Scene, label: str, gesture: object = None) -> None:
-        """`before` is about to be changed."""
+        """Store `before`, which is about to be changed."""
         if self._is_last(gesture):
             return
-        self._given_up, self._undone = self._undone, []
+        self._discarded, self._undone = self._undone, []
         self._done.append(EditStep(before, label, gesture))
         del self._done[:-_MOST_STEPS]
 
     def cancel(self, gesture: object) -> Scene | None:
-        """The scene before a gesture that is still going on, as though it had not been; None where it did nothing."""
+        """Remove an unfinished gesture from the history and return the scene before it; None if it changed nothing."""
         if not self._is_last(gesture):
             return None
-        self._given_up, self._undone = [], self._given_up
+        self._discarded, self._undone = [], self._discarded
         return self._done.pop().scene
 
     def undo(self, now: Scene) -> Scene | None:
-        """The scene before the last step; None where there is none."""
+        """Return the scene before the last step; None if there is none."""
         return _moved(self._done, self._undone, now)
 
     def redo(self, now: Scene) -> Scene | None:
-        """The scene after the step that was undone last; None where there is none."""
+        """Return the scene after the step that was undone last; None if there is none."""
         return _moved(self._undone, self._done, now)
 
-    def forget(self) -> None:
-        """Begin anew."""
+    def clear(self) -> None:
+        """Remove all steps."""
         self._done.clear()
         self._undone.clear()
 

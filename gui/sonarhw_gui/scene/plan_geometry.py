@@ -13,37 +13,39 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray
 
-_JUMP = 0.1  # m between neighbouring headings: another path wins, and a line between them would be a wall nobody has
+_JUMP = 0.1  # m between neighbouring headings; beyond it another path is received, and a line would look like a wall
 _BEAM_POINTS = 17
 _SAME_BOUNCE = 0.005  # m
 _NEAR = 2.0  # times the size of the room
 
 
 def wall_lines(room: Room) -> FloatArray:
-    """Both ends of every wall one after another, (2n, 2): to be connected in pairs."""
+    """Return both ends of every wall, (2n, 2) float, m; each pair of rows is one line."""
     return room.walls.reshape(-1, 2)
 
 
-def plan_bounds(room: Room, besides: FloatArray) -> FloatArray:
-    """Lower and upper corner (2, 2) of what the plan is about: walls, posts, and those of the points `besides` (n, 2)
-    that are not far off."""
+def plan_bounds(room: Room, others: FloatArray) -> FloatArray:
+    """Return the lower and upper corner of the plan, (2, 2) float, m.
+
+    It contains walls, posts, and those of the points `others` (n, 2) that are less than two room sizes away.
+    """
     posts, radii = room.posts[:, :2], room.posts[:, 2:]
     points = np.vstack((wall_lines(room), posts - radii, posts + radii))
     low, high = points.min(axis=0), points.max(axis=0)
     reach = _NEAR * (high - low).max()
-    near = ((besides > low - reach) & (besides < high + reach)).all(axis=1)
-    points = np.vstack((points, besides[near]))
+    near = ((others > low - reach) & (others < high + reach)).all(axis=1)
+    points = np.vstack((points, others[near]))
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def outline_ranges(outline: PredictedScan) -> FloatArray:
-    """The outline's ranges, NaN also between runs: (n, 2) heading rad and range m."""
+    """Return headings and ranges of the outline, (n, 2) float, rad and m; NaN also separates the lines."""
     both = np.column_stack((outline.headings, outline.ranges))
     return np.insert(both, _breaks(outline), np.nan, axis=0)
 
 
 def outline_points(outline: PredictedScan) -> FloatArray:
-    """The outline in the plan, broken at silent headings and where another path takes over."""
+    """Return the outline in the plan, (n, 2) float, m; NaN at headings without echo and where the path changes."""
     points = points_at(outline.standpoints, outline.headings, outline.ranges)
     return np.insert(points, _breaks(outline), np.nan, axis=0)
 
@@ -53,7 +55,7 @@ def _breaks(outline: PredictedScan) -> NDArray[np.intp]:
 
 
 def half_power_angle(board: Board, room: Room) -> float:
-    """How far off its axis the transducer sends half the power, rad."""
+    """Return the angle off the axis at which the transducer emits half the power, rad."""
     return _half_power_angle(board.wavenumber(room.air) * board.aperture_radius)
 
 
@@ -64,17 +66,17 @@ def _half_power_angle(ka: float) -> float:
 
 
 def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -> FloatArray:
-    """The corners of the beam in the plan, from the place round and back to it."""
+    """Return the corners of the beam in the plan, (n, 2) float, m; the first and the last are the place."""
     headings = np.linspace(heading - half_angle, heading + half_angle, _BEAM_POINTS)
     rim = points_at(place.position, headings, np.full(_BEAM_POINTS, length))
     return np.vstack((place.position, rim, place.position))
 
 
 def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float]]:
-    """What each thing a path touched took of its amplitude: which corner of the path, and dB.
+    """Return the losses along a path: number of the corner, and loss in dB.
 
-    A wall takes what its reflectance says; what roundness and edges take is known of all of them together, and told at
-    the last.
+    A wall costs what its reflectance says. The losses at posts and edges are only known as a sum, which the last of
+    them gets.
     """
     paths, room = prediction.paths, prediction.room
     surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]
@@ -85,7 +87,7 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
         events.insert(bend, None)
     losses, bent, rest = [], 0, _decibels(float(paths.gains[path]))
     if len(events) == 1:
-        return [(1, rest)]  # a rough wall scatters straight back with less than it mirrors
+        return [(1, rest)]  # a rough wall scatters straight back less than it reflects
     for corner, surface in enumerate(events, start=1):
         if surface is None or flat <= surface < room.levels.start:
             bent = corner
@@ -100,17 +102,19 @@ def _decibels(amplitude: float) -> float:
 
 
 def decibels_text(level: float) -> str:
-    """A level as people read it, with a real minus and none at nothing."""
+    """Format a level, with a minus sign (U+2212), and none at 0.0."""
     return f"{level:.1f} dB".replace("-0.0 ", "0.0 ").replace("-", "−")
 
 
 def bounce_labels(corners: FloatArray, losses: list[tuple[int, float]]) -> list[tuple[str, FloatArray]]:
-    """What is written at a path's corners and where: number and loss; one that comes back its own way has two at a
-    point."""
-    told = dict(losses)
+    """Return the labels of a path's corners, number and loss, with their positions.
+
+    A path that returns on itself has several labels at one point; these are joined.
+    """
+    loss_at = dict(losses)
     labels: list[tuple[list[str], FloatArray]] = []
     for number, at in enumerate(corners[1:-1], start=1):
-        text = f"{number}  {decibels_text(told[number])}" if number in told else f"{number}"
+        text = f"{number}  {decibels_text(loss_at[number])}" if number in loss_at else f"{number}"
         same = next((texts for texts, there in labels if math.dist(at, there) < _SAME_BOUNCE), None)
         if same is None:
             labels.append(([text], at))

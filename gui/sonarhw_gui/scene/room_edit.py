@@ -1,7 +1,7 @@
-"""Edits of a room: corners, walls and posts moved, added or removed, and their material.
+"""Edits of a room: move, add and remove corners, walls and posts, and set their material.
 
 A surface is given by its number in `Room.names`. The text of the room file is edited, so names, places and other keys
-stay; an invalid result raises InputError.
+are preserved. An invalid result raises InputError.
 """
 
 from collections.abc import Sequence
@@ -15,32 +15,32 @@ from tomlkit.items import Array
 
 from sonarhw.errors import InputError
 
-WALL, POST = "wall", "post"  # what new ones are called, with a number
+WALL, POST = "wall", "post"  # names of new surfaces, followed by a number
 Point = tuple[float, float]  # m
-Segments = tuple[list[list[float]], list[str]]  # of an open chain: its points, and the names of what lies between
+Segments = tuple[list[list[float]], list[str]]  # of an open chain: its points, and the names of the walls between them
 
 
 def move_corner(room: Room, corner: Point, to: Point) -> Room:
-    """The room with every wall end that lies at `corner` moved to `to`: walls that meet still meet."""
+    """Return the room with every wall end at `corner` moved to `to`; walls that meet there still meet."""
     return with_corners(room, {corner: to})
 
 
 def move_wall(room: Room, wall: int, by: Point) -> Room:
-    """The room with both ends of a wall moved, and with them the ends of other walls that meet there."""
+    """Return the room with both ends of a wall moved, together with the ends of other walls that meet there."""
     x0, y0, x1, y1 = map(float, room.walls[wall])
     moved = {(x0, y0): (x0 + by[0], y0 + by[1]), (x1, y1): (x1 + by[0], y1 + by[1])}
     return with_corners(room, moved)
 
 
 def add_wall(room: Room, start: Point, end: Point, material: str) -> Room:
-    """The room with one more straight wall; it meets those whose ends lie where its own do."""
+    """Return the room with an additional straight wall; it meets walls that end at the same points."""
     name = free_name(room, WALL)
     wall = {"name": name, "points": [list(start), list(end)], "material": material, "edges": [name]}
     return changed_room(room, lambda document: _append(document, "walls", wall))
 
 
 def split_wall(room: Room, wall: int, at: Point) -> Room:
-    """The room with a corner more: a wall as two that meet at a point, the second with a name of its own."""
+    """Return the room with a wall split in two at a point; the second part gets a new name."""
     second = free_name(room, room.names[wall], 2)
 
     def change(document: Document) -> None:
@@ -54,25 +54,25 @@ def split_wall(room: Room, wall: int, at: Point) -> Room:
 
 
 def add_post(room: Room, center: Point, radius: float, material: str) -> Room:
-    """The room with one more post."""
+    """Return the room with an additional post."""
     post = {"name": free_name(room, POST), "center": list(center), "radius": radius, "material": material}
     return changed_room(room, lambda document: _append(document, "posts", post))
 
 
 def move_post(room: Room, post: int, to: Point) -> Room:
-    """The room with the middle of a post elsewhere."""
+    """Return the room with the centre of a post at `to`."""
     return changed_room(room, lambda document: _post(document, room, post).update(center=list(to)))
 
 
 def resize_post(room: Room, post: int, radius: float) -> Room:
-    """The room with a post of another radius (m)."""
+    """Return the room with another radius (m) of a post."""
     return changed_room(room, lambda document: _post(document, room, post).update(radius=radius))
 
 
 def remove_surface(room: Room, surface: int) -> Room:
-    """The room without a wall or a post. Raises InputError for the last wall, and for floor and ceiling."""
+    """Return the room without a wall or a post. Raises InputError for the last wall, and for floor and ceiling."""
     if surface in room.levels:
-        raise InputError(f"the {room.names[surface]} cannot be taken out here; take it out of the room file")
+        raise InputError(f"the {room.names[surface]} cannot be removed here; remove it from the room file")
     if surface < len(room.walls) == 1:
         raise InputError(f"{room.names[surface]!r} is the last wall; a room needs at least one")
 
@@ -89,7 +89,7 @@ def remove_surface(room: Room, surface: int) -> Room:
 
 
 def set_material(room: Room, surface: int, material: str) -> Room:
-    """The room with one surface of another material; a wall among others of its chain becomes a chain of its own."""
+    """Return the room with another material of one surface; a wall inside a chain becomes a chain of its own."""
 
     def change(document: Document) -> None:
         if surface in room.levels:
@@ -109,17 +109,17 @@ def set_material(room: Room, surface: int, material: str) -> Room:
 
 
 def free_name(room: Room, stem: str, first: int = 1) -> str:
-    """`stem` with the first number, from `first` on, that no surface has."""
+    """Return `stem` with the first number, from `first` on, that no surface uses."""
     return next(name for name in (f"{stem} {k}" for k in count(first)) if name not in room.names)
 
 
 def corners(room: Room) -> tuple[Point, ...]:
-    """Every point where walls end, once."""
+    """Return every point where walls end, once."""
     return tuple(dict.fromkeys((float(x), float(y)) for x, y in room.walls.reshape(-1, 2)))
 
 
 def _chain_of(document: Document, wall: int) -> tuple[Document, int]:
-    """The chain that a wall belongs to, and which of its segments it is."""
+    """Return the chain that contains a wall, and the number of its segment."""
     places = ((chain, k) for chain in document["walls"] for k in range(_count(chain)))
     return next(place for number, place in enumerate(places) if number == wall)
 
@@ -146,7 +146,7 @@ def _ends(chain: Document, k: int) -> list[list[float]]:
 
 
 def _without(chain: Document, k: int) -> list[Segments]:
-    """What is left of a chain without segment k: one or two open chains, or none."""
+    """Return the rest of a chain without segment k: one or two open chains, or none."""
     points, names = _points(chain), _segment_names(chain)
     if chain.get("closed", False):
         return [(points[k + 1 :] + points[: k + 1], names[k + 1 :] + names[:k])]
@@ -154,7 +154,7 @@ def _without(chain: Document, k: int) -> list[Segments]:
 
 
 def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> None:
-    """Let open chains be in the place of one: the first as what it was, the others like it, behind all walls."""
+    """Replace a chain by open chains: the first takes its position, the others are appended after all walls."""
     if not pieces:
         document["walls"].remove(chain)
         return
@@ -165,20 +165,20 @@ def _put(document: Document, chain: Document, pieces: Sequence[Segments]) -> Non
 
 
 def _like(chain: Document, points: list[list[float]], names: list[str]) -> dict[str, Any]:
-    """An open chain of the same material and height."""
+    """Return an open chain of the same material and height."""
     common: dict[str, Any] = {"material": str(chain["material"])}
     if "height" in chain:
         common["height"] = list(map(float, chain["height"]))
     return {"name": names[0], "points": points, "edges": names, **common}
 
 
-def _append(document: Document, kind: str, what: dict[str, Any]) -> None:
+def _append(document: Document, kind: str, values: dict[str, Any]) -> None:
     present = document.get(kind, [])
     if isinstance(present, Array):  # written as [{...}, {...}]
-        present.append(what)
+        present.append(values)
         return
     table = tomlkit.table()
-    table.update(what)
+    table.update(values)
     before = present[-1].as_string() if present else tomlkit.dumps(document)
     table.trivia.indent = "" if before.endswith("\n\n") else "\n"
     table.add(tomlkit.nl())

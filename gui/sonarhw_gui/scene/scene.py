@@ -16,52 +16,52 @@ _NOWHERE = Place("", (0.0, 0.0))
 
 @dataclass(frozen=True)
 class Scene:
-    """Room, place and board; room and place are both there or both missing. `options`: how sound is followed."""
+    """Room, place and board; room and place are both given or both missing. `options`: how sound is followed."""
 
     room: Room | None
     place: Place | None
     board: Board
-    room_file: str = ""  # its name, for the log
+    room_file: str = ""  # file name, for the log
     options: PredictionOptions = field(default_factory=PredictionOptions)
 
     @property
     def pose(self) -> Place:
-        """The place, with the heading that the board's zero really has; without a room the origin, looking along +x."""
+        """The place, with the actual heading of the turntable's zero; without a room the origin, facing +x."""
         place = self.place or _NOWHERE
         return replace(place, heading=self.board.heading_at(0.0, place.heading))
 
     @property
     def written_room(self) -> Room | None:
-        """The room as it is saved: with the place where the sensor stands, though no file may have named it."""
+        """The room as it is saved: with the current place of the sensor, even if the file does not contain it."""
         if self.room is None or self.place is None or self.room.places.get(self.place.name) == self.place:
             return self.room
         return with_place(self.room, self.place)
 
     @property
     def title(self) -> str:
-        """What stands in the window's title."""
+        """The text of the window's title."""
         return f"{self.room.name} · place {self.pose.name}" if self.room else "no room"
 
 
 def scene_with(board: Board, room: Room | None = None, place: Place | None = None, room_file: str = "") -> Scene:
-    """A scene to begin with: heard by the receiver that the board's profile names, as every command does."""
+    """Return a scene with default options and the receiver that the board's profile names, as in all commands."""
     return Scene(room, place, board, room_file, PredictionOptions(receiver=board.receiver))
 
 
 def room_name(scene: Scene) -> str:
-    """What its room is called, whatever was done to it; empty where there is none."""
+    """Return the name of the scene's room; empty without a room."""
     return scene.room.name if scene.room else ""
 
 
 def first_place(room: Room) -> Place:
-    """The place of that room to begin with: the first in its file. Raises InputError where it names none."""
+    """Return the first place of the room file. Raises InputError if the room has no places."""
     if not room.places:
-        raise InputError(f"room {room.name!r}: it names no places; add [places.NAME] with a position to the file")
+        raise InputError(f"room {room.name!r}: it has no places; add [places.NAME] with a position to the file")
     return next(iter(room.places.values()))
 
 
 def scene_of_log(metadata: LogMetadata) -> Scene:
-    """The scene that a log carries inside. Raises InputError where its room or place cannot be understood."""
+    """Return the scene stored in a log. Raises InputError if its room or place is invalid."""
     board = board_of_log(metadata)
     if not metadata.room_text:
         return scene_with(board)

@@ -1,6 +1,6 @@
 """Edits of a scene, each with its label for undo: sensor, surfaces, materials, air, board.
 
-An edit that is not possible raises InputError and changes nothing.
+An impossible edit raises InputError.
 """
 
 import math
@@ -27,14 +27,14 @@ from sonarhw_gui.scene.room_edit import (
 )
 from sonarhw_gui.scene.scene import Scene
 
-GRID = 0.001  # m: a hand is no more exact, and files stay readable
+GRID = 0.001  # m; the mouse is not more precise, and files stay readable
 _SMALLEST_RADIUS = 0.002  # m
-_NEW = 0.9  # reflectance of a new material
-Edit = tuple[Scene, str]  # the scene afterwards, and what was done
+_NEW = 0.9  # reflectance of a new material, as an amplitude ratio
+Edit = tuple[Scene, str]  # the new scene, and the label of the edit
 
 
 def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
-    """The scene with what was gripped dragged to a point. Raises InputError where it cannot be there."""
+    """Return the scene with the gripped part dragged to a point. Raises InputError if it cannot be there."""
     room, place = room_and_place(scene)
     by = to[0] - grip.at[0], to[1] - grip.at[1]
     if grip.part is GripPart.SENSOR:
@@ -55,7 +55,7 @@ def dragged(scene: Scene, grip: Grip, to: Point) -> Edit:
 
 
 def sensor_at(scene: Scene, position: Point) -> Edit:
-    """The scene with the sensor elsewhere, looking as before. Raises InputError inside a post."""
+    """Return the scene with the sensor at a position and its heading unchanged. Raises InputError inside a post."""
     _, place = room_and_place(scene)
     position = on_grid(position)
     if max(map(abs, position)) > MAX_COORDINATE:
@@ -64,47 +64,47 @@ def sensor_at(scene: Scene, position: Point) -> Edit:
 
 
 def sensor_turned(scene: Scene, by: float) -> Edit:
-    """The scene with the turntable's step 0 turned counter-clockwise by an angle, rad."""
+    """Return the scene with the turntable's step 0 turned counter-clockwise by an angle, rad."""
     _, place = room_and_place(scene)
     return sensor_facing(scene, place.heading + by)
 
 
 def sensor_facing(scene: Scene, heading: float) -> Edit:
-    """The scene with the turntable's step 0 at a heading, rad, to a tenth of a degree."""
+    """Return the scene with the turntable's step 0 at a heading, rad, rounded to a tenth of a degree."""
     _, place = room_and_place(scene)
     heading = math.radians(round(math.degrees(heading) % 360, 1))
     return with_sensor_at(scene, place.position, heading), "turning the sensor"
 
 
 def with_named_place(scene: Scene, name: str) -> Edit:
-    """The scene with the place where the sensor stands in the room by a name, in the place of one of that name."""
+    """Return the scene with the sensor's place added to the room under a name; a place of this name is replaced."""
     room, place = room_and_place(scene)
     kept = with_place(room, replace(place, name=name))
-    return replace(scene, room=kept, place=kept.places[name]), f"keeping place {name}"
+    return replace(scene, room=kept, place=kept.places[name]), f"adding place {name}"
 
 
 def without_surface(scene: Scene, surface: int) -> Edit:
-    """The scene without a wall or a post."""
+    """Return the scene without a wall or a post."""
     room, _ = room_and_place(scene)
     return with_room(scene, remove_surface(room, surface)), f"removing {room.names[surface]}"
 
 
 def with_corner(scene: Scene, wall: int, at: Point) -> Edit:
-    """The scene with one more corner, in a wall."""
+    """Return the scene with an additional corner in a wall."""
     room, _ = room_and_place(scene)
-    return with_room(scene, split_wall(room, wall, on_grid(at))), f"a corner in {room.names[wall]}"
+    return with_room(scene, split_wall(room, wall, on_grid(at))), f"adding a corner in {room.names[wall]}"
 
 
 def with_surface_material(scene: Scene, surface: int, material: str) -> Edit:
-    """The scene with a surface made of another material."""
+    """Return the scene with another material of a surface."""
     room, _ = room_and_place(scene)
-    return with_room(scene, set_material(room, surface, material)), f"{room.names[surface]} of {material}"
+    return with_room(scene, set_material(room, surface, material)), f"setting {room.names[surface]} to {material}"
 
 
 def with_material_values(scene: Scene, material: str, shares: Mapping[str, float] | None = None) -> Edit:
-    """The scene with another `reflectance` (amplitude ratio) or `scatter` (share of power) of a material.
+    """Return the scene with another `reflectance` (amplitude ratio) or `scatter` (share of power) of a material.
 
-    A material that there is not yet is made, with a reflectance of 0.9.
+    An unknown material is created, with a reflectance of 0.9.
     """
     room, _ = room_and_place(scene)
     known = materials(room).get(material)
@@ -113,43 +113,43 @@ def with_material_values(scene: Scene, material: str, shares: Mapping[str, float
 
 
 def with_air_state(scene: Scene, **state: float) -> Edit:
-    """The scene in air of another `temperature_c`, `relative_humidity` or `pressure_kpa`."""
+    """Return the scene with another `temperature_c`, `relative_humidity` or `pressure_kpa` of the air."""
     room, _ = room_and_place(scene)
     return with_room(scene, with_air(room, replace(room.air, **state))), "changing the air"
 
 
 def with_options(scene: Scene, **options: Any) -> Edit:
-    """The scene with the sound followed and received by other `PredictionOptions`."""
-    return replace(scene, options=replace(scene.options, **options)), "changing how it is heard"
+    """Return the scene with other `PredictionOptions`."""
+    return replace(scene, options=replace(scene.options, **options)), "changing the prediction options"
 
 
 def with_board(scene: Scene, board: Board) -> Edit:
-    """The scene with another board, and the receiver that it is used with."""
+    """Return the scene with another board, and with the receiver that its profile names."""
     options = replace(scene.options, receiver=board.receiver)
-    return replace(scene, board=board, options=options), f"board {board.name}"
+    return replace(scene, board=board, options=options), f"choosing board {board.name}"
 
 
 def with_room(scene: Scene, room: Room) -> Scene:
-    """The scene in the changed room. Raises InputError where the sensor would then be inside a post."""
+    """Return the scene with another room. Raises InputError if the sensor would be inside a post."""
     _, place = room_and_place(scene)
     _check_free(room, place)
     return replace(scene, room=room)
 
 
 def room_and_place(scene: Scene) -> tuple[Room, Place]:
-    """Room and place of a scene. Raises InputError where it has none."""
+    """Return the room and the place of a scene. Raises InputError if it has none."""
     if scene.room is None or scene.place is None:
-        raise InputError("without a room there is nothing to change; open a room file")
+        raise InputError("the scene has no room; open a room file")
     return scene.room, scene.place
 
 
 def bearing(middle: Point, at: Point) -> float:
-    """Direction from one point to another, rad."""
+    """Return the direction from one point to another, rad."""
     return math.atan2(at[1] - middle[1], at[0] - middle[0])
 
 
 def on_grid(point: Point) -> Point:
-    """The nearest point of whole millimetres."""
+    """Return the point rounded to whole millimetres."""
     x, y = (round(value / GRID) * GRID for value in point)
     return round(x, 6), round(y, 6)
 
@@ -159,9 +159,12 @@ def _sum(one: Point, other: Point) -> Point:
 
 
 def with_sensor_at(scene: Scene, position: Point, heading: float) -> Scene:
-    """The scene with the sensor at a point (m), its step 0 at a heading (rad). Raises InputError inside a post."""
+    """Return the scene with the sensor at a point (m) and its step 0 at a heading (rad).
+
+    Raises InputError inside a post.
+    """
     room, before = room_and_place(scene)
-    # a place of its own, named as `--place X,Y` would be: those that the file names stay where they are
+    # a new place, named as by `--place X,Y`: the places of the file do not change
     place = Place(f"{position[0]:g},{position[1]:g}", position, heading, before.height)
     _check_free(room, place)
     return replace(scene, place=place)
@@ -171,4 +174,4 @@ def _check_free(room: Room, place: Place) -> None:
     for post in room.posts_at(place.position):
         low, high = room.heights[post]
         if place.height is None or low <= place.height <= high:
-            raise InputError(f"the sensor cannot stand inside {room.names[post]}: sound could not leave it")
+            raise InputError(f"the sensor cannot be inside {room.names[post]}: no sound could leave it")

@@ -1,1 +1,1 @@
-"""The state of the window and what a person does to it, without widgets."""
+"""The state of the window and the actions of the user, without widgets."""

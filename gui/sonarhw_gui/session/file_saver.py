@@ -1,4 +1,4 @@
-"""Files that the window writes: one after another in a thread, each reported when it is written or has failed."""
+"""Writes files one after another in a thread, and reports each success or failure."""
 
 from collections import deque
 from contextlib import suppress
@@ -12,9 +12,9 @@ from sonarhw_gui.work.worker import Failure, Worker
 
 
 class FileSaver(QObject):
-    """Writes one file after another, all that are asked for."""
+    """Writes all requested files, one after another."""
 
-    saved = Signal(str)  # what to tell
+    saved = Signal(str)  # message
     failed = Signal(str)
 
     def __init__(self, parent: QObject) -> None:
@@ -24,18 +24,18 @@ class FileSaver(QObject):
 
     @property
     def busy(self) -> bool:
-        """Whether files are still to be written."""
+        """Whether files are waiting or being written."""
         return bool(self._waiting) or (self._worker is not None and self._worker.busy)
 
     def write(self, content: Content, path: Path, overwrite: bool = False) -> None:
-        """Have it written; `overwrite`: the person has said so."""
+        """Queue a file; `overwrite`: the user has agreed to overwrite it."""
         if self._worker is None:
-            self._worker = Worker("keep files")
+            self._worker = Worker("save files")
         self._waiting.append(SaveRequest(content, path, overwrite))
         self._write_next()
 
     def tick(self) -> None:
-        """Tell what has been written."""
+        """Emit `saved` or `failed` for each finished file."""
         if self._worker is None:
             return
         for answer in self._worker.take():
@@ -46,11 +46,11 @@ class FileSaver(QObject):
         self._write_next()
 
     def close(self) -> None:
-        """Write what was asked for, and end the thread."""
+        """Write the waiting files, and end the thread."""
         if self._worker is not None:
             self._worker.close()
             for request in self._waiting:
-                with suppress(SonarError):  # nobody is there any more to be told
+                with suppress(SonarError):  # the window is closed: no place to report it
                     request.answer()
 
     def _write_next(self) -> None:

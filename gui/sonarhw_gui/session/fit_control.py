@@ -1,4 +1,4 @@
-"""The fit of the window: started, watched and cancelled in a thread of its own, at most one at a time."""
+"""Starts, observes and cancels the fit, which runs in a thread; at most one at a time."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.fit_request import FitFound, FitProgress, FitRequest, FitSettings
 from sonarhw_gui.work.worker import Failure, Worker
 
-_MOST_READINGS = 720  # the newest: more readings add nothing about one place
+_MOST_READINGS = 720  # the newest ones; more readings of one place do not improve the fit
 
 
 @dataclass(frozen=True)
 class FitState:
-    """How it stands: nothing asked for, at work, or done."""
+    """State of the fit: none, running, or finished."""
 
     running: bool = False
     share: float = 0.0
@@ -35,7 +35,7 @@ class FitControl(QObject):
         self._worker: Worker | None = None
 
     def start(self, settings: FitSettings, scene: Scene, readings: tuple[Reading, ...]) -> None:
-        """Begin; one that is at work is given up."""
+        """Start a fit; a running one is cancelled."""
         self.forget()
         if self._worker is None:
             self._worker = Worker("fit")
@@ -45,18 +45,18 @@ class FitControl(QObject):
 
     @Slot()
     def forget(self) -> None:
-        """Give up what is at work, and put away what was found."""
+        """Cancel a running fit, and discard a result."""
         if self._progress is not None:
             self._progress.cancel()
         self._progress = None
         self._set_state(FitState())
 
     def tick(self) -> None:
-        """Tell what has happened."""
+        """Emit progress and result."""
         if self._worker is None:
             return
         for answer in self._worker.take():
-            self._take(answer)
+            self._accept(answer)
         if self._progress is not None:
             self._set_state(FitState(running=True, share=self._progress.share, doing=self._progress.doing))
 
@@ -66,10 +66,10 @@ class FitControl(QObject):
         if self._worker is not None:
             self._worker.close()
 
-    def _take(self, answer: FitFound | Failure) -> None:
+    def _accept(self, answer: FitFound | Failure) -> None:
         request = answer.request
         if not isinstance(request, FitRequest) or request.progress is not self._progress:
-            return  # given up meanwhile
+            return  # cancelled in the meantime
         if isinstance(answer, FitFound):
             self._progress = None
             self._set_state(FitState(found=answer))

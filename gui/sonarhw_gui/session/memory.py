@@ -1,4 +1,4 @@
-"""What the window remembers from one start to the next, in a settings file of Qt (INI)."""
+"""The state that the window restores at the next start, in a settings file of Qt (INI)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,30 +21,30 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Memory:
-    """All that is remembered."""
+    """The stored state of the window."""
 
     scene: SceneMemory | None = None
-    log: str = ""  # whose readings were shown
+    log: str = ""  # path of the log that was shown
     url: str = ""  # of the scanner
-    scan_settings: ScanSettings | None = None  # what to scan
+    scan_settings: ScanSettings | None = None  # of the next scan
     recent: tuple[str, ...] = ()  # files
     urls: tuple[str, ...] = ()
     look: Look = field(default_factory=Look)
-    view: int = 0  # which of the large views
-    layout: Mapping[str, QByteArray] = field(default_factory=dict)  # as Qt saves it, by the name of the part
+    view: int = 0  # index of the large view
+    layout: Mapping[str, QByteArray] = field(default_factory=dict)  # as saved by Qt, by name of the part
 
 
 def memory_file() -> Path:
-    """Return the file on this system; it may not exist yet."""
+    """Return the settings file on this system; it may not exist yet."""
     return user_data_path("sonarhw", appauthor=False) / "window.ini"
 
 
 def read_memory(path: Path) -> Memory:
-    """Return what was remembered; nothing if there is no file yet. Raises InputError if the file is damaged."""
+    """Return the stored state; the default if there is no file yet. Raises InputError if the file is damaged."""
     if not path.exists():
         return Memory()
     file = QSettings(str(path), QSettings.Format.IniFormat)
-    names = file.allKeys()  # reads all of the file: only then does its status say whether it is damaged
+    names = file.allKeys()  # reads the whole file; only then its status reports damage
     if file.status() is not QSettings.Status.NoError:
         raise _damaged(path, file.status().name)
     try:
@@ -68,7 +68,7 @@ def read_memory(path: Path) -> Memory:
 
 
 def write_memory(path: Path, memory: Memory) -> None:
-    """Write the whole file, or leave the one before. Raises OutputError."""
+    """Write the file completely, or leave the old one. Raises OutputError."""
     file = QSettings(str(path), QSettings.Format.IniFormat)
     file.clear()
     for name, value in (("scene", memory.scene), ("scan", memory.scan_settings)):
@@ -86,11 +86,11 @@ def write_memory(path: Path, memory: Memory) -> None:
         file.setValue(f"layout/{name}", data)
     file.sync()
     if file.status() is not QSettings.Status.NoError:
-        raise OutputError(f"{path}: cannot be written; the window will not open as it was left")
+        raise OutputError(f"{path}: cannot be written; the next start uses older settings")
 
 
 def _damaged(path: Path, why: str) -> InputError:
-    return InputError(f"{path}: the settings of the window cannot be read ({why}); defaults are used")
+    return InputError(f"{path}: the window settings cannot be read ({why}); defaults are used")
 
 
 def _value(file: QSettings, name: str, kind: type[T]) -> T | None:
@@ -103,13 +103,13 @@ def _text(file: QSettings, name: str) -> str:
 
 
 def _texts(file: QSettings, name: str) -> tuple[str, ...]:
-    # a list of one comes back as its only item, an empty one as None
+    # Qt returns a list with one item as this item, and an empty list as None
     value = file.value(name)
     return tuple(map(str, value)) if isinstance(value, list) else (str(value),) if value else ()
 
 
 def _look(file: QSettings) -> Look:
-    """Return the look; a palette or unit that does not exist is the default."""
+    """Return the look; an unknown palette or unit is replaced by the default."""
     unit = LengthUnit.__members__.get(_text(file, "look/unit"), LengthUnit.M)
     scale = TypeAdapter(float).validate_python(file.value("look/scale", 1.0))
     return Look(_PALETTES.get(_text(file, "look/palette"), LIGHT), unit).scaled(scale)

@@ -1,4 +1,4 @@
-"""Where the readings come from: the live scanner, or a log that is played back; and how that stands."""
+"""The source of the readings, the live scanner or a replayed log, and its status."""
 
 import time
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ from sonarhw_gui.session.replay_control import ReplayControl
 
 @dataclass(frozen=True)
 class ReplayedLog:
-    """A log as it was opened."""
+    """An opened log."""
 
     log: Log
     name: str
-    path: Path | None  # where to find it again
+    path: Path | None  # where to open it again
 
     @cached_property
     def lost(self) -> int:
-        """How many readings of its scans it lacks."""
+        """The number of readings missing in its scans."""
         return sum(map(lost_in, self.log.scans))
 
 
 class ReadingSource:
-    """A scanner and a log; the log is what is shown while there is one."""
+    """A scanner and a log; a loaded log is shown instead of the scanner's readings."""
 
     def __init__(self, opener: ScannerOpener | None, scan_settings: ScanSettings, parent: QObject) -> None:
         self.live = LiveFeed(opener, scan_settings)
@@ -40,72 +40,72 @@ class ReadingSource:
         self._rate = RateMeter()
         self._opened: ReplayedLog | None = None
         self._played: tuple[Reading, ...] = ()
-        self.scanned_in: Scene | None = None  # when the last live scan began
+        self.scanned_in: Scene | None = None  # at the start of the last live scan
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """Those made by now; the same object as before where none has been added."""
+        """The readings made so far; the same object until one is added."""
         return self._up_to_now() if self.replay.loaded else self.live.readings
 
     @property
     def all_readings(self) -> tuple[Reading, ...]:
-        """Those of the log, also what it has not come to yet; else those of the scanner."""
+        """All readings of the log, including those after the position of the replay; else those of the scanner."""
         return self.replay.readings or self.live.readings
 
     @property
     def replayed(self) -> ReplayedLog | None:
-        """The log that is played back."""
+        """The log that is replayed; None without a replay."""
         return self._opened if self.replay.loaded else None
 
     @property
     def recording(self) -> Path | None:
-        """The file that the readings of the last live scan are recorded in."""
+        """The recording of the last live scan; None without readings."""
         return self.live.status.recording if self.live.readings else None
 
     @property
     def log_file(self) -> str:
-        """The file that holds the readings shown; empty where there is none."""
+        """The file of the readings shown; empty if there is none."""
         path = self.replayed.path if self.replayed else self.recording
         return "" if path is None else str(path.absolute())
 
     @property
     def recorded(self) -> Log | Path | None:
-        """The log whose readings are shown, or the file that holds it; None where there is none."""
+        """The log of the readings shown, or its file; None if there is none."""
         return self.replayed.log if self.replayed else self.recording
 
     def begin(self) -> None:
-        """Count anew: other readings are shown from now on."""
+        """Reset the rate: other readings are shown from now on."""
         self._rate = RateMeter()
 
     def scan(self, scene: Scene) -> None:
-        """Scan live; a log is put away."""
+        """Start a live scan; a log is closed."""
         self.begin()
         self.replay.unload()
         self.scanned_in = scene
         self.live.start(scene)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
-        """Show a log, at its end; `path` is where to find it again."""
+        """Show a log, at its end; `path`: its file."""
         self.begin()
         self._opened = ReplayedLog(log, name, path)
         self.replay.load(log)
 
     def stop(self) -> None:
-        """Stop the scanner, whatever it is at, or the playback."""
+        """Stop the job of the scanner, and pause the replay."""
         self.live.stop()
         self.replay.pause()
 
     def take(self, now: float) -> tuple[bool, str]:
-        """Whether the scanner has made readings since the last call, and what is to be told."""
-        fresh, told = self.live.take()
+        """Return whether the scanner has made readings since the last call, and a message, if any."""
+        fresh, message = self.live.take()
         self._rate.add(fresh, now)
-        return bool(fresh), told
+        return bool(fresh), message
 
     def status(self, now: float, predicting: bool, room: str = "") -> Status:
-        """How things stand; `room` is the name of the room that is shown."""
+        """Return the status; `room` is the name of the room that is shown."""
         live, replayed = self.live.status, self.replayed
         readings = self.readings
-        here = self.scanned_in is not None and room == room_name(self.scanned_in)
+        same_room = self.scanned_in is not None and room == room_name(self.scanned_in)
         return Status(
             source=Source.REPLAY if replayed else Source.LIVE if self.live.phase else Source.NONE,
             phase=self.live.phase,
@@ -121,7 +121,7 @@ class ReadingSource:
             link=self.live.link,
             trouble=self.live.trouble,
             angle=live.angle,
-            own_readings=bool(readings) and self.live.made_readings and here,
+            own_readings=bool(readings) and self.live.made_readings and same_room,
         )
 
     def _up_to_now(self) -> tuple[Reading, ...]:

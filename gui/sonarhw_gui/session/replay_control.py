@@ -10,12 +10,12 @@ from sonarhw.readings import Reading
 from sonarhw.replay.playback import Playback
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, math.inf)
-_SAME = 1e-3  # s; a scan that begins so near to where the replay stands is the one it stands at
+_SAME = 1e-3  # s; a scan that starts within this time of the position is the current one
 
 
 @dataclass(frozen=True)
 class ReplayState:
-    """How a replay stands."""
+    """State of a replay."""
 
     position: float  # s
     duration: float  # s
@@ -23,16 +23,16 @@ class ReplayState:
     speed: float
     loop: bool
     skip_gaps: bool
-    count: int  # readings made by now
+    count: int  # readings up to the position
     total: int  # readings
-    scans: tuple[float, ...]  # where each scan begins, s
+    scans: tuple[float, ...]  # start of each scan, s
 
 
 class ReplayControl(QObject):
-    """At most one log being played back."""
+    """Replays at most one log."""
 
     changed = Signal(object)  # ReplayState; None without a log
-    broken = Signal(str)  # why its traces are gone
+    broken = Signal(str)  # why its traces cannot be read
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
@@ -42,7 +42,7 @@ class ReplayControl(QObject):
 
     @property
     def loaded(self) -> bool:
-        """Whether there is a log."""
+        """Whether a log is loaded."""
         return self._playback is not None
 
     @property
@@ -52,12 +52,12 @@ class ReplayControl(QObject):
 
     @property
     def count(self) -> int:
-        """How many of them have been made at this position."""
+        """The number of readings up to the position."""
         return self._playback.count if self._playback else 0
 
     @property
     def state(self) -> ReplayState | None:
-        """How it stands; None without a log."""
+        """The state of the replay; None without a log."""
         playback = self._playback
         if playback is None:
             return None
@@ -74,28 +74,28 @@ class ReplayControl(QObject):
         )
 
     def load(self, log: Log) -> None:
-        """Take a log, at its end, so that all of it is seen."""
+        """Load a log, at its end, so that all readings are shown."""
         self._playback = Playback(log)
         self._readings, self._scans = self._playback.readings, self._playback.scan_starts
         self._emit()
 
     def unload(self) -> None:
-        """Put the log away."""
+        """Close the log."""
         self._playback = None
         self._readings = self._scans = ()
         self._emit()
 
     def advance(self, elapsed: float) -> None:
-        """Let `elapsed` s pass."""
+        """Play for `elapsed` s."""
         if self._playback is not None and self._playback.advance(elapsed):
             self._emit()
 
     def drop_traces(self, why: str) -> None:
-        """The log can no longer be read, its drive may be gone: stand still, and show the readings without traces."""
+        """Pause, and show the readings without traces, because the log can no longer be read; its drive may be gone."""
         if self._playback is not None:
             self._playback.pause()
             self._readings = tuple(replace(reading, trace=None) for reading in self._readings)
-            self.broken.emit(f"{why}. The replay stands still; its readings are shown without their traces")
+            self.broken.emit(f"{why}. The replay is paused; readings are shown without traces")
             self._emit()
 
     @Slot()
@@ -110,19 +110,19 @@ class ReplayControl(QObject):
 
     @Slot()
     def pause(self) -> None:
-        """Stand still."""
+        """Pause."""
         if self._playback is not None:
             self._playback.pause()
             self._emit()
 
     @Slot()
     def step_forward(self) -> None:
-        """Stand still one reading further on."""
+        """Pause at the next reading."""
         self._step(1)
 
     @Slot()
     def step_back(self) -> None:
-        """Stand still one reading before."""
+        """Pause at the previous reading."""
         self._step(-1)
 
     def _step(self, by: int) -> None:
@@ -132,48 +132,48 @@ class ReplayControl(QObject):
 
     @Slot(float)
     def seek(self, position: float) -> None:
-        """Go to `position`, s from the beginning."""
+        """Go to `position`, s from the start."""
         if self._playback is not None:
             self._playback.seek(position)
             self._emit()
 
     def seek_reading(self, index: int) -> None:
-        """Go to where that reading has just been made. Raises IndexError where there is none."""
+        """Go to the time of a reading. Raises IndexError if there is none."""
         if self._playback is not None:
             self._playback.seek_reading(index)
             self._emit()
 
     @Slot()
     def next_scan(self) -> None:
-        """Go to the beginning of the next scan, or to the end."""
+        """Go to the start of the next scan, or to the end of the log."""
         if self._playback is not None:
             position = self._playback.position
-            self.seek(next((begin for begin in self._scans if begin > position + _SAME), self._playback.duration))
+            self.seek(next((start for start in self._scans if start > position + _SAME), self._playback.duration))
 
     @Slot()
     def previous_scan(self) -> None:
-        """Go back to the beginning of this scan; from there to that of the one before."""
+        """Go back to the start of this scan; from there to the start of the previous one."""
         if self._playback is not None:
             position = self._playback.position
-            self.seek(max((begin for begin in self._scans if begin < position - _SAME), default=0.0))
+            self.seek(max((start for start in self._scans if start < position - _SAME), default=0.0))
 
     @Slot(float)
     def set_speed(self, speed: float) -> None:
-        """Play that many times as fast as recorded; inf: all at once."""
+        """Set the speed, relative to the recording; inf: all at once."""
         if self._playback is not None:
             self._playback.speed = speed
             self._emit()
 
     @Slot(bool)
     def set_loop(self, loop: bool) -> None:
-        """Begin again at the end, or stand still there."""
+        """Set whether the replay restarts at its end."""
         if self._playback is not None:
             self._playback.loop = loop
             self._emit()
 
     @Slot(bool)
     def set_skip_gaps(self, skip: bool) -> None:
-        """Leave out long waits between readings, or keep to the recorded schedule."""
+        """Set whether long waits between readings are skipped."""
         if self._playback is not None:
             self._playback.skip_gaps = skip
             self._scans = self._playback.scan_starts

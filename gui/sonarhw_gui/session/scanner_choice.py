@@ -1,4 +1,4 @@
-"""Which scanner is used, and which ports there are to choose from."""
+"""The choice of the scanner, and the list of ports."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from sonarhw_gui.work.port_list import PortList, PortRow
 
 @dataclass(frozen=True)
 class ScannerTarget:
-    """How to get at a scanner."""
+    """A scanner to connect to."""
 
     url: str
     opener: ScannerOpener
-    scene: Scene | None = None  # the room that a fake one hears
+    scene: Scene | None = None  # the scene of a fake scanner
 
 
-ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for a URL that leads nowhere
+ScannerFinder = Callable[[str], ScannerTarget]  # raises SonarError for an invalid URL
 
 
 class ScannerChoice(QObject):
-    """At most one scanner, and the ports that were looked up last."""
+    """The chosen scanner, if any, and the ports that were found last."""
 
     chosen = Signal(object)  # ScannerTarget
     ports_changed = Signal(object)  # tuple of PortRow
@@ -36,52 +36,52 @@ class ScannerChoice(QObject):
     ) -> None:
         super().__init__(parent)
         self.url = ""
-        self.urls: tuple[str, ...] = ()  # used before, the newest first
+        self.urls: tuple[str, ...] = ()  # used before, newest first
         self._find_scanner = find_scanner
         self._make_ports = make_ports
         self._ports: PortList | None = None
 
     @property
     def possible(self) -> bool:
-        """Whether a URL can be followed at all."""
+        """Whether a scanner can be chosen by its URL."""
         return self._find_scanner is not None
 
     @property
     def rows(self) -> Sequence[PortRow]:
-        """The ports that were looked up last."""
+        """The ports that were found last."""
         return self._ports.rows if self._ports else ()
 
     @Slot(str)
     def choose(self, url: str) -> None:
-        """Ask to use the scanner at `url`; an invalid URL emits `failed`."""
+        """Choose the scanner at `url`: emits `chosen`, or `failed` for an invalid URL."""
         if self._find_scanner is None:
             return
         try:
-            way = self._find_scanner(url)
+            target = self._find_scanner(url)
         except SonarError as error:
             self.failed.emit(str(error))
         else:
-            self.chosen.emit(way)
+            self.chosen.emit(target)
 
-    def remember(self, way: ScannerTarget) -> None:
-        """Book that this scanner is used now."""
-        self.url, self.urls = way.url, with_newest(self.urls, way.url)
+    def remember(self, target: ScannerTarget) -> None:
+        """Store that this scanner is used now."""
+        self.url, self.urls = target.url, with_newest(self.urls, target.url)
 
     @Slot()
     def look(self) -> None:
-        """Look up the ports of this machine."""
+        """Look up the ports of this computer."""
         if self._ports is None:
             self._ports = self._make_ports()
         self._ports.look(self.url)
 
     @Slot()
     def ask_all(self) -> None:
-        """Ask at every port who answers."""
+        """Ask at every port whether a scanner answers."""
         if self._ports is not None:
             self._ports.ask_all()
 
     def tick(self) -> None:
-        """Tell what has been found out."""
+        """Emit changes of the ports."""
         if self._ports is None:
             return
         if self._ports.take():
@@ -91,6 +91,6 @@ class ScannerChoice(QObject):
         self._ports.failures.clear()
 
     def close(self) -> None:
-        """End the thread that asks."""
+        """End the thread that asks the ports."""
         if self._ports is not None:
             self._ports.close()

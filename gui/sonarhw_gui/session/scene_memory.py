@@ -1,4 +1,4 @@
-"""A scene as values that can be written to a file, with its room and board as the text of their files."""
+"""A scene that can be written to a file, with the texts of its room and its board."""
 
 from pydantic import BaseModel, ConfigDict
 from sonarhw_sim.board.profile import parse_board
@@ -9,7 +9,7 @@ from sonarhw_gui.scene.scene import Scene
 
 
 class SceneMemory(BaseModel):
-    """What is remembered of a scene."""
+    """The stored form of a scene."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -21,7 +21,7 @@ class SceneMemory(BaseModel):
 
     @staticmethod
     def of(scene: Scene) -> "SceneMemory":
-        """Return what is to be remembered of a scene."""
+        """Return the stored form of a scene."""
         return SceneMemory(
             room_text=scene.room.text if scene.room else "",
             room_file=scene.room_file,
@@ -31,7 +31,7 @@ class SceneMemory(BaseModel):
         )
 
     def scene(self) -> Scene:
-        """Return the scene. Raises InputError."""
+        """Return the scene. Raises InputError if room or board is invalid."""
         board = parse_board(self.board_text, "the board of the last session")
         room = parse_room(self.room_text, "the room of the last session") if self.room_text else None
         return Scene(room, self.place if room else None, board, self.room_file, self.options)

@@ -1,4 +1,4 @@
-"""The model behind the views: the scene and its edits, the prediction for it, and the chosen reading.
+"""The model of the views: the scene and its edits, its prediction, and the selected reading.
 
 Every change emits `Shown`, at once or with the next tick.
 """
@@ -21,10 +21,10 @@ from sonarhw_gui.work.forecast import Forecast
 
 
 class ShownModel(QObject):
-    """What the views draw, and what a person does to it."""
+    """The content of the views, and the actions that change it."""
 
     changed = Signal(object)  # Shown
-    edited = Signal()  # the scene has; views may hear of it later
+    edited = Signal()  # the scene was edited; `changed` may follow later
 
     def __init__(self, scene: Scene, look: Look, source: ReadingSource, parent: QObject) -> None:
         super().__init__(parent)
@@ -33,14 +33,14 @@ class ShownModel(QObject):
         self.forecast, self.traces = Forecast(), TraceForecast()
         self._source = source
         self._choice = Choice()
-        self._update_due = False  # whether what is shown has changed since the views were told
+        self._update_due = False  # whether something has changed since the last update of the views
         self.forecast.set_scene(scene)
 
     @Slot(object, str, object)
     def edit(self, scene: Scene, label: str, gesture: object = None) -> None:
-        """Change the scene: `label` says what was done, in words that fit behind Undo.
+        """Change the scene; `label` names the edit and follows the word Undo in the menu.
 
-        Edits of one gesture, the same object each time and not None, are undone at once.
+        All edits with the same `gesture` object, if it is not None, are undone together.
         """
         if scene is not self.shown.scene:
             self.history.remember(self.shown.scene, label, gesture)
@@ -55,14 +55,14 @@ class ShownModel(QObject):
 
     @Slot()
     def redo(self) -> None:
-        """Do again the edit that was taken back last."""
+        """Repeat the edit that was undone last."""
         after = self.history.redo(self.shown.scene)
         if after is not None:
             self._change(after)
 
     @Slot(object)
     def cancel(self, gesture: object) -> None:
-        """Take back what a gesture has done so far, and leave no step of it."""
+        """Undo the edits of an unfinished gesture, without a step in the history."""
         before = self.history.cancel(gesture)
         if before is not None:
             self._change(before)
@@ -71,38 +71,38 @@ class ShownModel(QObject):
         self.shown = replace(self.shown, scene=scene)
         self.forecast.change_scene(scene, moving)
         if moving:
-            self._update_due = True  # a mouse moves more often than anybody looks
+            self._update_due = True  # the mouse moves more often than the views are updated
         else:
             self.refresh()
         self.edited.emit()
 
     @Slot(str)
     def set_place(self, name: str) -> None:
-        """Stand at another place of the room."""
+        """Put the sensor at another place of the room."""
         scene = self.shown.scene
         if scene.room is not None and name != scene.pose.name:
-            self.edit(replace(scene, place=scene.room.place(name)), f"standing at {name}")
+            self.edit(replace(scene, place=scene.room.place(name)), f"moving to {name}")
 
     @Slot(int)
     def choose(self, index: int) -> None:
-        """Ask about one reading."""
+        """Select a reading."""
         self._choice.pick(index)
         self.refresh()
 
     @Slot()
     def follow_newest(self) -> None:
-        """Let the choice follow the newest reading again."""
+        """Select the newest reading, and follow it."""
         self._choice.follow_newest()
         self.refresh()
 
     @Slot()
     def choose_next(self) -> None:
-        """Ask about the next reading, round and round."""
+        """Select the next reading; after the last one, the first."""
         self._choose_step(1)
 
     @Slot()
     def choose_previous(self) -> None:
-        """Ask about the reading before this one, round and round."""
+        """Select the previous reading; before the first one, the last."""
         self._choose_step(-1)
 
     def _choose_step(self, by: int) -> None:
@@ -111,14 +111,14 @@ class ShownModel(QObject):
 
     @Slot(object)
     def point_at(self, cursor: Cursor | None) -> None:
-        """Point at a heading and range, in every view."""
+        """Show the position of the pointer in every view."""
         if cursor != self.shown.cursor:
             self.shown = replace(self.shown, cursor=cursor)
             self._update_due = True
 
     @Slot(object)
     def request_bscan(self, settings: BScanSettings | None) -> None:
-        """Have the B-scan worked out as it is wanted; None: nobody looks at it."""
+        """Compute the B-scan with these settings; None: it is not visible."""
         self.traces.request_bscan(settings)
 
     def set_look(self, look: Look) -> None:
@@ -126,33 +126,33 @@ class ShownModel(QObject):
         if look != self.shown.look:
             self._emit(replace(self.shown, look=look))
 
-    # what happens meanwhile
+    # called by the session
 
     def begin(self) -> None:
-        """Show other readings from now on, beginning with none."""
+        """Start with no readings."""
         self._choice.follow_newest()
         self.forecast.begin_scan()
         self.traces.begin_scan()
 
     def replace_scene(self, scene: Scene) -> None:
-        """Put the readings into another room; what was done to the one before cannot be undone any more."""
-        self.history.forget()
+        """Show the readings in another scene; earlier edits can no longer be undone."""
+        self.history.clear()
         self.shown = replace(self.shown, scene=scene)
         self.forecast.set_scene(scene)
         self.follow(self._source.all_readings)
         self.refresh()
 
     def name_room(self, file: str) -> None:
-        """The room that is shown stands in that file."""
+        """Set the file name of the room."""
         self.shown = replace(self.shown, scene=replace(self.shown.scene, room_file=file))
         self.refresh()
 
     def follow(self, readings: Sequence[Reading]) -> None:
-        """Compare these readings, too."""
+        """Compare these readings."""
         self.forecast.follow(readings)
 
     def update_soon(self) -> None:
-        """Tell the views with the next tick."""
+        """Update the views with the next tick."""
         self._update_due = True
 
     def tick(self, new_readings: bool) -> None:
@@ -167,10 +167,10 @@ class ShownModel(QObject):
         self.traces.close()
 
     def refresh(self) -> None:
-        """Tell the views what there is now."""
+        """Update the views now."""
         readings, compared = self._source.readings, self.forecast.compared
         if self._source.replay.loaded and readings and compared is not None and compared.row(len(readings) - 1) is None:
-            self.forecast.follow(readings)  # a long log is compared by stretches
+            self.forecast.follow(readings)  # only the newest readings of a long log are compared at once
         shown = replace(
             self.shown,
             outline=self.forecast.outline,

@@ -1,6 +1,6 @@
-"""The chosen trace and the B-scan, read, predicted and drawn in threads.
+"""The selected trace and the B-scan, computed in threads.
 
-Of several requests the newest is answered; answers for another scan are dropped.
+Only the newest of several requests is answered; answers for another scan are dropped.
 """
 
 import time
@@ -12,11 +12,11 @@ from sonarhw_gui.work.chosen_trace import ChosenTrace
 from sonarhw_gui.work.trace_request import TraceFound, TraceRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
-_PAUSE = 0.05  # s between two traces: of fifty readings a second nobody sees every one
+_PAUSE = 0.05  # s between two traces; a person cannot see fifty readings a second
 
 
 class TraceForecast:
-    """Keeps trace and B-scan up with what is shown."""
+    """Keeps trace and B-scan up to date with the shown content."""
 
     def __init__(self) -> None:
         self.trace: ChosenTrace | None = None
@@ -28,33 +28,33 @@ class TraceForecast:
         self._requested_trace: tuple[object, ...] = ()
         self._requested_at = -_PAUSE
         self._requested_bscan: tuple[object, ...] = ()
-        self._drawing = False  # one B-scan at a time: the next goes on from it
-        # two, so that a trace never waits for a B-scan
+        self._drawing = False  # one B-scan at a time: the next continues it
+        # two threads, so that a trace never waits for a B-scan
         self._tracer = Worker("traces")
         self._drawer = Worker("B-scans")
 
     def begin_scan(self) -> None:
-        """Forget traces and B-scan; what is shown from now on belongs to another scan."""
+        """Drop traces and B-scan; another scan follows."""
         self._generation += 1
         self.trace, self.bscan, self._shown = None, None, None
         self._requested_trace, self._requested_bscan = (), ()
 
     def request_bscan(self, settings: BScanSettings | None) -> None:
-        """Keep up the B-scan as it is wanted; None: nobody sees it."""
+        """Compute the B-scan with these settings from now on; None: it is not visible."""
         self._settings = settings
         self._request_bscan()
 
     def follow(self, shown: Shown) -> None:
-        """Work for what is shown from now on."""
+        """Compute trace and B-scan for this content."""
         self._shown = shown
         self._request_trace(shown)
         self._request_bscan()
 
     def take(self) -> bool:
-        """Take in what has been worked out since the last call; whether anything has changed."""
+        """Fetch the answers since the last call; return whether anything has changed."""
         changed = False
         if self._shown is not None:
-            self._request_trace(self._shown)  # what came too soon after the one before
+            self._request_trace(self._shown)  # a request that came too soon after the previous one
         for answer in (*self._tracer.take(), *self._drawer.take()):
             match answer:
                 case Failure(request=BScanRequest()):
@@ -67,7 +67,7 @@ class TraceForecast:
                     self.trace, changed = answer.trace, True
                 case BScans():
                     self._drawing = False
-                    changed = self._take_bscan(answer) or changed
+                    changed = self._accept_bscan(answer) or changed
         return changed
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ class TraceForecast:
             self._requested_bscan, self._drawing = subject, True
             self._drawer.submit(BScanRequest(self._generation, *subject, self.bscan.rows if self.bscan else None))
 
-    def _take_bscan(self, bscan: BScans) -> bool:
+    def _accept_bscan(self, bscan: BScans) -> bool:
         if bscan.generation != self._generation:
             self._request_bscan()
             return False
@@ -105,7 +105,7 @@ class TraceForecast:
         self.bscan = bscan
         if bscan.rows.done < 1:
             self._requested_bscan = ()
-        self._request_bscan()  # what is still to do, or what has come meanwhile
+        self._request_bscan()  # the remaining rows, or a newer request
         return True
 
 

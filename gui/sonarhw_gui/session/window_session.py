@@ -1,7 +1,7 @@
-"""The session: everything the window is about, free of widgets.
+"""The session: the state of the window, without widgets.
 
-Owns what is shown, live scan or replay, files, fit and what is kept; tells views by signals. Every tick of its timer it
-fetches what the threads have done since the last one: they put values into queues and know nothing of it.
+It owns the shown content, live scan, replay, files and fit, and reports changes by signals. With every tick of its
+timer it fetches the results of all threads from their queues.
 """
 
 import time
@@ -30,16 +30,16 @@ from sonarhw_gui.store.open_requests import Opened, OpenRequest, RoomOpened
 from sonarhw_gui.work.fit_request import FitSettings
 
 TICK = 30  # ms
-_LONGEST_TICK = 0.25  # s: a busy machine slows a replay down, readings are not skipped
+_LONGEST_TICK = 0.25  # s; on a busy machine a replay slows down instead of skipping readings
 
 
 class WindowSession(QObject):
-    """One person at work: what is shown, and what they do about it."""
+    """The state of one window, and the actions of its user."""
 
     status_changed = Signal(object)  # Status
-    warned = Signal(str)  # for the banner; empty takes it away
-    offered = Signal(object)  # Notice, for the banner too
-    recent_changed = Signal(object)  # tuple of paths, the newest first
+    warned = Signal(str)  # for the banner; empty removes all messages
+    offered = Signal(object)  # Notice, for the banner
+    recent_changed = Signal(object)  # tuple of paths, newest first
 
     def __init__(
         self,
@@ -50,14 +50,14 @@ class WindowSession(QObject):
         find_scanner: ScannerFinder | None = None,
         unsaved: Path | None = None,
     ) -> None:
-        """`unsaved`: the folder of rooms that were changed and not saved; None: they are kept nowhere."""
+        """`unsaved`: the folder for rooms with unsaved changes; None: they are not stored."""
         super().__init__()
         self._ticking = False
         self.status = Status(can_scan=opener is not None, scan_settings=scan_settings)
         self._source = ReadingSource(opener, scan_settings, self)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
-        self._scanner_in = scene  # where the scanner is known to be
+        self._scanner_in = scene  # the last confirmed position of the scanner
         self.showing = ShownModel(scene, look or Look(), self._source, self)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
@@ -81,14 +81,14 @@ class WindowSession(QObject):
 
     @property
     def shown(self) -> Shown:
-        """What is shown now."""
+        """The content shown now."""
         return self.showing.shown
 
-    # what a person does
+    # actions of the user
 
     @Slot()
     def scan(self) -> None:
-        """Scan with the scanner this session was given, and record."""
+        """Scan with the chosen scanner, and record."""
         if self.live.possible and not self.live.running:
             self._begin()
             self._warn_if_moved()
@@ -96,11 +96,11 @@ class WindowSession(QObject):
 
     @Slot()
     def stop(self) -> None:
-        """Stop the scanner, whatever it is at, or the playback."""
+        """Stop the job of the scanner, and pause the replay."""
         self._source.stop()
 
     def show_log(self, log: Log, name: str = "the log", path: Path | None = None) -> None:
-        """Show all readings of a log, ready to be played; `path` is where to find it again."""
+        """Show all readings of a log for replay; `path`: its file."""
         self._begin()
         self.showing.follow(log.readings)
         self._source.load(log, name, path)
@@ -111,7 +111,7 @@ class WindowSession(QObject):
 
     @Slot()
     def leave_replay(self) -> None:
-        """Put the log away: back to the readings of the last live scan, in the room that was there before the log."""
+        """Close the log, and return to the last live scan in the scene from before the replay."""
         if self.replay.loaded:
             self._begin()
             self.replay.unload()
@@ -119,29 +119,29 @@ class WindowSession(QObject):
                 self.set_scene(self._before_replay)
             self.showing.follow(self.live.readings)
 
-    def set_scene(self, scene: Scene, left_in: Path | None = None) -> None:
-        """Put the readings into another room; what was done to the one before cannot be undone any more.
+    def set_scene(self, scene: Scene, source: Path | None = None) -> None:
+        """Show the readings in another scene; earlier edits can no longer be undone.
 
-        `left_in`: the file of a room that was not saved, where it was brought back from there.
+        `source`: the file of unsaved changes that the scene was restored from, if any.
         """
         self.fitting.forget()
         self.showing.replace_scene(scene)
-        self.unsaved.open(scene, left_in)
+        self.unsaved.open(scene, source)
         self._update_status()
 
     @Slot(object)
     def find_place(self, settings: FitSettings) -> None:
-        """Find where the scanner stood, by the readings there are."""
+        """Fit the pose of the scanner to the readings shown."""
         self.fitting.start(settings, self.shown.scene, self.shown.readings)
 
     @Slot(str)
     def open_file(self, path: str) -> None:
-        """Show a log, in its own room if it has one, or the readings there are in another room, or a scan as CSV."""
+        """Open a log, a CSV scan, or a room for the current readings; a log is shown in its own room if it has one."""
         self.documents.open(Path(path), self.shown.scene.board)
 
     @Slot(str)
     def take_board(self, path: str) -> None:
-        """Predict with the board of that profile; a wrong one is told, and all stays as it is."""
+        """Predict with another board profile; an invalid profile is reported and changes nothing."""
         try:
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
         except InputError as error:
@@ -149,12 +149,12 @@ class WindowSession(QObject):
 
     @Slot(object)
     def reopen(self, request: OpenRequest) -> None:
-        """Open a file in the other way that was offered."""
+        """Open a file by a request."""
         self.documents.submit(request)
 
     @Slot(object)
     def answer_offer(self, answer: RestoreRoom | DiscardRoom | OpenRequest) -> None:
-        """Do what was offered."""
+        """Carry out the answer to a notice."""
         try:
             match answer:
                 case RestoreRoom():
@@ -168,27 +168,27 @@ class WindowSession(QObject):
 
     @Slot(str)
     def save_room(self, path: str) -> None:
-        """Write the room as it is now, with the sensor's place; the dialog has asked about overwriting."""
+        """Save the room with the sensor's place. Overwrites: the dialog has asked."""
         if self.documents.save_room(self.shown.scene.written_room, Path(path)):
             self.showing.name_room(Path(path).name)
             self.unsaved.saved(self.shown.scene)
 
     @Slot(object)
-    def _use(self, way: ScannerTarget) -> None:
+    def _use(self, target: ScannerTarget) -> None:
         if self.live.running:
-            self.warned.emit("a scan runs: stop it before another scanner is connected")
+            self.warned.emit("a scan is running; stop it before you connect another scanner")
             return
         self.leave_replay()
-        self.scanners.remember(way)
-        self.live.use(way.opener)
-        if way.scene is not None:
-            self.set_scene(way.scene)
+        self.scanners.remember(target)
+        self.live.use(target.opener)
+        if target.scene is not None:
+            self.set_scene(target.scene)
         self._scanner_in = self.shown.scene
         self.live.connect()
 
     @property
     def recorded(self) -> Log | Path | None:
-        """The log whose readings are shown, or the file that holds it; None where there is none."""
+        """The log of the readings shown, or its file; None if there is none."""
         return self._source.recorded
 
     @property
@@ -197,12 +197,12 @@ class WindowSession(QObject):
         return self._source.log_file
 
     def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:
-        """These files and scanners were used before."""
+        """Set the lists of recent files and scanners."""
         self.documents.recent, self.scanners.urls = recent, urls
         self.recent_changed.emit(recent)
 
     def close(self) -> None:
-        """Stop the board, close the log, end every thread; twice does no harm."""
+        """Stop the board, close the log, end all threads. A second call has no effect."""
         self._timer.stop()
         self.unsaved.write()
         self.live.close()
@@ -212,11 +212,11 @@ class WindowSession(QObject):
         self.saver.close()
         self.showing.close()
 
-    # what happens meanwhile
+    # updates
 
     @Slot()
     def tick(self) -> None:
-        """Fetch what has happened since the last tick, and report it."""
+        """Fetch the results since the last tick, and report them."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
         for part in (self.scanners, self.fitting, self.saver):
@@ -247,7 +247,7 @@ class WindowSession(QObject):
     def _take_opened(self, opened: Opened) -> None:
         self.recent_changed.emit(self.documents.recent)
         if self.live.running:
-            return  # asked for before the scan began; it would tear it from its room
+            return  # requested before the scan began; would change the room of the scan
         if isinstance(opened, RoomOpened):
             self._warn_if_other_room(opened.scene)
             self.set_scene(opened.scene)
@@ -271,21 +271,22 @@ class WindowSession(QObject):
         else:
             return
         if self._source.all_readings and text and opened.room and text != opened.room.text:
-            taken = f"{name or 'another room'}{' as it was then' if name == opened.room_file else ''}"
-            self.warned.emit(f"these readings were taken in {taken}; they are now held against {opened.room_file}")
+            recorded_in = f"{'an earlier version of ' if name == opened.room_file else ''}{name or 'another room'}"
+            now = opened.room_file
+            self.warned.emit(f"these readings were recorded in {recorded_in}; they are now compared with {now}")
 
     def _warn_if_moved(self) -> None:
         was, now = self._scanner_in.pose, self.shown.scene.pose
         if (was.position, was.heading) != (now.position, now.heading):
-            self.warned.emit("the scanner itself has not moved: readings are predicted from the place shown")
-            self._scanner_in = self.shown.scene  # said once
+            self.warned.emit("the sensor was moved only in the window; readings are predicted from the place shown")
+            self._scanner_in = self.shown.scene  # warn once
 
     def _take_readings(self) -> bool:
-        fresh, told = self._source.take(self._last_tick)
+        fresh, message = self._source.take(self._last_tick)
         if fresh:
             self.showing.follow(self.live.readings)
-        if told:
-            self.warned.emit(told)
+        if message:
+            self.warned.emit(message)
         return fresh
 
     def _begin(self) -> None:
@@ -297,7 +298,7 @@ class WindowSession(QObject):
     @Slot()
     def _follow_replay(self) -> None:
         if self._ticking:
-            self.showing.update_soon()  # with whatever else this tick brings
+            self.showing.update_soon()  # together with the other changes of this tick
         else:
             self.showing.refresh()
 

@@ -1,1 +1,1 @@
-"""What the window shows at one moment, as frozen values."""
+"""The content of the window at one moment, as frozen values."""

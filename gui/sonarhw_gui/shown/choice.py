@@ -1,16 +1,16 @@
-"""Which reading is chosen: one that a person picked, or the newest."""
+"""The selected reading: one that the user picked, or the newest."""
 
 
 class Choice:
-    """Follows the newest reading until one is picked."""
+    """Selects the newest reading until the user picks one."""
 
     def __init__(self) -> None:
         self._picked: int | None = None
 
     def among(self, count: int, compared: int = 0) -> int | None:
-        """The chosen one of `count` readings; None where there are none.
+        """Return the selected one of `count` readings; None if there are none.
 
-        The newest is the newest of the first `compared`, where there are such: there is more to say about it.
+        The newest reading is the newest of the first `compared`, if any, because it can be explained.
         """
         if count == 0:
             return None
@@ -18,14 +18,14 @@ class Choice:
         return newest if self._picked is None else min(self._picked, count - 1)
 
     def pick(self, index: int) -> None:
-        """Stay with one reading."""
+        """Select one reading."""
         self._picked = index
 
     def follow_newest(self) -> None:
-        """Go with the newest one again."""
+        """Select the newest reading again."""
         self._picked = None
 
     def step(self, by: int, now: int | None, count: int) -> None:
-        """Pick the one `by` further than `now` among `count`, round and round."""
+        """Pick the reading `by` after `now` among `count`, wrapping around."""
         if now is not None:
             self._picked = (now + by) % count

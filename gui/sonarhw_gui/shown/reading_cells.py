@@ -28,17 +28,17 @@ class Column(IntEnum):
 
 
 def class_name(kind: Class) -> str:
-    """A class as it stands in the table."""
+    """Return the name of a class in the table."""
     return MARKS[kind].name if kind in MARKS else "silent"
 
 
 def heading_text(rows: ReadingRows, row: int) -> str:
-    """The heading, rounded so that no 360.0° appears."""
+    """Return the heading, rounded so that 360.0° becomes 0.0°."""
     return f"{round(float(rows.headings[row]), 1) % 360:.1f}°"
 
 
 def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
-    """What stands in a cell, in the units of the look; a dash where there is no value."""
+    """Return the text of a cell, in the units of the look; a dash if there is no value."""
     match column:
         case Column.NUMBER:
             return str(row)
@@ -49,15 +49,15 @@ def cell_text(rows: ReadingRows, row: int, column: Column, look: Look) -> str:
         case Column.PREDICTED:
             return _length(rows.predicted[row], look)
         case Column.RESIDUAL:
-            apart = float(rows.measured[row] - rows.predicted[row])
-            return _NOTHING if math.isnan(apart) else residual_unit(look.unit).text(apart)
+            residual = float(rows.measured[row] - rows.predicted[row])
+            return _NOTHING if math.isnan(residual) else residual_unit(look.unit).text(residual)
         case Column.CLASS:
             return class_name(CLASSES[rows.classes[row]])
     return rows.path(row)
 
 
 def column_name(column: Column, look: Look) -> str:
-    """What stands over a column, with its unit."""
+    """Return the header of a column, with its unit."""
     match column:
         case Column.MEASURED | Column.PREDICTED:
             return f"{column.name.lower()} ({look.unit.label})"
@@ -78,15 +78,15 @@ _CSV_HEADER = (
 
 
 def rows_as_csv(rows: ReadingRows, order: Iterable[int], sentence: Callable[[int], str]) -> str:
-    """These rows as CSV with a header: degrees and metres whatever the look, empty where there is no value."""
+    """Return these rows as CSV with a header: always degrees and metres, empty if there is no value."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_CSV_HEADER)
     residuals = rows.residuals
     for row in order:
         lengths = (rows.measured[row], rows.predicted[row], residuals[row])
-        told = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
+        texts = ("" if math.isnan(length) else f"{length:.4f}" for length in lengths)
         kind = class_name(CLASSES[rows.classes[row]])
         heading = f"{rows.headings[row]:.4f}"
-        writer.writerow((row, heading, *told, kind, rows.path(row), sentence(int(row))))
+        writer.writerow((row, heading, *texts, kind, rows.path(row), sentence(int(row))))
     return text.getvalue()

@@ -1,4 +1,4 @@
-"""Which rows of readings are query and in what order, sorted and filtered at once however many there are."""
+"""Filters and sorts the rows of the table of readings, as whole arrays."""
 
 import math
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from sonarhw_gui.shown.reading_rows import CLASSES, CODES, NO_PATH, Class, IntAr
 
 @dataclass(frozen=True)
 class RowQuery:
-    """Which rows, and in what order."""
+    """Which rows the table shows, and in which order."""
 
     column: Column = Column.NUMBER
     descending: bool = False
     hidden: frozenset[Class] = frozenset()
-    text: str = ""  # each word of it stands in the heading, the class or the path
+    text: str = ""  # words; each must occur in the heading, the class or the path
 
     @property
     def is_default(self) -> bool:
-        """Whether the rows stand as they came, all of them."""
+        """Whether all rows are shown, in the order of the scan."""
         return self.column is Column.NUMBER and not (self.descending or self.hidden or self.text)
 
 
 def order_of(rows: ReadingRows, query: RowQuery) -> IntArray:
-    """Which rows are query, in their order; rows without a value stand last either way."""
+    """Return the numbers of the rows of a query, in order; rows without a value are always last."""
     kept = np.ones(len(rows), bool)
     if query.hidden:
         kept &= ~np.isin(rows.classes, [CODES[kind] for kind in query.hidden])
@@ -56,7 +56,7 @@ def _sort_keys(rows: ReadingRows, column: Column) -> FloatArray:
 
 
 def _containing(rows: ReadingRows, words: list[str]) -> NDArray[np.bool_]:
-    # a word is looked up in the few different texts of a column, not in every row
+    # each word is searched in the few distinct texts of a column, not in every row
     angles, which = np.unique(np.round(rows.headings, 1), return_inverse=True)
     kept = np.ones(len(rows), bool)
     for word in words:

@@ -1,4 +1,4 @@
-"""The readings as rows of a table: plain arrays, and what is kept of them while a scan grows."""
+"""The readings as rows of a table, in plain arrays that are extended while a scan grows."""
 
 import math
 from collections.abc import Iterable
@@ -23,15 +23,15 @@ NO_PATH = -1
 
 @dataclass(frozen=True)
 class ReadingRows:
-    """One row a reading; every array is (n,)."""
+    """One row for each reading; every array is (n,)."""
 
     readings: tuple[Reading, ...]
     angles: FloatArray  # of the turntable, degrees
     headings: FloatArray  # in the room, degrees from 0 to 360
     measured: FloatArray  # m; NaN: no echo
     predicted: FloatArray  # m; NaN: no echo, or not compared
-    classes: IntArray  # which of CLASSES
-    paths: IntArray  # which of `path_names`, or −1
+    classes: IntArray  # indices into CLASSES
+    paths: IntArray  # indices into `path_names`, or NO_PATH
     path_names: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -39,15 +39,15 @@ class ReadingRows:
 
     @property
     def residuals(self) -> FloatArray:
-        """Measured less predicted, m; NaN where either is silent."""
+        """Measured minus predicted, m; NaN if either has no echo."""
         return self.measured - self.predicted
 
     def path(self, row: int) -> str:
-        """The path of a reading; empty where none is known."""
+        """Return the path of a reading; empty if it is unknown."""
         return self.path_names[self.paths[row]] if self.paths[row] != NO_PATH else ""
 
     def counts(self) -> dict[Class, int]:
-        """How many readings there are of each class."""
+        """Return the number of readings of each class."""
         return dict(zip(CLASSES, np.bincount(self.classes, minlength=len(CLASSES)).tolist(), strict=True))
 
 
@@ -59,9 +59,9 @@ NO_ROWS = ReadingRows((), _EMPTY, _EMPTY, _EMPTY, _EMPTY, _NONE, _NONE, ())
 def rows_of(
     readings: tuple[Reading, ...], compared: Compared | None, zero: float, before: ReadingRows = NO_ROWS
 ) -> ReadingRows:
-    """The rows of readings, a stretch of them compared; `zero` is where turntable angle 0 points in the room, rad.
+    """Return the rows of readings; `zero` is the heading of turntable angle 0 in the room, rad.
 
-    What `before` knows of the same readings is taken from there.
+    Values of the same readings are copied from the rows `before`.
     """
     known = _shared(before.readings, readings)
     fresh = readings[known:]
@@ -81,13 +81,13 @@ def rows_of(
 
 
 def longer_of(rows: ReadingRows, earlier: ReadingRows) -> ReadingRows:
-    """Whichever knows more readings, where both are of one scan; else `rows`."""
+    """Return the longer of two tables if both are of one scan; else `rows`."""
     both = len(rows) and _shared(rows.readings, earlier.readings)
     return earlier if both and len(earlier) > len(rows) else rows
 
 
 def _shared(earlier: tuple[Reading, ...], later: tuple[Reading, ...]) -> int:
-    """How many readings both begin with: a scan only grows, and a replay shows more of it or less."""
+    """Return the number of leading readings that both have: a scan only grows; a replay shows more or fewer."""
     both = min(len(earlier), len(later))
     return both if both and earlier[both - 1] is later[both - 1] else 0
 
@@ -97,7 +97,7 @@ def _no_paths(count: int) -> IntArray:
 
 
 def _named_paths(rows: Iterable[Matched], prediction: PredictedScan) -> tuple[IntArray, tuple[str, ...]]:
-    """The path that accounts for each reading, of a missed one the path that was expected, by rows of names."""
+    """Return the path of each reading, as indices into the names also returned; of a missed echo the expected path."""
     missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
     found = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
     different, places = np.unique(found, return_inverse=True)

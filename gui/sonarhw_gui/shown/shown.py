@@ -1,6 +1,6 @@
-"""What the window shows at one moment, as one frozen value for all views.
+"""The content of the window at one moment, as one frozen value for all views.
 
-A view compares its parts with those that it drew last and redraws only parts that are another object.
+A view compares the parts with those that it drew last, and redraws only parts that are another object.
 """
 
 from dataclasses import dataclass, field
@@ -26,14 +26,14 @@ from sonarhw_gui.work.prediction_requests import Compared
 class ClassPoints:
     """The readings of one class, as points over heading."""
 
-    readings: tuple[int, ...]  # which readings
+    readings: tuple[int, ...]  # numbers of the readings
     headings: FloatArray  # rad in the room
-    ranges: FloatArray  # m; of a missed echo the predicted one
+    ranges: FloatArray  # m; of a missed echo the predicted range
 
 
 @dataclass(frozen=True)
 class Cursor:
-    """Where a hand points: linked in plan, trace, range view and B-scan."""
+    """The position of the pointer, shown in plan, trace, range view and B-scan."""
 
     heading: float  # rad in the room
     range: float  # m
@@ -48,69 +48,69 @@ class Shown:
     compared: Compared | None = None
     readings: tuple[Reading, ...] = ()
     chosen: int | None = None
-    trace: ChosenTrace | None = None  # of the chosen reading, a moment after it is chosen
-    bscan: BScans | None = None  # as it was when somebody looked at it last
+    trace: ChosenTrace | None = None  # of the selected reading; computed after the selection
+    bscan: BScans | None = None  # as last shown
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
-    outdated: bool = False  # whether what is compared belongs to a scene before, for longer than one would notice
-    earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # from which `rows` are made sooner
+    outdated: bool = False  # whether the comparison is of a previous scene for a noticeable time
+    earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
 
     @property
     def chosen_reading(self) -> Reading | None:
-        """The reading that trace, rays and sentence are about."""
+        """The reading of trace, rays and sentence; None without readings."""
         return None if self.chosen is None else self.readings[self.chosen]
 
     @property
     def chosen_row(self) -> Matched | None:
-        """The chosen reading beside its prediction; None where it has not been compared."""
+        """The comparison of the selected reading; None if it was not compared."""
         return None if self.chosen is None else self.row(self.chosen)
 
     @property
     def prediction(self) -> PredictedScan | None:
-        """The prediction whose headings the rows index; None where nothing has been compared."""
+        """The prediction of the compared rows; None if nothing was compared."""
         return self.compared.comparison.prediction if self.compared else None
 
     def row(self, reading: int) -> Matched | None:
-        """A reading beside its prediction; None where it has not been compared."""
+        """Return the comparison of a reading; None if it was not compared."""
         return self.compared.row(reading) if self.compared else None
 
     def heading(self, reading: int) -> float:
-        """Where a reading looks in the room, rad."""
+        """Return the heading of a reading in the room, rad."""
         return self.scene.pose.heading + self.readings[reading].angle
 
     def same_readings(self, other: "Shown") -> bool:
-        """Whether `other` has the same readings in the same classes at the same points."""
+        """Return whether `other` has the same readings in the same classes at the same points."""
         return self.readings is other.readings and self.compared is other.compared and self.scene is other.scene
 
     @cached_property
     def sentence(self) -> str:
-        """What the chosen reading says; an invitation where there is none."""
+        """The explanation of the selected reading; a hint if there are no readings."""
         if self.chosen is None:
             return "No reading yet: press Scan or open a log."
         return self.sentence_of(self.chosen)
 
     def sentence_of(self, reading: int) -> str:
-        """What a reading says, or what it waits for."""
+        """Return the explanation of a reading, or why there is none yet."""
         if self.compared is not None and self.row(reading) is not None:
             return explain_reading(self.compared.comparison, reading - self.compared.first, self.look.unit.text)
-        heard = self.readings[reading].range
+        range_ = self.readings[reading].range
         at = heading_text(self.heading(reading))
-        told = f"no echo at {at}" if heard is None else f"{self.look.unit.text(heard)} at {at}"
-        return f"{told}: {'being compared' if self.scene.room else 'open a room file to see which path it took'}"
+        measured = f"no echo at {at}" if range_ is None else f"{self.look.unit.text(range_)} at {at}"
+        return f"{measured}: {'being compared' if self.scene.room else 'open a room file to see its path'}"
 
     @cached_property
     def rows(self) -> ReadingRows:
-        """All readings as columns."""
+        """All readings as rows of a table."""
         return rows_of(self.readings, self.compared, self.scene.pose.heading, self.earlier)
 
     @property
     def known_rows(self) -> ReadingRows:
-        """What is known of the rows of this scan, also of those that a replay has gone back over."""
+        """All known rows of this scan, including those after the position of a replay."""
         return longer_of(self.rows, self.earlier)
 
     @cached_property
     def classes(self) -> dict[Kind | Unclassed, ClassPoints]:
-        """All readings that can be drawn, by class."""
+        """All readings with a measured or predicted range, by class."""
         rows = self.rows
         drawn_at = np.where(np.isnan(rows.measured), rows.predicted, rows.measured)
         points = {}

@@ -1,4 +1,4 @@
-"""The files of the window: opened in a thread, rooms saved, and the list of recent files."""
+"""The files of the window: opens files in a thread, saves rooms, and lists recent files."""
 
 import os
 from pathlib import Path
@@ -14,10 +14,10 @@ from sonarhw_gui.work.worker import Failure, Worker
 
 
 class Documents:
-    """Opens one file after another; of several that wait the newest."""
+    """Opens one file at a time; of several waiting files of one kind only the newest."""
 
     def __init__(self, folder: Path) -> None:
-        """`folder`: where scans that are imported are kept as logs."""
+        """`folder`: of recordings, where imported scans are stored as logs."""
         self.recent: tuple[str, ...] = ()
         self.messages: list[str] = []
         self.saved_in: Path | None = None
@@ -25,9 +25,9 @@ class Documents:
         self._worker = Worker("open files")
 
     def folder(self, shown: str = "") -> Path:
-        """Where to offer to save: where one did so last, else where the file that is shown or was opened last lies.
+        """Return the folder for a save dialog: the last one used, else that of the file shown or opened last.
 
-        Recordings lie where nobody looks, and some rooms where nobody may write: then it is home.
+        The folder of recordings and folders without write permission are skipped; the default is the home folder.
         """
         if self.saved_in is not None:
             return self.saved_in
@@ -41,18 +41,18 @@ class Documents:
         return self._worker.busy
 
     def open(self, path: Path, board: Board) -> None:
-        """Have a file opened; a room for that board."""
+        """Start to open a file; a room is opened with this board."""
         try:
             self._worker.submit(request_for(path, board, self._folder))
         except InputError as error:
             self.messages.append(str(error))
 
     def submit(self, request: OpenRequest) -> None:
-        """Have a file opened as it is asked for there."""
+        """Start to open a file by a request."""
         self._worker.submit(request)
 
     def take(self) -> list[Opened]:
-        """What has been opened since the last call."""
+        """Return what was opened since the last call."""
         opened: list[Opened] = []
         for answer in self._worker.take():
             if isinstance(answer, Failure):
@@ -65,7 +65,7 @@ class Documents:
         return opened
 
     def save_room(self, room: Room | None, path: Path) -> bool:
-        """Write a room; whether it has been written. The dialog has asked about overwriting."""
+        """Write a room and return whether that succeeded. Overwrites: the dialog has asked."""
         try:
             if room is None:
                 raise InputError("there is no room to save; open a room file")

@@ -1,4 +1,4 @@
-"""A new log for a live scan: in the user's folder of recordings, named by date and room."""
+"""Creates the log of a live scan, in the user's folder of recordings, named by date and room."""
 
 import re
 import time
@@ -14,21 +14,21 @@ from sonarhw_gui.scene.scene import Scene
 
 
 def recordings_folder() -> Path:
-    """The folder of recordings on this system; it may not exist yet."""
+    """Return the folder of recordings on this system; it may not exist yet."""
     return user_data_path("sonarhw", appauthor=False) / "recordings"
 
 
 def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> tuple[LogWriter, Path]:
-    """A new log in `folder`, named by the moment and the room; `warn` is told when the disk is nearly full.
+    """Create a log in `folder`, named by time and room; `warn` is called when the disk is nearly full.
 
-    Raises LogError where none can be made there.
+    Raises LogError if the log cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise LogError(f"{folder}: cannot be made: {error.strerror}; recordings would lie there") from error
+        raise LogError(f"{folder}: cannot be created: {error.strerror}; recordings are stored there") from error
     now = time.time()
-    path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_plain(scene)}")
+    path = _free_name(folder, f"{time.strftime('%Y-%m-%d_%H%M%S', time.localtime(now))}_{_name_part(scene)}")
     room = scene.written_room
     metadata = LogMetadata(
         made_by="scan",
@@ -42,8 +42,8 @@ def start_recording(folder: Path, scene: Scene, warn: Callable[[str], None]) -> 
     return LogWriter(path, metadata, warn=warn), path
 
 
-def _plain(scene: Scene) -> str:
-    """The room's name with nothing in it that a file system may not like."""
+def _name_part(scene: Scene) -> str:
+    """Return the room's name without characters that a file system may reject."""
     return re.sub(r"\W+", "-", scene.room.name.lower()).strip("-") or "room" if scene.room else "no-room"
 
 

@@ -21,54 +21,55 @@ _UNITS = {1.0: "metres", 0.01: "centimetres", 0.001: "millimetres", 0.3048: "fee
 
 @dataclass(frozen=True)
 class LogOpened:
-    """A log and the scene that it is shown in; its room is None where the log carries none."""
+    """A log and its scene; the room is None if the log contains none."""
 
     path: Path
     log: Log
     scene: Scene
-    notice: str = ""  # how it was understood, where that could be otherwise
-    doubt: Notice | None = None  # what may have been misunderstood, with the request that reads it anew
+    notice: str = ""  # how the file was interpreted, if it is ambiguous
+    doubt: Notice | None = None  # a question about the interpretation, with the request that changes it
 
 
 @dataclass(frozen=True)
 class OpenLogRequest:
-    """What is in this log?"""
+    """Open a log."""
 
     path: Path
-    seen_in: Scene | None = None  # as it was left the last time; None: the scene that it carries
+    seen_in: Scene | None = None  # the scene of the last session; None: the scene in the log
 
     def answer(self) -> LogOpened:
-        """Read it. Raises InputError."""
+        """Read the log. Raises InputError."""
         log = read_log(self.path)
         return LogOpened(self.path, log, self.seen_in or scene_of_log(log.metadata))
 
 
 @dataclass(frozen=True)
 class OpenCsvRequest:
-    """What is in this CSV file?"""
+    """Open a CSV scan, which is imported as a log."""
 
     path: Path
-    folder: Path  # where the log that it becomes is kept
-    no_echo: float | None = None  # the range that stands for none
-    kept: Path | None = None  # the log that it became before and becomes again
+    folder: Path  # where the imported log is stored
+    no_echo: float | None = None  # the range that means no echo
+    log_path: Path | None = None  # of an earlier import of this file, which is overwritten
 
     def answer(self) -> LogOpened:
-        """Make a log of it, and read that. Raises InputError, LogError."""
+        """Import the file as a log, and read the log. Raises InputError, LogError."""
         columns, guessed = guess_columns(self.path)
         meaning = replace(guessed, no_echo=self.no_echo)
         readings = read_foreign_scan(self.path, columns, meaning)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise LogError(f"{self.folder}: cannot be made: {error.strerror}; imported scans lie there") from error
-        path = self.kept or self._free_name()
-        write_scan(path, LogMetadata("import", time.time()), readings, overwrite=path == self.kept)
+            why = f"cannot be created: {error.strerror}; imported scans are stored there"
+            raise LogError(f"{self.folder}: {why}") from error
+        path = self.log_path or self._free_name()
+        write_scan(path, LogMetadata("import", time.time()), readings, overwrite=path == self.log_path)
         log = read_log(path)
         silence = "" if self.no_echo is None else f" and {self.no_echo:g} as no echo"
         notice = (
-            f"{self.path.name} is now kept as {path.name}, in {self.folder}; {columns.heading!r} was read as degrees "
+            f"{self.path.name} was imported as {path.name}, in {self.folder}; {columns.heading!r} was read as degrees "
             f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}"
-            f"{silence}; `sonarhw import` reads it otherwise"
+            f"{silence}; use `sonarhw import` for another interpretation"
         )
         return LogOpened(path, log, scene_of_log(log.metadata), notice, self._doubt(columns, path))
 
@@ -76,22 +77,22 @@ class OpenCsvRequest:
         names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
         return next(name for name in names if not name.exists())
 
-    def _doubt(self, columns: Columns, kept: Path) -> Notice | None:
+    def _doubt(self, columns: Columns, log_path: Path) -> Notice | None:
         likely = None if self.no_echo is not None else likely_silence(self.path, columns)
         if likely is None:
             return None
         value, count = likely
         return Notice(
             f"{count} readings of {self.path.name} have {value:g} in {columns.distance!r}"
-            f"{', the longest there is' if value else ''}: did they hear no echo?",
+            f"{', the largest value' if value else ''}: does this mean no echo?",
             "No echo",
-            replace(self, no_echo=value, kept=kept),
+            replace(self, no_echo=value, log_path=log_path),
         )
 
 
 @dataclass(frozen=True)
 class RoomOpened:
-    """A scene in the room of a file, at its first place."""
+    """The scene of a room file, at its first place."""
 
     path: Path
     scene: Scene
@@ -99,13 +100,13 @@ class RoomOpened:
 
 @dataclass(frozen=True)
 class OpenRoomRequest:
-    """What is in this room file?"""
+    """Open a room file."""
 
     path: Path
     board: Board
 
     def answer(self) -> RoomOpened:
-        """Read it. Raises InputError."""
+        """Read the room. Raises InputError."""
         room = load_room(self.path)
         return RoomOpened(self.path, scene_with(self.board, room, first_place(room), self.path.name))
 
@@ -119,12 +120,12 @@ def _unit_name(metres: float) -> str:
 
 
 def can_open(path: Path) -> bool:
-    """Whether a file is called like one that can be opened."""
+    """Return whether a file has the extension of a log, a room or a CSV scan."""
     return path.suffix.lower() in (LOG, ROOM, CSV)
 
 
 def request_for(path: Path, board: Board, folder: Path) -> OpenRequest:
-    """The request that opens a file of that name. Raises InputError where nothing does."""
+    """Return the request that opens a file. Raises InputError for an unknown extension."""
     match path.suffix.lower():
         case ".mcap":
             return OpenLogRequest(path)

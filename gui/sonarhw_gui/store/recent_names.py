@@ -4,5 +4,5 @@ MOST = 10
 
 
 def with_newest(names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """The names with one more in front, each once."""
+    """Return the names with `name` in front, without duplicates."""
     return (name, *(other for other in names if other != name))[:MOST]

@@ -1,4 +1,4 @@
-"""The logs in the folder of recordings, read a few at a time in a thread, newest first."""
+"""Lists the logs in the folder of recordings, newest first; a thread reads a few at a time."""
 
 import time
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from sonarhw.errors import InputError
 from sonarhw.log import Log, read_log
 from sonarhw_gui.work.worker import Failure, Worker
 
-_SLICE = 0.2  # s of reading before what is known is shown
+_SLICE = 0.2  # s of reading between updates of the list
 
 
 @dataclass(frozen=True)
@@ -18,22 +18,22 @@ class RecordingRow:
     """One log."""
 
     path: Path
-    changed: float  # when the file was, s since the epoch
-    began: float  # s since the epoch
+    changed: float  # modification time, s since the epoch
+    began: float  # start of the scan, s since the epoch
     room: str
     place: str
     readings: int
     traces: bool
-    condition: str  # whole, torn, damaged, or why it cannot be read
+    condition: str  # whole, torn, damaged, or why the file cannot be read
 
 
 @dataclass(frozen=True)
 class RecordingList:
-    """What is known of a folder."""
+    """The recordings of a folder that are read so far."""
 
     folder: Path
-    rows: tuple[RecordingRow, ...] = ()  # the newest first
-    files: int = 0  # that there are
+    rows: tuple[RecordingRow, ...] = ()  # newest first
+    files: int = 0  # number of logs in the folder
 
     @property
     def complete(self) -> bool:
@@ -43,12 +43,12 @@ class RecordingList:
 
 @dataclass(frozen=True)
 class ListRequest:
-    """What is in this folder? What is known of a file that has not changed is not read again."""
+    """Read more recordings of a folder. A file that has not changed is not read again."""
 
     known: RecordingList
 
     def answer(self) -> RecordingList:
-        """Read some more. Raises InputError where the folder cannot be read."""
+        """Read for `_SLICE` s. Raises InputError if the folder cannot be read."""
         files = _files(self.known.folder)
         known = {row.path: row for row in self.known.rows}
         rows, until = [], time.monotonic() + _SLICE
@@ -63,7 +63,7 @@ class ListRequest:
 
 
 def _files(folder: Path) -> list[tuple[Path, float]]:
-    """The logs of a folder and when they were changed, the newest first; none where there is no folder yet."""
+    """Return the logs of a folder with their modification times, newest first; none if there is no folder yet."""
     try:
         found = [(path, path.stat().st_mtime) for path in folder.glob("*.mcap")]
     except OSError as error:
@@ -75,8 +75,8 @@ def _recording(path: Path, changed: float) -> RecordingRow:
     try:
         log = read_log(path)
     except InputError as error:
-        told = str(error).removeprefix(f"{path}: ")
-        return RecordingRow(path, changed, changed, "", "", 0, False, told)
+        reason = str(error).removeprefix(f"{path}: ")
+        return RecordingRow(path, changed, changed, "", "", 0, False, reason)
     traces = any(reading.trace is not None for reading in log.readings[:1])
     made = log.metadata
     return RecordingRow(
@@ -85,7 +85,7 @@ def _recording(path: Path, changed: float) -> RecordingRow:
 
 
 def _room(log: Log) -> str:
-    """The name of the room inside it, else of the file that it was in."""
+    """Return the name of the room in a log, else the name of its room file."""
     try:
         return parse_room(log.metadata.room_text, "room").name if log.metadata.room_text else log.metadata.room_file
     except InputError:
@@ -93,7 +93,7 @@ def _room(log: Log) -> str:
 
 
 class Recordings:
-    """Goes through the folder while somebody looks."""
+    """Reads the folder in a thread while the list is shown."""
 
     def __init__(self, folder: Path) -> None:
         self.listed = RecordingList(folder)
@@ -102,7 +102,7 @@ class Recordings:
         self._worker.submit(ListRequest(self.listed))
 
     def take(self) -> bool:
-        """Take in what has been read since the last call; whether anything has."""
+        """Fetch what was read since the last call; return whether there is anything new."""
         taken = self._worker.take()
         for answer in taken:
             if isinstance(answer, Failure):

@@ -1,4 +1,4 @@
-"""Requests to write what the window shows to a file: pictures, data and reports, each file whole or not at all."""
+"""Requests to save pictures, data and reports; each file is written completely or not at all."""
 
 import json
 from collections.abc import Sequence
@@ -19,54 +19,54 @@ JSON, HTML, PNG, SVG = ".json", ".html", ".png", ".svg"
 
 
 class Content(Protocol):
-    """What can be written."""
+    """The content of a file to save."""
 
     @property
     def endings(self) -> Sequence[str]:
-        """How its file may be called."""
+        """The file name extensions that are possible."""
 
     def write(self, file: BinaryIO, ending: str) -> None:
-        """Write it, in a thread of its own. Raises SonarError."""
+        """Write the content; runs in a thread. Raises SonarError."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A view, as pixels or as SVG."""
+    """A picture of a view, as pixels or as SVG."""
 
     pixels: Pixels | None
     svg: str = ""
     endings: Sequence[str] = (PNG, SVG)
 
     def write(self, file: BinaryIO, ending: str) -> None:
-        """Write it."""
+        """Write the picture as PNG or SVG."""
         if self.pixels is None:
             file.write(with_own_coordinates(self.svg).encode())
             return
-        from matplotlib.image import imsave  # half a second, which only the first picture takes
+        from matplotlib.image import imsave  # takes half a second; only the first picture needs it
 
         imsave(file, self.pixels, format="png")
 
 
 @dataclass(frozen=True)
 class Data:
-    """The readings of a log as `sonarhw log export` writes them, or the figures of `sonarhw compare --json`."""
+    """The readings of a log as from `sonarhw log export`, or the summary of `sonarhw compare --json`."""
 
     recorded: Log | Path
     scene: Scene
     endings: Sequence[str] = (*export_suffixes(), JSON)
 
     def write(self, file: BinaryIO, ending: str) -> None:
-        """Write them."""
+        """Write the readings or the summary."""
         log = _log_of(self.recorded)
         if ending == JSON:
-            file.write(_figures(log.readings, self.scene).encode())
+            file.write(_summary(log.readings, self.scene).encode())
         else:
             export_format(ending).write(log, file)
 
 
 @dataclass(frozen=True)
 class ReportPage:
-    """The report on a log in a scene."""
+    """The report about a log in a scene."""
 
     name: str
     recorded: Log | Path
@@ -75,8 +75,8 @@ class ReportPage:
     endings: Sequence[str] = (HTML,)
 
     def write(self, file: BinaryIO, ending: str) -> None:
-        """Work it out, in some seconds, and write it."""
-        from sonarhw_compare.report.html_report import (  # with matplotlib, which the window does without
+        """Compute the report, which takes some seconds, and write it."""
+        from sonarhw_compare.report.html_report import (  # loads matplotlib, which the window does not need
             report_html,
             report_of,
         )
@@ -91,19 +91,19 @@ class ReportPage:
 
 @dataclass(frozen=True)
 class SaveRequest:
-    """Write it there."""
+    """Save content to a file."""
 
     content: Content
     path: Path
     overwrite: bool
 
     def answer(self) -> Path:
-        """Write it. Raises InputError, OutputError; then nothing has been written."""
+        """Write the file. Raises InputError, OutputError; then no file is written."""
         from sonarhw.atomic_file import atomic_file
 
         endings, path = self.content.endings, self.path
         if path.suffix.lower() not in endings:
-            raise InputError(f"{path.name}: expected a name that ends in {' or '.join(endings)}")
+            raise InputError(f"{path.name}: expected a name ending in {' or '.join(endings)}")
         if path.exists() and not self.overwrite:
             raise InputError(f"{path}: exists already; choose another name")
         with atomic_file(path, "name") as file:
@@ -115,7 +115,7 @@ def _log_of(recorded: Log | Path) -> Log:
     return read_log(recorded) if isinstance(recorded, Path) else recorded
 
 
-def _figures(readings: Sequence[Reading], scene: Scene) -> str:
+def _summary(readings: Sequence[Reading], scene: Scene) -> str:
     from sonarhw_compare.matching.match import compare_readings
 
     room, _ = room_and_place(scene)

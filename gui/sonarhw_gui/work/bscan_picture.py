@@ -1,6 +1,6 @@
-"""The B-scan as pixels, flat or polar.
+"""The B-scan as pixels, rectangular or polar.
 
-Colours are looked up before positions, so a picture of half a million pixels takes some milliseconds.
+The colour of each level is looked up before the pixels are placed, so half a million pixels take some milliseconds.
 """
 
 import math
@@ -22,10 +22,10 @@ from sonarhw_gui.work.bscan_rows import BScanRows
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-Pixels = NDArray[np.uint8]  # (height, width, 4), first the lowest row; not opaque where nothing is known
+Pixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transparent where there is no value
 COLOURS = 256
 _SIDE = 1200  # pixels of a polar picture
-_TURN = round(math.tau / SAME_HEADING)  # columns of a flat one
+_TURN = round(math.tau / SAME_HEADING)  # columns of a rectangular picture
 _DIFFERENCE_DB = 30.0
 _DIFFERENCE = 0.5  # of full scale
 
@@ -40,7 +40,7 @@ class Pane(Enum):
 
 @dataclass(frozen=True)
 class BScanSettings:
-    """What a person wants to see of the B-scan."""
+    """The panes of the B-scan that are visible, and how they are drawn."""
 
     panes: tuple[Pane, ...]
     polar: bool
@@ -49,7 +49,7 @@ class BScanSettings:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """Which colour is which level."""
+    """The colours of the levels from `low` to `high`."""
 
     colours: NDArray[np.uint8]  # (COLOURS, 4)
     low: float
@@ -57,7 +57,7 @@ class ColourScale:
     label: str  # with its unit
 
     def of(self, values: FloatArray) -> NDArray[np.uint32]:
-        """The colour of every value, same shape, four bytes in one; nothing at all where it is NaN."""
+        """Return the colour of every value, same shape, RGBA in one integer; 0 (transparent) for NaN."""
         steps = (values - self.low) * ((COLOURS - 1) / (self.high - self.low))
         unknown = np.isnan(steps)
         rows = np.where(unknown, 0.0, steps).clip(0, COLOURS - 1).astype(np.intp)
@@ -66,7 +66,7 @@ class ColourScale:
 
 @dataclass(frozen=True)
 class PanePicture:
-    """One pane, drawn."""
+    """The picture of one pane, and its colours."""
 
     pixels: Pixels
     scale: ColourScale
@@ -74,7 +74,7 @@ class PanePicture:
 
 @dataclass(frozen=True)
 class BScans:
-    """The B-scan as far as it is worked out."""
+    """The part of the B-scan that is computed so far."""
 
     generation: int
     settings: BScanSettings
@@ -86,8 +86,8 @@ class BScans:
 
 @lru_cache(maxsize=16)
 def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) -> ColourScale:
-    """The colours of one pane; those of a difference run from predicted's colour by the paper's to measured's."""
-    # half a second, which only the first picture takes, and not every start of the window
+    """Return the colours of one pane; those of the difference go from predicted over the background to measured."""
+    # the import takes half a second; only the first picture needs it, not the start of the window
     from matplotlib import colormaps
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -109,32 +109,32 @@ def _bytes(colours: "Colormap") -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class Arm:
-    """Where heading and range lie in a polar picture: the transducer stands on an arm that turns about the place."""
+    """Geometry of a polar picture: the transducer is mounted on an arm that turns about the place."""
 
-    ahead: float = 0.0  # of the turning axis, m
-    left: float = 0.0  # of it, m
+    ahead: float = 0.0  # m, in front of the axis
+    left: float = 0.0  # m, to the left of the axis
 
     def reach(self, range_: float) -> float:
-        """How far off the axis a range lies, m."""
+        """Return the distance of a range from the axis, m."""
         return math.hypot(self.ahead + range_, self.left)
 
     def places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
-        """Where they lie off the axis, (n, 2) float, m."""
+        """Return the points at these headings and ranges, relative to the axis, (n, 2) float, m."""
         cosines, sines, along = np.cos(headings), np.sin(headings), self.ahead + ranges
         return np.column_stack((along * cosines - self.left * sines, along * sines + self.left * cosines))
 
     def seen_at(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Heading, rad, and range, m, of what lies there off the axis; NaN where no heading looks."""
+        """Return heading, rad, and range, m, of points relative to the axis; NaN where no heading reaches."""
         with np.errstate(invalid="ignore"):
             along = np.sqrt(x**2 + y**2 - self.left**2)
         return np.arctan2(y, x) - np.arctan2(self.left, along), along - self.ahead
 
 
 def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> Pixels:
-    """The picture of one pane: flat over heading (all of the turn) and range, or polar with heading 0 to the right."""
+    """Return the picture of one pane: a full turn of headings by range, or polar with heading 0 to the right."""
     coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
     rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
-    # one row more, of nothing: where a gap is, -1 picks it
+    # an additional transparent row for gaps: index -1 selects it
     coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
     if polar is not None:
         headings, cells = _polar_places(bscan.cells, polar)
@@ -148,7 +148,7 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
 
 @lru_cache(maxsize=4)
 def _polar_places(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Of every pixel of a polar picture which heading of _TURN, _TURN where none is drawn, and the cell; both flat."""
+    """Return column (0 to _TURN - 1, or _TURN outside) and cell of every pixel of a polar picture, both flattened."""
     along = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * arm.reach(cells.reach)
     directions, ranges = arm.seen_at(*np.meshgrid(along, along))
     drawn = (ranges >= 0) & (ranges < cells.reach)
@@ -160,11 +160,11 @@ def _polar_places(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArr
 
 
 def flat_area(cells: RangeCells) -> tuple[float, float, float, float]:
-    """Where a flat picture lies: left and width in degrees, bottom and height in m (left, bottom, width, height)."""
+    """Return the area of a rectangular picture (left, bottom, width, height): left and width in degrees, else m."""
     return -180.0 / _TURN, 0.0, 360.0, cells.reach
 
 
 def polar_area(cells: RangeCells, middle: tuple[float, float], arm: Arm = Arm()) -> tuple[float, float, float, float]:
-    """Where a polar picture round `middle` lies in the room, m (left, bottom, width, height)."""
+    """Return the area of a polar picture around `middle` in the room (left, bottom, width, height), m."""
     reach = arm.reach(cells.reach)
     return middle[0] - reach, middle[1] - reach, 2 * reach, 2 * reach

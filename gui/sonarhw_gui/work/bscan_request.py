@@ -1,4 +1,4 @@
-"""A request to work on the B-scan for a moment and draw what there is; the answer is `BScans`."""
+"""A request to compute the B-scan for a short time and to draw the result so far; the answer is `BScans`."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ SLICE = 0.05  # s
 
 @dataclass(frozen=True)
 class BScanRequest:
-    """What does the B-scan look like?"""
+    """Compute and draw the B-scan of these readings."""
 
     generation: int
     scene: Scene
@@ -26,10 +26,10 @@ class BScanRequest:
     outline: PredictedScan | None
     settings: BScanSettings
     palette: Palette
-    before: BScanRows | None  # of the same scan
+    before: BScanRows | None  # earlier rows of the same scan
 
     def answer(self) -> BScans:
-        """Work on it for `SLICE` and draw what there is."""
+        """Compute rows for `SLICE` s and draw all rows so far."""
         rows = more_rows(self.scene, self.readings, self.outline, self.before, SLICE)
         measured, predicted = rows.images()
         pictures = {pane: self._drawn(pane, measured, predicted) for pane in self.settings.panes}

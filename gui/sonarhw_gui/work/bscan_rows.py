@@ -1,6 +1,6 @@
 """The rows of a B-scan, computed in slices of time so that newer requests do not wait.
 
-A later call continues where the last one ended: each row is computed once for its reading and once for its prediction.
+Each call continues where the last one ended. Each row is computed once for its reading and once for its prediction.
 """
 
 import time
@@ -26,12 +26,12 @@ from sonarhw.errors import SonarError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_gui.scene.scene import Scene
 
-_SAMPLE = 0.004  # m: how far samples of a predicted envelope lie apart, in warm air
+_SAMPLE = 0.004  # m between samples of a predicted envelope, in warm air
 
 
 @dataclass(frozen=True)
 class MeasuredRow:
-    """One measured row, and the reading that it is made of."""
+    """One measured row, and its reading."""
 
     reading: Reading
     levels: FloatArray  # (cells,)
@@ -39,19 +39,19 @@ class MeasuredRow:
 
 @dataclass(frozen=True)
 class BScanRows:
-    """What has been worked out; rows by `heading_key`."""
+    """The rows computed so far, by `heading_key`."""
 
     board: Board
     cells: RangeCells
-    traced: bool  # measured rows are made of traces; else of echo times
-    outline: PredictedScan | None  # what the predicted rows are of
+    traced: bool  # whether measured rows come from traces; else from echo times
+    outline: PredictedScan | None  # the prediction of the predicted rows
     measured: Mapping[int, MeasuredRow] = field(default_factory=dict)
     predicted: Mapping[int, FloatArray] = field(default_factory=dict)
-    done: float = 0.0  # share of the rows that there will be
-    unreadable: str = ""  # why the last trace that could not be read could not
+    done: float = 0.0  # share of all rows
+    unreadable: str = ""  # error of the last unreadable trace
 
     def images(self) -> tuple[BScan, BScan]:
-        """Measured and predicted."""
+        """Return the measured and the predicted B-scan."""
         measured = bscan_of({key: row.levels for key, row in self.measured.items()}, self.cells)
         spacing = None if self.outline is None else row_width(self.outline.headings)
         return measured, bscan_of(self.predicted, self.cells, spacing)
@@ -60,14 +60,14 @@ class BScanRows:
 def more_rows(
     scene: Scene, readings: tuple[Reading, ...], outline: PredictedScan | None, before: BScanRows | None, slice_: float
 ) -> BScanRows:
-    """As many rows more as `slice_` s allow, at least one where one is missing; those of `before` that are still true.
+    """Return the rows of `before` that are still valid, and new rows computed within `slice_` s, at least one.
 
     A trace that cannot be read leaves a gap.
     """
     until = time.monotonic() + slice_
     zero = scene.pose.heading
     wanted = newest_by_heading(readings, zero)
-    rows = _still_true(before, scene.board, wanted, outline)
+    rows = _still_valid(before, scene.board, wanted, outline)
     rows = _measured(rows, wanted, until)
     headings = {} if outline is None else _predicted_headings(outline, wanted, zero)
     if outline is not None:
@@ -76,7 +76,7 @@ def more_rows(
     return replace(rows, done=(len(rows.measured) + len(rows.predicted)) / expected if expected else 1.0)
 
 
-def _still_true(
+def _still_valid(
     before: BScanRows | None, board: Board, wanted: Mapping[int, Reading], outline: PredictedScan | None
 ) -> BScanRows:
     traced = next((reading for reading in wanted.values() if reading.trace is not None), None)
@@ -88,7 +88,7 @@ def _still_true(
 
 
 def _cells(board: Board, traced: Reading | None) -> RangeCells:
-    """Cells for as far as the traces reach; without any for as far as the board can hear."""
+    """Return cells up to the end of the traces; without traces, up to the maximum range of the board."""
     if traced is None or traced.trace is None:
         return cells_for(board.max_range, _SAMPLE)
     try:
@@ -99,23 +99,23 @@ def _cells(board: Board, traced: Reading | None) -> RangeCells:
 
 
 def _predicted_headings(outline: PredictedScan, wanted: Mapping[int, Reading], zero: float) -> dict[int, float]:
-    """Where to predict, rad by key: along the readings, where paths serve all headings, and all round."""
+    """Return the headings to predict, rad, by key: those of the outline, and those of the readings if possible."""
     along = {} if outline.only_at is not None else {key: zero + reading.angle for key, reading in wanted.items()}
     return {heading_key(heading): heading for heading in outline.headings.tolist()} | along
 
 
 def _measured(rows: BScanRows, wanted: Mapping[int, Reading], until: float) -> BScanRows:
-    made = {key: rows.measured[key] for key, reading in wanted.items() if _is_of(rows.measured.get(key), reading)}
+    computed = {key: rows.measured[key] for key, reading in wanted.items() if _is_of(rows.measured.get(key), reading)}
     unreadable = rows.unreadable
-    for key in [key for key in wanted if key not in made]:
+    for key in [key for key in wanted if key not in computed]:
         try:
             levels = _measured_row(wanted[key], rows)
         except SonarError as error:
             levels, unreadable = echo_row((), rows.cells), str(error)
-        made[key] = MeasuredRow(wanted[key], levels)
+        computed[key] = MeasuredRow(wanted[key], levels)
         if time.monotonic() > until:
             break
-    return replace(rows, measured=made, unreadable=unreadable)
+    return replace(rows, measured=computed, unreadable=unreadable)
 
 
 def _is_of(row: MeasuredRow | None, reading: Reading) -> bool:
@@ -130,9 +130,9 @@ def _measured_row(reading: Reading, rows: BScanRows) -> FloatArray:
 
 
 def _predicted(rows: BScanRows, outline: PredictedScan, headings: Mapping[int, float], until: float) -> BScanRows:
-    made = {key: rows.predicted[key] for key in headings if key in rows.predicted}
-    for key in [key for key in headings if key not in made]:
+    computed = {key: rows.predicted[key] for key in headings if key in rows.predicted}
+    for key in [key for key in headings if key not in computed]:
         if time.monotonic() > until:
             break
-        made[key] = predicted_row(outline, headings[key], rows.cells)
-    return replace(rows, predicted=made)
+        computed[key] = predicted_row(outline, headings[key], rows.cells)
+    return replace(rows, predicted=computed)

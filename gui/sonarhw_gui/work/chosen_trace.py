@@ -1,6 +1,6 @@
-"""The trace of the chosen reading: curves over time, the gain, and every echo with its path.
+"""The trace of the selected reading: curves over time, the gain, and every echo with its path.
 
-A stored trace is read from its log and the predicted one is summed, so this runs in a thread.
+It reads a stored trace from its log and computes the predicted one, so it runs in a thread.
 """
 
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from sonarhw_sim.predict.predicted_scan import Echo, PredictedScan
 from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_gui.scene.scene import Scene
 
-_RF_POINTS = 8  # a period of the carrier, where nothing measured says how many
-_CAN_FOLLOW = 2.5  # samples a period; a converter with fewer undersamples
+_RF_POINTS = 8  # samples per period of the carrier, without a measured trace
+_CAN_FOLLOW = 2.5  # samples per period; with fewer the carrier is undersampled
 _GAIN_POINTS = 600
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Something over time."""
+    """Values over time."""
 
     times: FloatArray  # s since the start of transmission
     values: FloatArray
@@ -32,12 +32,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class TraceCurves:
-    """One trace in both forms."""
+    """One trace as its envelope and with its carrier."""
 
-    envelope: Curve  # dB of full scale, not under the floor
-    rf: Curve | None  # of full scale; None where only the envelope is known
+    envelope: Curve  # dB of full scale, not below the floor
+    rf: Curve | None  # of full scale; None if only the envelope was recorded
     rate: float  # Hz, of `rf`
-    undersampled: bool = False  # `rf` is what a converter too slow for the carrier sees
+    undersampled: bool = False  # whether `rf` is sampled too slowly for the carrier, and folded (aliased)
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class NamedEcho:
     """One predicted echo."""
 
     time: float  # s
-    range: float  # m, as the board would report it
+    range: float  # m, as the board reports it
     level_db: float  # of full scale, after the receiver's gain
     via: str
-    detectable: bool  # not within blanking
-    first: bool  # the one the board reports
+    detectable: bool  # after blanking
+    first: bool  # the echo that the board reports
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What the receiver gives back of what the way takes."""
+    """The gain of the receiver, which compensates the loss along the path."""
 
     curve: Curve  # dB
     stepped: bool
@@ -62,13 +62,13 @@ class Gain:
 
 @dataclass(frozen=True)
 class ChosenTrace:
-    """Everything in the trace view."""
+    """The content of the trace view."""
 
     heading: float  # rad in the room
-    speed: float  # m/s, of sound as the reading has it
+    speed: float  # speed of sound of the reading, m/s
     measured: TraceCurves | None
     predicted: TraceCurves | None
-    echo_times: FloatArray  # s: what the board reported
+    echo_times: FloatArray  # s, as reported by the board
     echoes: tuple[NamedEcho, ...]
     gain: Gain
     blanking: float  # s
@@ -77,18 +77,18 @@ class ChosenTrace:
     duration: float  # s
 
     def range_at(self, time: float) -> float:
-        """The range of an echo that comes at `time`, m."""
+        """Return the range of an echo at `time`, m."""
         return self.speed * time / 2
 
     def time_at(self, distance: float) -> float:
-        """When an echo of that range (m) comes, s."""
+        """Return the time of an echo at this range (m), s."""
         return 2 * distance / self.speed
 
 
 def chosen_trace(scene: Scene, reading: Reading, prediction: PredictedScan | None, index: int) -> ChosenTrace:
-    """The trace of a reading beside the predicted one at heading `index` of a prediction.
+    """Return the trace of a reading and the predicted trace at heading `index` of a prediction.
 
-    Raises NotALog where the log that holds the trace can no longer be read.
+    Raises NotALog if the log of the trace can no longer be read.
     """
     board, floor = scene.board, floor_of(scene.board)
     duration = _duration(scene, reading)
@@ -124,7 +124,7 @@ def _measured(trace: Trace, floor: float) -> TraceCurves:
 
 
 def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: float) -> TraceCurves:
-    """The predicted trace; where the carrier was measured, its carrier as the same converter sees it."""
+    """Return the predicted trace; its carrier is sampled as the measured one, if there is one."""
     whole = signal.envelope()
     envelope = Curve(whole.times, in_db(whole.samples, floor))
     carrier = measured is not None and measured.carrier
@@ -144,14 +144,14 @@ def _gain(board: Board, receiver: Receiver, speed: float, duration: float) -> Ga
 
 
 def is_stepped(board: Board, receiver: Receiver) -> bool:
-    """Whether the gain of that receiver rises in steps; else it is the ideal one."""
+    """Return whether the gain of this receiver rises in steps; else it is ideal."""
     return receiver is Receiver.BOARD and bool(board.gain_steps)
 
 
 def _echoes(prediction: PredictedScan, index: int, receiver: Receiver) -> tuple[NamedEcho, ...]:
-    heard, blanked = prediction.echoes(index), prediction.blanked_echoes(index)
+    detectable, blanked = prediction.echoes(index), prediction.blanked_echoes(index)
     reported = int(prediction.winners[index])
-    named = [_named(prediction, echo, receiver, True, echo.path == reported) for echo in heard]
+    named = [_named(prediction, echo, receiver, True, echo.path == reported) for echo in detectable]
     return tuple(named + [_named(prediction, echo, receiver, False, False) for echo in blanked])
 
 

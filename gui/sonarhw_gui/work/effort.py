@@ -1,23 +1,23 @@
-"""How many bounces and rays a draft of the prediction uses, so that drafts keep up with a dragged sensor."""
+"""Adapts the number of bounces and rays of draft predictions, so that drafts keep up with a dragged sensor."""
 
 from dataclasses import dataclass, replace
 
 from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 
-_TOO_LONG, _SHORT = 0.020, 0.005  # s, of a draft
+_TOO_LONG, _SHORT = 0.020, 0.005  # s, duration of a draft
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What a draft may cost."""
+    """Limits of a draft prediction."""
 
     max_bounces: int
     rays: int
-    headings: int  # where every heading needs a search of its own
+    headings: int  # if every heading needs its own search
 
     def limit(self, options: PredictionOptions) -> PredictionOptions:
-        """Those options with no more than this effort; the paper's receiver, for the board's own listens to signals."""
+        """Return the options limited to this effort, and the first-echo receiver, which needs no signals."""
         return replace(
             options,
             max_bounces=min(options.max_bounces, self.max_bounces),
@@ -38,18 +38,18 @@ _FIRST = 3
 
 
 class EffortChoice:
-    """Goes deeper while drafts are quick, less deep when one was slow."""
+    """Raises the effort while drafts are fast, and lowers it after a slow one."""
 
     def __init__(self) -> None:
         self._level = _FIRST
 
     @property
     def effort(self) -> Effort:
-        """What the next draft may cost."""
+        """Limits of the next draft."""
         return _EFFORTS[self._level]
 
-    def took(self, seconds: float) -> None:
-        """The last draft took that long."""
+    def record(self, seconds: float) -> None:
+        """Adapt the effort to the duration of the last draft."""
         if seconds > _TOO_LONG:
             self._level = max(0, self._level - 1)
         elif seconds < _SHORT:

@@ -1,4 +1,4 @@
-"""A request to find where the scanner stood by a fit, its progress, and its answer."""
+"""A request to fit the pose of the scanner to its readings, its progress, and its answer."""
 
 import threading
 from collections.abc import Mapping
@@ -16,13 +16,13 @@ from sonarhw_gui.scene.scene_edit import room_and_place
 if TYPE_CHECKING:
     from sonarhw_compare.fit import FitResult, Parameter
 
-NEAR = 0.25  # m: how far off a place may be that somebody put there by hand
-_SAMPLES = 8000  # of the posterior: some 300 of them are independent
+NEAR = 0.25  # m; maximum error of a place that was set by hand
+_SAMPLES = 8000  # samples of the posterior; about 300 of them are independent
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What a fit may choose, in words of `values.quantities`, and whether the whole room is searched."""
+    """The free parameters of a fit, by their names in `values.quantities`, and whether to search the whole room."""
 
     free: tuple[str, ...] = ("position", "heading", "offset")
     everywhere: bool = False
@@ -30,46 +30,46 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class FitAnswer:
-    """One answer of a fit."""
+    """One solution of a fit."""
 
     values: "Mapping[Parameter, float]"
-    within_5cm: float | None  # share of the echoes, in the scene that it leads to
+    within_5cm: float | None  # share of the echoes, in the fitted scene
 
 
 @dataclass(frozen=True, eq=False)
 class FitFound:
-    """What a fit has come to."""
+    """The result of a fit."""
 
     request: "FitRequest"
     result: "FitResult"
-    within_5cm: float | None  # share of the echoes, in the scene it was made in
+    within_5cm: float | None  # share of the echoes, before the fit
     answers: tuple[FitAnswer, ...]  # the best first
 
 
 class FitProgress:
-    """What a fit at work and whoever waits for it tell each other."""
+    """Progress of a running fit, and its cancellation; shared by the thread of the fit and its caller."""
 
     def __init__(self) -> None:
         self.share, self.doing = 0.0, "beginning"
         self._stop = threading.Event()
 
     def report(self, share: float, doing: str) -> None:
-        """So far it is."""
+        """Store the share that is done and the current step."""
         self.share, self.doing = share, doing
 
     def cancel(self) -> None:
-        """Nobody waits for it any more."""
+        """Ask the fit to end."""
         self._stop.set()
 
     @property
     def cancelled(self) -> bool:
-        """Whether it should end."""
+        """Whether the fit should end."""
         return self._stop.is_set()
 
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Where did the scanner stand?"""
+    """Fit the pose of the scanner."""
 
     scene: Scene
     readings: tuple[Reading, ...]
@@ -77,8 +77,8 @@ class FitRequest:
     progress: FitProgress = field(compare=False)
 
     def answer(self) -> FitFound:
-        """Find it, in some ten seconds. Raises InputError, Cancelled."""
-        from sonarhw_compare.fit import (  # half a second, which only the first fit takes
+        """Run the fit, which takes about ten seconds. Raises InputError, Cancelled."""
+        from sonarhw_compare.fit import (  # takes half a second; only the first fit needs it
             FitOptions,
             PlacedScan,
             fit_scans,
@@ -121,6 +121,6 @@ class FitRequest:
 
 
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
-    """The values of every answer; of the best the estimates, which are surer than its peak."""
+    """Return the values of every solution; of the best one the estimates, which are more accurate than its peak."""
     best = {one: result.estimates[one.name].value for one in result.parameters}
     return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]

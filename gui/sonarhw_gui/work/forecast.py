@@ -1,6 +1,6 @@
-"""The prediction behind the window: paths, outline and comparison, computed in threads.
+"""The prediction that the window shows: paths, outline and comparison, computed in threads.
 
-Paths come twice: a quick draft, then all of them. While something is dragged there are drafts only. Answers for a scene
+Paths are computed twice: first a quick draft, then all paths. During a drag there are only drafts. Answers for a scene
 or scan that is no longer shown are dropped.
 """
 
@@ -15,50 +15,50 @@ from sonarhw_gui.work.effort import EffortChoice
 from sonarhw_gui.work.prediction_requests import Compared, CompareRequest, PathsFound, PathsRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
-MOST_COMPARED = 1440  # readings: the newest are compared, lest an hour of scanning fill the memory
-LATE = 0.15  # s that figures of the scene before may stand without a sign: a shorter one would only flicker
-REST = 0.2  # s without a movement, after which a hand is taken to stand still
+MOST_COMPARED = 1440  # newest readings that are compared; more would fill the memory in an hour of scanning
+LATE = 0.15  # s before values of the previous scene are marked as outdated; a shorter time makes them flicker
+REST = 0.2  # s without a movement, after which a drag is considered to pause
 
 
 class Forecast:
-    """Keeps outline and comparison up with the scene and the readings."""
+    """Keeps outline and comparison up to date with the scene and the readings."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.outline: PredictedScan | None = None
         self.compared: Compared | None = None
-        self.outdated = False  # whether the comparison has belonged to a scene before for a while
+        self.outdated = False  # whether the comparison is of a previous scene for longer than LATE
         self.failures: list[str] = []
         self._clock = clock
         self._effort = EffortChoice()
         self._scene: Scene | None = None
         self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
-        self._generation = 0  # of the scene; every change of it counts
-        self._changed_at: dict[int, float] = {}  # when each scene after the one compared came to be shown
-        self._oldest = 0  # what is older belongs to another room
+        self._generation = 0  # number of the scene; every change increments it
+        self._changed_at: dict[int, float] = {}  # time of each change after the compared scene
+        self._oldest = 0  # older generations belong to another room
         self._scan_generation = 0
-        self._search_at: float | None = None  # when to seek the rest of the paths
-        # three, so that drafts and a growing scan never wait for the rest of the paths
+        self._search_at: float | None = None  # time of the next search for all paths
+        # three threads: drafts and comparisons never wait for the search for all paths
         self._drafter = Worker("draft paths")
         self._finder = Worker("find paths")
         self._comparer = Worker("compare readings")
 
     @property
     def searching(self) -> bool:
-        """Whether paths are still sought; until then there is a draft, or nothing."""
+        """Whether the search for all paths is not finished; until then there is a draft, or nothing."""
         return self._search_at is not None or self._drafter.busy or self._finder.busy
 
     def set_scene(self, scene: Scene) -> None:
-        """Predict for `scene` from now on, and forget the one before."""
+        """Predict for `scene` from now on, and drop the results for the previous scene."""
         self._found, self.outline = None, None
         self._oldest = self._generation + 1
         self.begin_scan()
         self.change_scene(scene)
 
     def change_scene(self, scene: Scene, moving: bool = False) -> None:
-        """Predict for `scene`, in which something has been changed; what is known stands until there is better.
+        """Predict for the changed `scene`; the previous results stay until there are new ones.
 
-        While a hand is `moving` there are drafts only.
+        `moving`: during a drag only drafts are computed.
         """
         self._scene = scene
         self._generation += 1
@@ -72,21 +72,21 @@ class Forecast:
         self._search_when_due()
 
     def begin_scan(self) -> None:
-        """Forget the readings; what is compared from now on belongs to another scan."""
+        """Drop the readings; later readings belong to another scan."""
         self.compared, self._readings = None, ()
         self._scan_generation += 1
 
     def follow(self, readings: Sequence[Reading]) -> None:
-        """Compare `readings`: those of the scan up to now, which only grows until `begin_scan`."""
+        """Compare `readings`, all readings of the scan so far; until `begin_scan` they only grow."""
         self._readings = readings
-        self._ask()
+        self._compare()
 
     def take(self) -> bool:
-        """Take in what has been worked out since the last call; whether anything has changed."""
+        """Fetch the answers since the last call; return whether anything has changed."""
         self._search_when_due()
         changed = False
         for answer in (*self._drafter.take(), *self._finder.take(), *self._comparer.take()):
-            changed = self._take_in(answer) or changed
+            changed = self._accept(answer) or changed
         return self._update_outdated() or changed
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ class Forecast:
             worker.close()
 
     def _update_outdated(self) -> bool:
-        """Whether it has changed that the comparison is behind; once it is, only that of the newest scene helps."""
+        """Update `outdated`; return whether it changed. Only a comparison of the newest scene clears it."""
         was, compared = self.outdated, self.compared
         if compared is None or compared.scene_generation >= self._generation:
             self.outdated = False
@@ -109,36 +109,36 @@ class Forecast:
             self._search_at = None
             self._finder.submit(PathsRequest(self._generation, self._scene, self._scene.options))
 
-    def _take_in(self, answer: PathsFound | Compared | Failure) -> bool:
+    def _accept(self, answer: PathsFound | Compared | Failure) -> bool:
         match answer:
             case Failure():
                 self.failures.append(answer.message)
                 return True
             case PathsFound():
                 if answer.draft:
-                    self._effort.took(answer.took)
-                return self._take_found(answer)
+                    self._effort.record(answer.took)
+                return self._accept_paths(answer)
             case Compared(generation=self._scan_generation):
                 self.compared = answer
                 self._forget_changes(answer.scene_generation)
                 return True
         return False
 
-    def _take_found(self, found: PathsFound) -> bool:
-        """Take it where it is for a newer scene than what there is, or says more of the same."""
+    def _accept_paths(self, found: PathsFound) -> bool:
+        """Use these paths if they are of a newer scene, or complete instead of a draft of the same scene."""
         known = self._found
         if found.generation < self._oldest or (known is not None and _rank(found) <= _rank(known)):
             return False
         self._found, self.outline = found, found.outline
         if self.compared is None:
             self._forget_changes(found.generation)
-        self._ask()
+        self._compare()
         return True
 
     def _forget_changes(self, done: int) -> None:
         self._changed_at = {scene: at for scene, at in self._changed_at.items() if scene > done}
 
-    def _ask(self) -> None:
+    def _compare(self) -> None:
         if self._found is None or not self._readings:
             return
         first = max(0, len(self._readings) - MOST_COMPARED)

@@ -1,7 +1,7 @@
-"""The ports of this machine and what answers at each, looked up in a thread.
+"""The serial ports of this computer and the devices that answer there, looked up in a thread.
 
-Ports with a known USB device are asked at once. The others are asked on request, because opening a port may reset its
-device.
+Ports with a known USB device are asked at once. The others are asked only on request, because opening a port may reset
+its device.
 """
 
 from collections.abc import Callable
@@ -18,9 +18,9 @@ class PortRow:
 
     device: str
     description: str
-    known: bool  # its USB end may be a scanner's
+    known: bool  # whether its USB device may be a scanner
     answer: str = "not asked"
-    answers: bool = False  # a scanner does
+    answers: bool = False  # whether a scanner answers
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class _Ask:
     ask: Callable[[str], tuple[bool, str]]
 
     def answer(self) -> PortRow:
-        answers, said = self.ask(self.row.device)
-        return replace(self.row, answer=said, answers=answers)
+        answers, answer = self.ask(self.row.device)
+        return replace(self.row, answer=answer, answers=answers)
 
 
 class PortList:
-    """Rows of ports, asked one after another."""
+    """The ports, asked one after another."""
 
     def __init__(
         self,
@@ -60,20 +60,20 @@ class PortList:
 
     @property
     def busy(self) -> bool:
-        """Whether ports are still looked up or asked."""
+        """Whether ports are being looked up or asked."""
         return bool(self._to_ask) or self._worker.busy
 
     def look(self, in_use: str = "") -> None:
-        """Look up the ports, and ask the known ones but the one that is in use."""
+        """Look up the ports, and ask those with a known device, except the port in use."""
         self._in_use, self._to_ask = in_use, []
         self._worker.submit(_Look(self._find))
 
     def ask_all(self) -> None:
-        """Ask every port that has not been asked."""
-        self._put_down([row.device for row in self.rows])
+        """Ask every port that was not asked yet."""
+        self._queue([row.device for row in self.rows])
 
     def take(self) -> bool:
-        """Take in what has been found out since the last call; whether anything has changed."""
+        """Fetch the answers since the last call; return whether anything has changed."""
         taken = self._worker.take()
         for answer in taken:
             match answer:
@@ -86,17 +86,17 @@ class PortList:
                         replace(row, answer="in use by this window") if row.device == self._in_use else row
                         for row in rows
                     )
-                    self._put_down([row.device for row in rows if row.known])
+                    self._queue([row.device for row in rows if row.known])
         if taken:
             self._ask_next()
         return bool(taken)
 
     def close(self) -> None:
-        """End the thread; a port that is being asked is waited for."""
+        """End the thread, after the port that is being asked."""
         self._to_ask.clear()
         self._worker.close()
 
-    def _put_down(self, devices: list[str]) -> None:
+    def _queue(self, devices: list[str]) -> None:
         waiting = {row.device for row in self.rows if row.answer == "not asked"}
         self._to_ask = [device for device in devices if device in waiting]
         self.rows = tuple(replace(row, answer="asking …") if row.device in self._to_ask else row for row in self.rows)

@@ -1,4 +1,4 @@
-"""Requests for the paths of a scene and for a comparison with readings, and their answers."""
+"""Requests for the paths of a scene and for the comparison with readings, and their answers."""
 
 import time
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ OUTLINE_HEADINGS = 360
 
 @dataclass(frozen=True)
 class PathsFound:
-    """The paths of a scene and the outline they give."""
+    """The paths of a scene and the predicted outline."""
 
     generation: int
     scene: Scene
@@ -29,13 +29,13 @@ class PathsFound:
 
     @property
     def paths(self) -> Paths:
-        """The paths that could be heard at any heading."""
+        """The paths that are received at any heading."""
         return self.outline.paths
 
 
 @dataclass(frozen=True)
 class PathsRequest:
-    """Which paths lead from the scene's place back to it?"""
+    """Find the paths from the scene's place back to it."""
 
     generation: int
     scene: Scene  # with a room
@@ -43,7 +43,7 @@ class PathsRequest:
     headings: int = OUTLINE_HEADINGS
 
     def answer(self) -> PathsFound:
-        """Find them; what takes seconds in a room of many echoes."""
+        """Find the paths; in a room with many echoes this takes seconds."""
         began = time.perf_counter()
         scene = self.scene
         room, _ = room_and_place(scene)
@@ -62,28 +62,28 @@ class PathsRequest:
 
 @dataclass(frozen=True)
 class Compared:
-    """A stretch of readings beside its prediction."""
+    """A range of consecutive readings, compared with the prediction."""
 
     generation: int
     comparison: Comparison
-    first: int  # which reading of the scan row 0 is
+    first: int  # number of the reading in row 0
     draft: bool
     scene_generation: int = 0
 
     @property
     def end(self) -> int:
-        """The first reading behind the stretch."""
+        """The number after the last compared reading."""
         return self.first + len(self.comparison.rows)
 
     def row(self, reading: int) -> Matched | None:
-        """The row of a reading; None outside the stretch."""
+        """Return the row of a reading; None if it was not compared."""
         row = reading - self.first
         return self.comparison.rows[row] if 0 <= row < len(self.comparison.rows) else None
 
 
 @dataclass(frozen=True)
 class CompareRequest:
-    """How do these readings compare with what those paths give?"""
+    """Compare readings with the prediction from these paths."""
 
     generation: int
     found: PathsFound
@@ -91,7 +91,7 @@ class CompareRequest:
     first: int
 
     def answer(self) -> Compared:
-        """Compare them."""
+        """Compare the readings."""
         found, scene = self.found, self.found.scene
         room, _ = room_and_place(scene)
         comparison = compare_readings(

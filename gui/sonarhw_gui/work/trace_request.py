@@ -1,4 +1,4 @@
-"""A request for the trace of one reading beside the predicted one, and its answer."""
+"""A request for the measured and the predicted trace of one reading, and its answer."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from sonarhw_gui.work.chosen_trace import ChosenTrace, chosen_trace
 
 @dataclass(frozen=True)
 class TraceFound:
-    """The trace of a reading."""
+    """The traces of a reading."""
 
     generation: int
     trace: ChosenTrace
@@ -19,7 +19,7 @@ class TraceFound:
 
 @dataclass(frozen=True)
 class TraceRequest:
-    """What did the board receive at this reading, and what should it have?"""
+    """Read the trace of a reading and predict it."""
 
     generation: int
     scene: Scene
@@ -28,5 +28,5 @@ class TraceRequest:
     index: int  # among the prediction's headings
 
     def answer(self) -> TraceFound:
-        """Read and predict it: some milliseconds."""
+        """Read and predict the trace; this takes some milliseconds."""
         return TraceFound(self.generation, chosen_trace(self.scene, self.reading, self.prediction, self.index))

@@ -1,6 +1,6 @@
-"""A thread that answers requests; requests and answers are frozen values, and the thread loads no Qt.
+"""A thread that answers requests, without Qt; requests and answers are frozen values.
 
-Of several waiting requests of one type only the newest is kept.
+Only the newest waiting request of each type is kept.
 """
 
 import threading
@@ -13,14 +13,14 @@ _MOST_ANSWERS = 64
 
 
 class Request(Protocol):
-    """Something to work out; a frozen value."""
+    """Work for a thread; a frozen value."""
 
     def answer(self) -> Any:
-        """The answer, a frozen value too; runs in the worker's thread and touches nothing but the request."""
+        """Return the answer, also a frozen value; runs in the worker's thread and uses only the request."""
 
 
 class Failure:
-    """The answer to a request that could not be met."""
+    """The answer to a request that raised an error."""
 
     def __init__(self, request: Request, error: Exception) -> None:
         self.request = request
@@ -28,7 +28,7 @@ class Failure:
 
     @property
     def message(self) -> str:
-        """What to tell the person; raises what is no error of this project, for that is a defect."""
+        """The message for the user; raises any error other than SonarError, because that is a defect."""
         if not isinstance(self.error, SonarError):
             raise self.error
         return str(self.error)
@@ -48,26 +48,26 @@ class Worker:
 
     @property
     def busy(self) -> bool:
-        """Whether there is an answer still to come."""
+        """Whether requests or answers are pending."""
         with self._wake:
             return self._working or bool(self._waiting) or bool(self._answers)
 
     def submit(self, request: Request) -> None:
-        """Have `request` answered; one of its type that still waits is forgotten."""
+        """Queue `request`; it replaces a waiting request of the same type."""
         with self._wake:
             self._waiting.pop(type(request), None)
             self._waiting[type(request)] = request
             self._wake.notify()
 
     def take(self) -> list[Any]:
-        """The answers since the last call, `Failure` for a request that could not be met."""
+        """Return the answers since the last call, a `Failure` for each request that raised an error."""
         with self._wake:
             answers = list(self._answers)
             self._answers.clear()
         return answers
 
     def close(self) -> None:
-        """Forget what waits and end the thread; what it works on is finished first."""
+        """Drop waiting requests and end the thread, after its current request."""
         with self._wake:
             self._closing = True
             self._waiting.clear()
@@ -78,7 +78,7 @@ class Worker:
         while (request := self._next()) is not None:
             try:
                 answer = request.answer()
-            except Exception as error:  # noqa: BLE001 - handed to whoever fetches the answers
+            except Exception as error:  # noqa: BLE001 - reported to the caller of `take`
                 answer = Failure(request, error)
             with self._wake:
                 self._working = False

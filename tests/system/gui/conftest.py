@@ -91,7 +91,7 @@ def open_with(qtbot: QtBot, scene: Scene, tmp_path: Path) -> Iterator[OpenWith]:
         "open files",
         "ask ports",
         "fit",
-        "keep files",
+        "save files",
         "list recordings",
     }
     assert not [thread.name for thread in set(threading.enumerate()) - before if thread.name in ours]

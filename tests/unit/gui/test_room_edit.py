@@ -109,7 +109,7 @@ def test_the_last_wall_stays() -> None:
     room = load_room(FOLDER / "figure2b.toml")
     with pytest.raises(InputError, match="last wall"):
         remove_surface(room, 0)
-    with pytest.raises(InputError, match="floor cannot be taken out"):
+    with pytest.raises(InputError, match="floor cannot be removed"):
         remove_surface(DOORSTEP, DOORSTEP.levels.start)
 
 

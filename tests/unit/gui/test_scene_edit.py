@@ -100,11 +100,11 @@ def test_a_scan_is_heard_as_its_boards_profile_says(scene: Scene, tmp_path: Path
 
 
 def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
-    with pytest.raises(InputError, match="cannot stand inside post 1"):
+    with pytest.raises(InputError, match="cannot be inside post 1"):
         sensor_at(crowded, (0.45, 0.4))
     beside, _ = sensor_at(crowded, (0.6, 0.4))
     post = Grip(GripPart.POST, (0.4, 0.4), crowded.room.names.index("post 1"))
-    with pytest.raises(InputError, match="cannot stand inside post 1"):
+    with pytest.raises(InputError, match="cannot be inside post 1"):
         dragged(beside, post, (0.58, 0.4))
     rim = replace(post, part=GripPart.RIM, at=(0.5, 0.4))
     smaller, label = dragged(beside, rim, (0.45, 0.4))

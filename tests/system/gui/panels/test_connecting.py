@@ -114,7 +114,7 @@ def test_another_scanner_is_rejected_during_a_scan(qtbot: QtBot, open_with: Open
     )
     until(qtbot, lambda: len(window.session.shown.readings) >= 2)
     window.session.scanners.choose("socket://another")
-    assert "a scan runs" in window.banner.message
+    assert "a scan is running" in window.banner.message
     assert window.session.status.scanning
     assert window.session.scanners.url == ""
     assert window.session.scanners.urls == ()

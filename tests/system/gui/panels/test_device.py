@@ -259,7 +259,7 @@ def test_a_cable_pulled_during_a_scan_shows_a_banner_until_it_is_back_and_the_sc
     echoes.prepare()
     board = echoes.board = FakeBoard(echoes, 3, scene.board.blanking)
     window = opened(open_with, board, during, 6.0, autostart=True, order=LONG)
-    until(qtbot, lambda: "the scan goes on by itself" in window.banner.message)
+    until(qtbot, lambda: "The scan then continues by itself" in window.banner.message)
     until(qtbot, lambda: window.status_bar.activity.text().startswith("waiting for the scanner"))
     assert window.status_bar.badge.text() == "away"
     assert window.session.status.scanning

@@ -210,7 +210,7 @@ def test_an_unwritable_folder_shows_a_banner(qtbot: QtBot, open_with: OpenWith, 
     (tmp_path / "file").write_text("in the way")
     window = open_with(source=fake("max"), autostart=True, recordings=tmp_path / "file" / "recordings")
     until(qtbot, lambda: ended(window))
-    assert "recordings would lie there" in window.banner.message
+    assert "recordings are stored there" in window.banner.message
 
 
 def test_without_a_room_the_measured_points_are_shown(
@@ -249,5 +249,5 @@ def test_a_scan_from_a_moved_place_warns_that_the_scanner_has_not_moved(
     assert window.banner.message == ""
     session.showing.edit(with_sensor_at(session.shown.scene, (0.5, 0.3), 0.0), "moving the sensor")
     session.scan()
-    assert "the scanner itself has not moved" in window.banner.message
+    assert "the sensor was moved only in the window" in window.banner.message
     until(qtbot, lambda: ended(window))

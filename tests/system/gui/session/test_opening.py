@@ -48,7 +48,7 @@ def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
     until(qtbot, lambda: window.session.replay.loaded and not window.session.documents.busy)
     until(qtbot, lambda: window.session.shown.scene.room.name == "Other room")
     assert len(window.session.shown.readings) == ORDER.readings
-    assert f"taken in {ROOM.name}; they are now held against other.toml" in window.banner.message
+    assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
 
 
 def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
@@ -63,7 +63,7 @@ def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
     assert ranges[0] == pytest.approx(0.154, abs=1e-6)
     assert ranges[1] is None
     assert "'range_cm' as ranges in centimetres" in window.banner.message
-    assert "kept as turret.mcap" in window.banner.message
+    assert "imported as turret.mcap" in window.banner.message
     assert len(read_log(tmp_path / "recordings" / "turret.mcap").readings) == 3
     assert window.session.shown.scene.room is scene.room
 
@@ -99,7 +99,7 @@ def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
     window = open_with()
     drop(window, scan)
     until(qtbot, lambda: len(window.session.shown.readings) == 36)
-    assert "kept as turret.mcap" in window.banner.message
+    assert "imported as turret.mcap" in window.banner.message
     assert not window.banner.accept_button.isVisible()
 
 

@@ -190,7 +190,7 @@ def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
     there.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
         SaveRequest(Data(recorded, scene), there, overwrite=False).answer()
-    with pytest.raises(InputError, match=r"expected a name that ends in \.csv or \.npz or \.json"):
+    with pytest.raises(InputError, match=r"expected a name ending in \.csv or \.npz or \.json"):
         SaveRequest(Data(recorded, scene), tmp_path / "a.xlsx", overwrite=False).answer()
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
     assert there.read_text() == "mine"

@@ -52,11 +52,11 @@ def draw(window: MainWindow) -> str:
 
 
 def asked(window: MainWindow) -> str:
-    return window.banner.message if window.banner.accept_button.text() == "Bring back" else ""
+    return window.banner.message if window.banner.accept_button.text() == "Restore" else ""
 
 
 def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
-    until(qtbot, lambda: f"{about} was changed in the window on" in asked(window))
+    until(qtbot, lambda: f"{about} has unsaved changes, made in the window on" in asked(window))
 
 
 def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
@@ -155,7 +155,7 @@ def test_a_file_that_is_another_one_now_is_told(
     path.write_text(ROOM.read_text().replace("0.928", "0.930"))
     window = start(path)
     until_asked(qtbot, window, "mine.toml")
-    assert "the file was another one then" in asked(window)
+    assert "the file has changed since then" in asked(window)
 
 
 def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_with(
@@ -199,7 +199,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, scene: Scene) -
     rooms.open(scene)
     rooms.change(with_air_state(scene, temperature_c=3.0)[0], 0.0)
     rooms.tick(10.0)
-    assert "save the room or it is lost" in rooms.messages[0]
+    assert "save the room or lose its changes" in rooms.messages[0]
 
 
 def leave(folder: Path, opened: Scene, changed: Scene) -> None:

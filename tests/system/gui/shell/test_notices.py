@@ -31,7 +31,7 @@ def test_what_stands_and_was_put_away_comes_back_only_when_it_is_so_again() -> N
     notices = Notices()
     notices.set_state("the cable is out")
     notices.dismiss()
-    notices.set_state("it is asked whether it is back")
+    notices.set_state("reconnecting")
     assert notices.now == ""
     notices.set_state("")
     notices.set_state("the cable is out")

@@ -218,7 +218,7 @@ def test_a_late_draft_is_shown_but_never_after_a_newer_one(qtbot: QtBot, forecas
     ]
     forecast._generation = 5
     for answer, shown in ((answers[1], answers[1]), (answers[0], answers[1]), (answers[2], answers[2])):
-        forecast._take_in(answer)
+        forecast._accept(answer)
         assert forecast.outline is shown.outline
 
 
@@ -271,7 +271,7 @@ def test_late_drafts_of_a_moving_sensor_are_outdated(scene: Scene, recorded: Pat
         forecast.change_scene(moved(scene, 0.001 * generation), moving=True)
         clock.now += late
         compared = CompareRequest(forecast._scan_generation, replace(found, generation=generation - 1), readings, 0)
-        forecast._take_in(compared.answer())
+        forecast._accept(compared.answer())
         forecast._update_outdated()
         observed.append(forecast.outdated)
     assert observed == [outdated] * len(observed)
@@ -281,11 +281,11 @@ def test_late_drafts_of_a_moving_sensor_are_outdated(scene: Scene, recorded: Pat
 def test_slow_drafts_get_fewer_bounces_and_fast_ones_more() -> None:
     choice = EffortChoice()
     usual = choice.effort
-    choice.took(0.1)
+    choice.record(0.1)
     assert choice.effort.max_bounces < usual.max_bounces
     for _ in range(10):
-        choice.took(0.001)
+        choice.record(0.001)
     assert choice.effort.max_bounces > usual.max_bounces
     deepest = choice.effort
-    choice.took(0.010)
+    choice.record(0.010)
     assert choice.effort is deepest
