@@ -45,6 +45,6 @@ def _menus_of_views(views: Sequence[View]) -> list[tuple[str, list[_Group]]]:
 def _menus_of_the_window(commands: Commands, docks: _Group) -> Iterator[tuple[str, list[_Group]]]:
     steps = [commands.play, commands.back, commands.forward, commands.previous_scan, commands.next_scan]
     yield "Replay", [[*steps, commands.loop, commands.skip_gaps], [commands.leave_replay]]
-    look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.usual_size]
+    look = [commands.dark, *commands.units.actions(), commands.larger, commands.smaller, commands.default_size]
     yield "View", [[*commands.views.actions(), commands.fit], docks, look]
     yield "Help", [[commands.help]]

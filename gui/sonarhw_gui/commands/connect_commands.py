@@ -1,4 +1,4 @@
-"""The command that connects a scanner: it opens the dialog and shows it the ports."""
+"""The command that connects a scanner: opens the dialog and lists the ports in it."""
 
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QMainWindow
@@ -9,7 +9,7 @@ from sonarhw_gui.session.scanner_choice import ScannerChoice
 
 
 class ConnectCommands(QObject):
-    """At most one dialog at a time."""
+    """Opens at most one dialog at a time."""
 
     def __init__(self, commands: Commands, scanners: ScannerChoice, window: QMainWindow) -> None:
         super().__init__(window)

@@ -1,4 +1,4 @@
-"""The connect dialog: the ports of this machine with what answers there, and a line for any other URL. Not modal."""
+"""The connect dialog: the ports of this computer and a field for any other URL. Not modal."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ _EXAMPLES = "/dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT or fake
 
 
 class ConnectDialog(QDialog):
-    """Chooses a scanner."""
+    """Dialog to choose a scanner."""
 
     chosen = Signal(str)  # URL
     refreshed = Signal()  # look up the ports again
@@ -36,10 +36,10 @@ class ConnectDialog(QDialog):
         self.setWindowTitle("Connect a scanner")
         self._rows: tuple[PortRow, ...] = ()
         self.ports = _port_table()
-        self.none = QLabel("No serial port is there. Plug the scanner in and press Look again, or type a URL.")
+        self.none = QLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
         self.none.setWordWrap(True)
-        self.again, self.ask_all = QPushButton("Look again"), QPushButton("Ask all ports")
-        self.ask_all.setToolTip("Asking may reset whatever hangs on a port")
+        self.refresh, self.ask_all = QPushButton("Refresh"), QPushButton("Ask all ports")
+        self.ask_all.setToolTip("Opening a port may reset the device on it")
         self.field = QLineEdit(placeholderText=_EXAMPLES)
         self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert, toolTip=_EXAMPLES)
         self.url.setLineEdit(self.field)
@@ -49,10 +49,10 @@ class ConnectDialog(QDialog):
         self._lay_out()
         self._connect()
         self.resize(640, 340)
-        self._show_whether_ready()
+        self._update_button()
 
     def show_ports(self, rows: Sequence[PortRow]) -> None:
-        """Show what is known of the ports; the one that was chosen stays chosen."""
+        """List the ports; the selection does not change."""
         self._rows, chosen = tuple(rows), self.url.currentText()
         self.ports.setRowCount(len(rows))
         for k, row in enumerate(rows):
@@ -66,23 +66,23 @@ class ConnectDialog(QDialog):
         answering = [row.device for row in rows if row.answers]
         if not chosen and len(answering) == 1:
             self.url.setEditText(answering[0])
-        self._mark(self.url.currentText(), rows)
+        self._select(self.url.currentText(), rows)
 
     def show_urls(self, urls: Sequence[str]) -> None:
-        """Offer URLs that were used before; the text that stands there stays."""
+        """List URLs that were used before; the entered text does not change."""
         text = self.url.currentText()
         self.url.clear()
         self.url.addItems(list(urls))
         self.url.setEditText(text)
 
-    def _mark(self, url: str, rows: Sequence[PortRow]) -> None:
+    def _select(self, url: str, rows: Sequence[PortRow]) -> None:
         row = next((k for k, row in enumerate(rows) if row.device == url), -1)
         if row >= 0:
             self.ports.selectRow(row)
 
     def _lay_out(self) -> None:
         beside = QHBoxLayout()
-        beside.addWidget(self.again)
+        beside.addWidget(self.refresh)
         beside.addWidget(self.ask_all)
         beside.addStretch(1)
         column = QVBoxLayout(self)
@@ -96,8 +96,8 @@ class ConnectDialog(QDialog):
     def _connect(self) -> None:
         self.ports.clicked.connect(self._take_row)
         self.ports.doubleClicked.connect(self._choose_row)
-        self.url.editTextChanged.connect(self._show_whether_ready)
-        self.again.clicked.connect(self.refreshed)
+        self.url.editTextChanged.connect(self._update_button)
+        self.refresh.clicked.connect(self.refreshed)
         self.ask_all.clicked.connect(self.all_asked)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.close)
@@ -119,14 +119,14 @@ class ConnectDialog(QDialog):
             self.chosen.emit(url)
 
     @Slot()
-    def _show_whether_ready(self) -> None:
+    def _update_button(self) -> None:
         self.connect_button.setEnabled(bool(self.url.currentText().strip()))
         self.connect_button.setDefault(True)
 
 
 def _port_table() -> QTableWidget:
     table = QTableWidget(0, 3)
-    table.setHorizontalHeaderLabels(["port", "device", "what answers"])
+    table.setHorizontalHeaderLabels(["port", "device", "answer"])
     table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
     table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -138,7 +138,7 @@ def _port_table() -> QTableWidget:
 
 
 def open_connect_dialog(parent: QWidget) -> ConnectDialog:
-    """A dialog that goes when it is closed."""
+    """Return a dialog that is deleted when it is closed."""
     dialog = ConnectDialog(parent)
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
     return dialog

@@ -1,4 +1,4 @@
-"""The commands about files: open by dialog, from the list of recent files or by drag and drop, and save rooms."""
+"""The commands for files: open by dialog, from the recent files or by drag and drop, and save rooms."""
 
 from collections.abc import Callable, Sequence
 from itertools import count
@@ -15,7 +15,7 @@ from sonarhw_gui.store.open_requests import can_open
 
 
 class FileCommands(QMenu):
-    """Connects the commands with the session; is itself the menu of recent files."""
+    """Connects the file commands with the session; it is also the menu of recent files."""
 
     def __init__(self, commands: Commands, session: WindowSession, window: QMainWindow) -> None:
         super().__init__("Open recent", window)
@@ -32,7 +32,7 @@ class FileCommands(QMenu):
 
     @Slot(object)
     def show_recent(self, paths: Sequence[str]) -> None:
-        """Offer these files, the newest first."""
+        """List these files, newest first."""
         self.clear()
         for path in paths:
             action = self.addAction(Path(path).name)
@@ -42,11 +42,11 @@ class FileCommands(QMenu):
         self.setEnabled(bool(paths))
 
     def can_drop(self, dropped: QMimeData) -> bool:
-        """Whether what is held over the window can be opened, by its names."""
+        """Return whether the dragged files can be opened, judging by their names."""
         return bool(_paths(dropped)) and not self._session.status.scanning
 
     def drop(self, dropped: QMimeData) -> None:
-        """Open what was dropped: of several files the rooms last, so that the readings come to lie in them."""
+        """Open the dropped files; rooms last, so that the readings are shown in them."""
         for path in sorted(_paths(dropped), key=lambda path: path.suffix.lower() == ".toml"):
             self._session.open_file(str(path))
 
@@ -64,7 +64,7 @@ class FileCommands(QMenu):
 
     @Slot()
     def ask_board(self) -> None:
-        """Ask for the profile of a board, to predict with."""
+        """Open a dialog for a board profile."""
         self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.take_board)
 
     @Slot()
@@ -79,7 +79,7 @@ class FileCommands(QMenu):
 
     @Slot()
     def close_recordings(self) -> None:
-        """Close the list, and end its thread."""
+        """Close the dialog of recordings, and end its thread."""
         if self.recordings is not None:
             self.recordings.close()
 
@@ -112,7 +112,7 @@ class FileCommands(QMenu):
 
 
 def _new_name(file: Path, folder: Path) -> str:
-    """A name for an edited room that no file of that folder has."""
+    """Return an unused file name for an edited room."""
     stem = file.stem.partition("-edited")[0]
     names = (f"{stem}-edited{f'-{k}' if k > 1 else ''}.toml" for k in count(1))
     return next(name for name in names if not (folder / name).exists())

@@ -1,4 +1,4 @@
-"""The command that opens the help page, which groups the actions as the menus do."""
+"""The command that opens the help page, whose groups are the menus."""
 
 from typing import cast
 
@@ -10,11 +10,11 @@ from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.commands.help_page import HelpPage
 from sonarhw_gui.session.window_session import WindowSession
 
-_FRAME = QSize(16, 48)  # pixels that the frame of a dialog may take
+_FRAME = QSize(16, 48)  # pixels, for the frame of a dialog
 
 
 class HelpCommands(QObject):
-    """Opens the page, and closes it again."""
+    """Opens and closes the help page."""
 
     def __init__(self, commands: Commands, session: WindowSession, window: QMainWindow) -> None:
         super().__init__(window)
@@ -37,9 +37,9 @@ class HelpCommands(QObject):
         self.page.show()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Esc in the window closes the page that stands open beside it; only then has it its usual meaning."""
-        asked = event.type() is QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
-        if not asked or self.page is None:
+        """Let Esc in the window close an open help page first."""
+        escape = event.type() is QEvent.Type.ShortcutOverride and cast(QKeyEvent, event).key() == Qt.Key.Key_Escape
+        if not escape or self.page is None:
             return False
         self.page.close()
         event.accept()

@@ -1,4 +1,4 @@
-"""The help page: what the window shows, how to use it, and every key, on one screen. Not modal."""
+"""The help page: a short introduction and every key, on one screen. Not modal."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -11,20 +11,20 @@ from sonarhw_gui.look.appearance import Look
 
 _COLUMNS = 3
 _ABOUT = (
-    "The scan lands on its prediction. <b>Click a reading</b>, in the plan, the range view or the table: the sentence "
-    "says how it came about, the plan draws the path its sound took, the trace names every echo. "
-    "<b>Drag the sensor</b> to move it, its beam to turn it: the prediction follows; Esc takes the drag back. "
-    "<b>Drop a file</b> on the window: a log, a room, or a scan as CSV."
+    "The window shows a scan over its prediction. <b>Click a reading</b> in the plan, the range view or the table: the "
+    "sentence explains it, the plan shows the path of its sound, and the trace names every echo. "
+    "<b>Drag the sensor</b> to move it, or its beam to turn it: the prediction follows. Esc cancels the drag. "
+    "<b>Drop a file</b> on the window to open it: a log, a room, or a scan as CSV."
 )
 
 
 class HelpPage(QDialog):
-    """One page."""
+    """The help page."""
 
     def __init__(
         self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, most: QSize
     ) -> None:
-        """No larger than `most`: what does not fit is scrolled to."""
+        """`most`: the maximum size; larger content gets a scroll bar."""
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("sonarhw — help")
@@ -32,7 +32,7 @@ class HelpPage(QDialog):
         self.area.setFrameShape(QScrollArea.Shape.NoFrame)
         bar = self.area.verticalScrollBar().sizeHint().width()
         for columns in range(_COLUMNS, 0, -1):
-            page = _page(_shared_out(groups, columns), look)
+            page = _page(_in_columns(groups, columns), look)
             if page.minimumSizeHint().width() + bar <= most.width():
                 break
         self.area.setWidget(page)
@@ -61,10 +61,10 @@ def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look
     return page
 
 
-def _shared_out(
+def _in_columns(
     groups: Mapping[str, Sequence[QAction]], most_columns: int
 ) -> list[list[tuple[str, Sequence[QAction]]]]:
-    """The groups in columns of about one height, in their order."""
+    """Distribute the groups over columns of similar height, in order."""
     heights = {name: len(actions) + 2 for name, actions in groups.items()}
     most = sum(heights.values()) / most_columns
     columns: list[list[tuple[str, Sequence[QAction]]]] = [[]]

@@ -1,4 +1,4 @@
-"""The commands about the look: light or dark, unit of length, size of text."""
+"""The commands for the look: light or dark, unit of length, size of text."""
 
 from dataclasses import replace
 
@@ -10,11 +10,11 @@ from sonarhw_gui.look.appearance import LengthUnit, Look
 from sonarhw_gui.look.palette import DARK, LIGHT
 from sonarhw_gui.session.window_session import WindowSession
 
-_STEP = 1.1  # of the size of text
+_STEP = 1.1  # factor of the text size
 
 
 class LookCommands(QObject):
-    """Connects the commands with the session."""
+    """Connects the commands for the look with the session."""
 
     def __init__(self, commands: Commands, session: WindowSession, parent: QObject) -> None:
         super().__init__(parent)
@@ -26,10 +26,10 @@ class LookCommands(QObject):
         commands.dark.triggered.connect(self._choose_palette)
         commands.larger.triggered.connect(self._enlarge)
         commands.smaller.triggered.connect(self._shrink)
-        commands.usual_size.triggered.connect(self._reset_size)
+        commands.default_size.triggered.connect(self._reset_size)
 
     def show_look(self, look: Look) -> None:
-        """Tick what is in force."""
+        """Check the commands of the current look."""
         self._commands.dark.setChecked(look.palette is DARK)
         for action in self._commands.units.actions():
             action.setChecked(action.data() == look.unit.name)

@@ -1,4 +1,4 @@
-"""The dialog that lists and searches the recordings, and opens one. Not modal."""
+"""The dialog that lists, searches and opens recordings. Not modal."""
 
 import time
 from pathlib import Path
@@ -25,7 +25,7 @@ _TICK = 50  # ms
 
 
 class RecordingsDialog(QDialog):
-    """Chooses a recording."""
+    """Dialog to open a recording."""
 
     chosen = Signal(str)  # path
     failed = Signal(str)
@@ -35,21 +35,21 @@ class RecordingsDialog(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("Recordings")
         self._recordings = Recordings(folder)
-        self.words = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
+        self.search = QLineEdit(clearButtonEnabled=True, placeholderText="date, room, place or file")
         self.table = _recording_table()
-        self.told = QLabel(wordWrap=True)
+        self.summary = QLabel(wordWrap=True)
         self.buttons = QDialogButtonBox()
         self.open_button = self.buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
         column = QVBoxLayout(self)
-        for part in (self.words, self.table, self.told, self.buttons):
+        for part in (self.search, self.table, self.summary, self.buttons):
             column.addWidget(part)
         self.resize(860, 420)
         self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._take)
         self._timer.start()
-        self.words.textChanged.connect(self._sift)
-        self.table.itemSelectionChanged.connect(self._show_whether_ready)
+        self.search.textChanged.connect(self._filter)
+        self.table.itemSelectionChanged.connect(self._update_button)
         self.table.doubleClicked.connect(self._choose)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.reject)
@@ -76,26 +76,26 @@ class RecordingsDialog(QDialog):
                 self.table.selectRow(number)
         if listed.rows and not chosen:
             self.table.selectRow(0)
-        self.told.setText(_told(listed))
-        self._sift()
+        self.summary.setText(_summary(listed))
+        self._filter()
 
     @Slot()
-    def _sift(self) -> None:
-        """Hide the rows that do not have every word."""
-        words = self.words.text().lower().split()
+    def _filter(self) -> None:
+        """Hide the rows that do not contain every word."""
+        words = self.search.text().lower().split()
         for number in range(self.table.rowCount()):
             cells = (self.table.item(number, column) for column in range(len(_COLUMNS)))
             text = " ".join(cell.text() for cell in cells if cell is not None).lower()
             self.table.setRowHidden(number, not all(word in text for word in words))
-        self._show_whether_ready()
+        self._update_button()
 
     def _chosen(self) -> str:
-        """The path of the chosen row; empty where there is none, or it is hidden."""
+        """Return the path of the selected visible row; empty without one."""
         found = [item for item in self.table.selectedItems() if not self.table.isRowHidden(item.row())]
         return str(found[0].data(_PATH)) if found else ""
 
     @Slot()
-    def _show_whether_ready(self) -> None:
+    def _update_button(self) -> None:
         self.open_button.setEnabled(bool(self._chosen()))
 
     @Slot()
@@ -106,7 +106,7 @@ class RecordingsDialog(QDialog):
             self.accept()
 
     def done(self, result: int) -> None:
-        """End the thread, however it is closed."""
+        """End the thread when the dialog closes in any way."""
         self._timer.stop()
         self._recordings.close()
         super().done(result)
@@ -129,8 +129,8 @@ def _texts(row: RecordingRow) -> tuple[str, ...]:
     return date, row.room, row.place, str(row.readings), "yes" if row.traces else "no", row.path.name, row.condition
 
 
-def _told(listed: RecordingList) -> str:
+def _summary(listed: RecordingList) -> str:
     if not listed.files:
-        return f"{listed.folder}: nothing has been recorded yet; every scan that is made in the window is"
+        return f"{listed.folder}: no recordings yet; every scan in the window is recorded"
     reading = "" if listed.complete else f", {len(listed.rows)} read"
     return f"{listed.folder}: {listed.files} recordings{reading}"

@@ -1,4 +1,4 @@
-"""The commands that keep what is shown: pictures of views, data, the report. Each asks where; nothing waits for it."""
+"""The commands that save pictures of views, data and the report. Each opens a file dialog, which is not modal."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from sonarhw_gui.view import View
 
 _FILTERS = {
     PNG: "Picture (*.png)",
-    SVG: "Drawing that can be scaled (*.svg)",
+    SVG: "Vector graphics (*.svg)",
     **{known.suffix: f"{known.title} (*{known.suffix})" for known in FORMATS},
-    JSON: "Figures of the comparison (*.json)",
+    JSON: "Summary of the comparison (*.json)",
     HTML: "Report (*.html)",
 }
 PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (*export_suffixes(), JSON), (HTML,), (PNG,)
@@ -28,15 +28,15 @@ PICTURES, DATA, REPORT, WINDOW = (PNG, SVG), (*export_suffixes(), JSON), (HTML,)
 
 @dataclass(frozen=True)
 class Subject:
-    """What is to be kept, as a dialog asks for it."""
+    """What to save."""
 
     name: str
     endings: tuple[str, ...]
-    view: QWidget | None = None  # of a picture
+    view: QWidget | None = None  # for a picture
 
 
 class SaveCommands(QObject):
-    """Asks where to keep something, and has it written."""
+    """Asks for a file name, and saves."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class SaveCommands(QObject):
         large_view: Callable[[], View],
         beside: Sequence[View],
     ) -> None:
-        """`large_view`: returns the large view that is visible; `beside`: the views beside it."""
+        """`large_view`: returns the visible large view; `beside`: the views beside it."""
         super().__init__(window)
         self._session, self._window, self._large_view = session, window, large_view
         self._subject = Subject("", ())
@@ -84,7 +84,7 @@ class SaveCommands(QObject):
 
     def _has_readings(self) -> bool:
         if self._session.recorded is None:
-            self._session.warned.emit("there are no readings to keep; scan, or open a log")
+            self._session.warned.emit("there are no readings to save; scan, or open a log")
         return self._session.recorded is not None
 
     def _ask(self, subject: Subject) -> None:
@@ -93,7 +93,7 @@ class SaveCommands(QObject):
             self.dialog.destroyed.disconnect(self._forget)
             self.dialog.close()
         folder = self._session.documents.folder(self._session.log_to_keep)
-        self.dialog = dialog = QFileDialog(self._window, f"Keep {subject.name.lower()}", str(folder))
+        self.dialog = dialog = QFileDialog(self._window, f"Save {subject.name.lower()}", str(folder))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setNameFilters([_FILTERS[ending] for ending in subject.endings])
@@ -110,7 +110,7 @@ class SaveCommands(QObject):
 
     @Slot(str)
     def _choose_ending(self, chosen: str) -> None:
-        """The name takes the ending of the kind of file that was chosen."""
+        """Change the extension of the file name to the chosen file type."""
         if self.dialog is None:
             return
         ending = next(ending for ending, name in _FILTERS.items() if name == chosen)
@@ -137,7 +137,7 @@ class SaveCommands(QObject):
             return Data(recorded, scene)
         link = session.live.link
         live = link is not None and not session.replay.loaded
-        facts = [(name, figure) for name, figure, _ in link_figures(link)] if live else []
+        facts = [(name, value) for name, value, _ in link_figures(link)] if live else []
         return ReportPage(self._log_name(), recorded, scene, facts)
 
     def _picture(self, view: QWidget, ending: str) -> Picture:

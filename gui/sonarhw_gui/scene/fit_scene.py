@@ -17,7 +17,7 @@ from sonarhw_gui.scene.scene_edit import Edit, room_and_place, with_sensor_at
 if TYPE_CHECKING:
     from sonarhw_compare.fit import Parameter  # importing it takes half a second
 
-FITTED = "finding where I stood"  # label of Undo
+FITTED = "finding the pose"  # label of Undo
 _DIGITS = 4  # of lengths in m
 _DIGITS_DEG = 2
 

@@ -20,7 +20,7 @@ _V = TypeVar("_V", bound=View)
 
 
 class ViewArea(QSplitter):
-    """The views. A new view is one line in `__init__`: menus, keys, gestures, pictures and repaints follow from it."""
+    """The views. A new view needs one line in `__init__`; menus, keys, gestures, pictures and repaints follow."""
 
     def __init__(self) -> None:
         super().__init__(Qt.Orientation.Horizontal)

@@ -57,7 +57,7 @@ def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     assert place.position == pytest.approx(scene.pose.position, abs=0.005)
     assert abs(math.remainder(place.heading - scene.pose.heading, math.tau)) < math.radians(1)
     assert not panel.accept.isVisible()
-    assert window.commands.undo.text() == "Undo finding where I stood"
+    assert window.commands.undo.text() == "Undo finding the pose"
     until(qtbot, window.commands.undo.isEnabled)
     qtbot.keyClick(window, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
     until(qtbot, lambda: window.session.shown.scene is before)

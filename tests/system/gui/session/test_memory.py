@@ -101,7 +101,7 @@ def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_
     edited, _ = with_air_state(moved, temperature_c=3.0)
     board = parse_board(f"range_offset = 0.02\n{edited.board.text}", "board")
     edited = replace(with_options(edited, unit=Unit.BLOCK)[0], board=board)
-    window.session.showing.edit(edited, "finding where I stood")
+    window.session.showing.edit(edited, "finding the pose")
     window.close()
 
     window = reopened(open_with, memory, shipped)

@@ -57,12 +57,12 @@ def test_the_list_tells_date_room_place_and_readings_newest_first(
     assert row(dialog, 1)[1:6] == ["Cellar", "figure9", "7", "yes", "cellar.mcap"]
     assert "is not an MCAP file" in row(dialog, 2)[6]
     assert row(dialog, 0)[0] > row(dialog, 1)[0]
-    assert "3 recordings" in dialog.told.text()
+    assert "3 recordings" in dialog.summary.text()
 
 
 def test_words_sift_and_the_one_that_is_left_opens(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
     window, dialog = opened(qtbot, open_with, folder)
-    qtbot.keyClicks(dialog.words, "cellar fig")
+    qtbot.keyClicks(dialog.search, "cellar fig")
     assert [dialog.table.isRowHidden(number) for number in range(3)] == [True, False, True]
     assert not dialog.open_button.isEnabled()
     dialog.table.selectRow(1)
@@ -93,7 +93,7 @@ def test_escape_opens_nothing_and_closing_the_window_closes_the_list(
 def test_a_folder_that_is_not_there_yet_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     window = open_with(recordings=tmp_path / "none")
     qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
-    assert "nothing has been recorded yet" in window.files.recordings.told.text()
+    assert "no recordings yet" in window.files.recordings.summary.text()
     assert not window.files.recordings.open_button.isEnabled()
 
 

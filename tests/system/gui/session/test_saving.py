@@ -212,5 +212,5 @@ def test_without_readings_there_is_nothing_to_keep(qtbot: QtBot, open_with: Open
     window = open_with()
     for modifier in (CTRL, CTRL | SHIFT):
         qtbot.keyClick(window, Qt.Key.Key_E, modifier)
-        assert "no readings to keep" in window.banner.message
+        assert "no readings to save" in window.banner.message
     assert window.saving.dialog is None
