@@ -59,7 +59,7 @@ def sensor_at(scene: Scene, position: Point) -> Edit:
     _, place = room_and_place(scene)
     position = on_grid(position)
     if max(map(abs, position)) > MAX_COORDINATE:
-        raise InputError(f"the sensor can stand no farther than {MAX_COORDINATE:g} m off")
+        raise InputError(f"the sensor can be at most {MAX_COORDINATE:g} m from the origin, in x and in y")
     return with_sensor_at(scene, position, place.heading), "moving the sensor"
 
 

@@ -159,7 +159,7 @@ def _named(prediction: PredictedScan, echo: Echo, receiver: Receiver, detectable
     board, length = prediction.board, float(prediction.apparent_lengths[echo.path])
     time, level = length / prediction.room.air.speed_of_sound, echo.level_db
     if is_stepped(board, receiver):
-        # levels are told after the ideal gain
+        # the prediction's levels include the ideal gain
         level += float(stepped_gain_db(np.array([time]), board)[0] - path_loss_db(np.array([length]), board)[0])
     via = ">".join(prediction.paths.via(echo.path, prediction.room))
     return NamedEcho(time, echo.range, level, via, detectable, first)

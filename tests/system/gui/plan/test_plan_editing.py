@@ -147,7 +147,7 @@ def test_a_sensor_cannot_be_dragged_into_a_post(qtbot: QtBot, window: MainWindow
     drag_in_plan(qtbot, window, (0.3, 0.4), (0.4, 0.4))
     key(qtbot, window, Qt.Key.Key_H)
     drag_in_plan(qtbot, window, sensor_position(window), (0.5, 0.3), (0.3, 0.4))
-    assert "cannot stand inside post 1" in window.views.plan.message.text()
+    assert "cannot be inside post 1" in window.views.plan.message.text()
     assert math.dist(sensor_position(window), (0.3, 0.4)) > 0.1
     assert window.banner.message == ""
 
