@@ -128,7 +128,7 @@ def test_keys_choose_a_board_with_its_receiver_and_the_original_board_again(
     qtbot.keyClicks(board, "lego")
     assert edits.scene.board == load_board("lego-nxt")
     assert edits.scene.options.receiver is edits.scene.board.receiver
-    assert edits.labels == ["board lego-nxt"]
+    assert edits.labels == ["choosing board lego-nxt"]
     qtbot.keyClick(board, Qt.Key.Key_Home)
     assert edits.scene.board == own
 
@@ -214,7 +214,7 @@ def test_a_place_is_saved_under_its_name(qtbot: QtBot, panel: RoomPanel, edits: 
     assert edits.scene.pose.name == "shelf"
     assert edits.scene.room.place("shelf").position == (0.774, 0.6)
     assert edits.scene.room.places.keys() == {"figure7", "figure9", "shelf"}
-    assert edits.labels[-1] == "keeping place shelf"
+    assert edits.labels[-1] == "adding place shelf"
 
 
 def test_a_new_material_is_assigned_to_a_wall(qtbot: QtBot, panel: RoomPanel, edits: EditRecorder) -> None:
