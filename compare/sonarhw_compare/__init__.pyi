@@ -4,7 +4,7 @@ from .explain.sentences import describe_path, explain_reading
 from .fit import Estimate, FitOptions, FitResult, Parameter, PlacedScan, fit_scan, fit_scans, free_parameters
 from .fit.findings import found_board, found_room
 from .fit.values.quantities import QUANTITIES, Quantity
-from .imports.foreign_csv import Columns, Meaning, guess_columns, read_foreign_scan
+from .imports.foreign_csv import CsvColumns, Meaning, guess_columns, read_foreign_scan
 from .locate.locate_picture import draw_located
 from .locate.poses import Located, Pose, locate_scan
 from .map.map_picture import draw_map
@@ -17,8 +17,8 @@ from .report.html_report import Report, report_html, report_of
 
 __all__ = [
     "QUANTITIES",
-    "Columns",
     "Comparison",
+    "CsvColumns",
     "Estimate",
     "FitOptions",
     "FitResult",

@@ -1,7 +1,7 @@
-"""Free space: where in a room a sensor may stand.
+"""Free space of a room: the positions that a sensor can have.
 
-Takes a room; hands on a grid of points that its places can be walked to from without passing a wall. Where the room
-names no place, that is the largest piece of air.
+It consists of all cells that are connected to a place of the room without crossing a wall. In a room without places, it
+is the largest connected area.
 """
 
 import math
@@ -19,8 +19,8 @@ from sonarhw.readings import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-_CELLS = 120  # along the longer side of the room, where nobody says how fine
-_TRIES = 100_000  # at drawing a position
+_CELLS = 120  # along the longer side of the room, by default
+_TRIES = 100_000  # to draw a position
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FreeSpace:
     left: float  # m
     bottom: float  # m
     spacing: float  # m, side of a cell
-    free: BoolArray  # (rows, columns): which cells' middles a sensor may stand at
+    free: BoolArray  # (rows, columns), whether the middle of a cell is free
 
     @property
     def middles(self) -> FloatArray:
@@ -40,7 +40,7 @@ class FreeSpace:
         return np.column_stack((self.left + (columns + 0.5) * self.spacing, self.bottom + (rows + 0.5) * self.spacing))
 
     def holds(self, point: FloatArray, clearance: float = 0.0) -> bool:
-        """Whether a sensor may stand at `point` (2,) m, with no wall or post nearer than `clearance` (m)."""
+        """Report whether `point` (2,) m is free and at least `clearance` (m) from every wall and post."""
         cell = np.floor((point - (self.left, self.bottom)) / self.spacing).astype(int)
         column, row = np.clip(cell, 0, np.array(self.free.shape[::-1]) - 1)
         middle = np.array([self.left + (column + 0.5) * self.spacing, self.bottom + (row + 0.5) * self.spacing])
@@ -49,9 +49,9 @@ class FreeSpace:
         return bool(self.free[row, column] and seen >= np.hypot(*away) and _distance(self.room, point) > clearance)
 
     def draw(self, random: np.random.Generator, clearance: float = 0.0) -> tuple[float, float]:
-        """A position, each place in the free space as likely as any other, m.
+        """Return a random position, m, uniform over the free space.
 
-        Raises InputError where hardly any lies as far as `clearance` (m) from every wall and post.
+        Raises InputError where hardly any position is at least `clearance` (m) from every wall and post.
         """
         rows, columns = self.free.shape
         size = np.array([columns * self.spacing, rows * self.spacing])
@@ -59,11 +59,13 @@ class FreeSpace:
             point = np.array([self.left, self.bottom]) + random.random(2) * size
             if self.holds(point, clearance):
                 return float(point[0]), float(point[1])
-        raise InputError(f"room {self.room.name!r}: no place is {clearance:g} m from every wall and post; ask for less")
+        raise InputError(
+            f"room {self.room.name!r}: no place is {clearance:g} m from every wall and post; use a smaller clearance"
+        )
 
 
 def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:
-    """The free space of a room in cells of `spacing` (m); by default its longer side has 120 of them."""
+    """Return the free space of a room, in cells of `spacing` (m); by default 120 cells along its longer side."""
     low, high = _bounds(room)
     spacing = float((high - low).max()) / _CELLS if spacing is None else spacing
     columns, rows = np.maximum(1, np.ceil((high - low) / spacing - 1e-9)).astype(int)
@@ -76,7 +78,7 @@ def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:
 
 
 def _bounds(room: Room) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right corner of walls, posts and places, (2,) m each."""
+    """Return the lower left and upper right corner of walls, posts and places, (2,) m each."""
     posts = [room.posts[:, :2] - room.posts[:, 2:], room.posts[:, :2] + room.posts[:, 2:]]
     places = [np.array([place.position]) for place in room.places.values()]
     points = np.vstack((room.walls.reshape(-1, 2), *posts, *places))
@@ -84,7 +86,7 @@ def _bounds(room: Room) -> tuple[FloatArray, FloatArray]:
 
 
 def _pieces(room: Room, middles: FloatArray, shape: tuple[int, int], spacing: float) -> NDArray[np.int32]:
-    """Number of the piece of air in which each cell lies, `shape` int: within one, cells in sight are neighbours."""
+    """Return the number of the connected area of each cell, `shape` int. Walls and posts separate areas."""
     numbers = np.arange(len(middles)).reshape(shape)
     clear = [
         (distances_ahead(middles, np.full(len(middles), angle), room.surfaces) > spacing).reshape(shape)
@@ -98,7 +100,7 @@ def _pieces(room: Room, middles: FloatArray, shape: tuple[int, int], spacing: fl
 
 
 def _inhabited(room: Room, pieces: NDArray[np.int32], low: FloatArray, spacing: float) -> NDArray[np.int32]:
-    """Numbers of the pieces in which the room's places lie; without places, of the largest."""
+    """Return the numbers of the areas with places of the room; without places, of the largest area."""
     if room.places:
         positions = np.array([place.position for place in room.places.values()])
         last = np.array(pieces.shape[::-1]) - 1
@@ -113,7 +115,7 @@ def _in_posts(room: Room, points: FloatArray) -> BoolArray:
 
 
 def _distance(room: Room, point: FloatArray) -> float:
-    """Distance from a point (2,) to the nearest wall or post, m; below 0 inside a post."""
+    """Return the distance from a point (2,) to the nearest wall or post, m; negative inside a post."""
     starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
     share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     walls = np.hypot(*(starts + share[:, None] * along - point).T)

@@ -155,13 +155,13 @@ def _more_lines(comparison: "Comparison") -> list[str]:
 
 def region_lines(comparison: "Comparison") -> list[str]:
     """Return the counts of regions of constant depth in both scans, then a line for each region, counter-clockwise."""
-    from sonarhw_compare.explain.region_words import heard_from, how_many
+    from sonarhw_compare.explain.region_words import path_suffix, region_counts
     from sonarhw_compare.matching.region_match import compare_regions
 
     found = compare_regions(comparison)
-    lines = [f"regions of constant depth: {how_many(found)}"]
-    for measured, predicted in found.in_turn():
-        way = "" if predicted is None else heard_from(comparison, predicted)
+    lines = [f"regions of constant depth: {region_counts(found)}"]
+    for measured, predicted in found.by_bearing():
+        way = "" if predicted is None else path_suffix(comparison, predicted)
         lines.append(f"  {_pair(measured, predicted)}{way}")
     return lines
 

@@ -93,7 +93,7 @@ def _figures(located: "Located", near: float) -> dict[str, Any]:
         "poses": [_figures_of(pose, located.place_near(pose, near)) for pose in located.poses],
         "place": best if best is not None and places[best] > 0 else None,
         "places": {name: round(share, 6) for name, share in places.items()},
-        "readings_alike": round(located.readings_alike, 3),
+        "readings_alike": round(located.redundancy, 3),
         "explained": round(located.explained, 6),
         "fits_room": located.explained >= _FITS,
     }

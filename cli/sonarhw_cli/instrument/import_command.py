@@ -48,7 +48,7 @@ def import_csv(
     force: Force = False,
 ) -> None:
     """Convert a CSV scan of another program to a log."""
-    from sonarhw_compare.imports.foreign_csv import Columns, Meaning, likely_silence, read_foreign_scan
+    from sonarhw_compare.imports.foreign_csv import CsvColumns, Meaning, likely_silence, read_foreign_scan
 
     from sonarhw.export.encoded_log import write_scan
     from sonarhw.log import LogMetadata
@@ -57,13 +57,13 @@ def import_csv(
     _check_options(scale, heading_zero)
     sign = -1.0 if turn is TurnDirection.CW else 1.0
     readings = read_foreign_scan(
-        file, Columns(heading, distance, time_column), Meaning(scale, sign, heading_zero, no_echo)
+        file, CsvColumns(heading, distance, time_column), Meaning(scale, sign, heading_zero, no_echo)
     )
     write_scan(out, LogMetadata("import", time.time()), readings, overwrite=force)
     echoes = sum(reading.range is not None for reading in readings)
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
     _warn_of_far_ranges(readings, scale)
-    if no_echo is None and (likely := likely_silence(file, Columns(heading, distance))):
+    if no_echo is None and (likely := likely_silence(file, CsvColumns(heading, distance))):
         warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
 
 

@@ -1,1 +1,1 @@
-"""Explanations of single readings: which path won, and what would change that."""
+"""Explanations of single readings: the path of the first echo, and what would change it."""

@@ -1,9 +1,8 @@
-"""The contest of echoes: which wins at a heading, by what margin, and what would have to change for another to win.
+"""Margins of the first echo: the changes of threshold or walls after which another echo would be reported.
 
-Takes a prediction and a heading; hands on the steps of its contest. The first echo over the threshold is reported. So
-as the threshold rises, the winner stays until its own level, and then the next later echo that is louder takes over:
-each step is one winner and the thresholds between which it wins. Levels are those of the carrier; the board's own
-receiver also hears the edges of a burst, and its margins differ a little.
+The first echo over the detection threshold wins. As the threshold rises, the winner stays until its own level, and then
+the next later, louder echo wins. A step is one winner with the thresholds between which it wins. Levels are those of
+the carrier. The board's own receiver also detects the edges of a burst, so its margins differ slightly.
 """
 
 import math
@@ -17,53 +16,53 @@ from sonarhw_sim.rays.paths import SLACK
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
 
-_SAME_LENGTH = 1e-6  # m: a way and the same way back
+_SAME_LENGTH = 1e-6  # m, for a path and its reverse
 
 
 @dataclass(frozen=True)
 class Step:
-    """One winner, and the thresholds with which it wins."""
+    """One winner and the thresholds with which it wins."""
 
     path: int
-    range: float  # m, as the board would report it
-    level_db: float  # wins with thresholds up to this
-    above_db: float  # and over this, the level of the loudest that comes before; -inf where nothing does
+    range: float  # m, as reported by the board
+    level_db: float  # highest threshold with which it wins
+    above_db: float  # it wins above this, the level of the loudest earlier echo; -inf without one
 
 
 @dataclass(frozen=True)
 class Contest:
-    """Who wins at one heading, and who would."""
+    """The winner at one heading, and the echoes that would win instead."""
 
-    winner: Step | None  # None: silence
-    margin_db: float | None  # by how much the winner is over the threshold
-    louder: Step | None  # who wins as soon as the threshold rises by that margin; None: nobody, silence
-    fainter: Step | None  # who would win were the threshold lower: earlier, but not heard
-    lacking_db: float | None  # by how much lower for it
-    next: Echo | None  # the first audible echo behind the winner
-    behind: float | None  # m, by how much
+    winner: Step | None  # None: no echo is detected
+    margin_db: float | None  # level of the winner over the threshold
+    louder: Step | None  # winner with a threshold above that margin; None: no echo
+    fainter: Step | None  # winner with a lower threshold: earlier, but not detected
+    lacking_db: float | None  # its level below the threshold
+    next: Echo | None  # the next detected echo after the winner
+    behind: float | None  # m, its range minus that of the winner
 
 
 @dataclass(frozen=True)
 class WallChange:
-    """The least move of one wall with which a later echo overtakes the winner."""
+    """The smallest shift of one wall after which a later echo becomes the first."""
 
     wall: str
-    nearer: float  # m, along its normal towards the sensor; below 0 farther
-    echo: Echo  # who wins then
+    nearer: float  # m, along its normal towards the sensor; negative: away from it
+    echo: Echo  # the new winner
 
 
 def contest(prediction: PredictedScan, index: int) -> Contest:
-    """The contest at heading `index`."""
+    """Return the winner at heading `index` and the echoes that would win instead."""
     threshold = prediction.board.threshold_db
-    heard = steps(prediction, index)
-    row = next((k for k, step in enumerate(heard) if step.level_db >= threshold), len(heard))
-    winner = heard[row] if row < len(heard) else None
-    fainter = heard[row - 1] if row > 0 else None
+    candidates = steps(prediction, index)
+    row = next((k for k, step in enumerate(candidates) if step.level_db >= threshold), len(candidates))
+    winner = candidates[row] if row < len(candidates) else None
+    fainter = candidates[row - 1] if row > 0 else None
     later = [echo for echo in prediction.echoes(index) if winner is not None and echo.range > winner.range]
     return Contest(
         winner,
         None if winner is None else winner.level_db - threshold,
-        heard[row + 1] if row + 1 < len(heard) else None,
+        candidates[row + 1] if row + 1 < len(candidates) else None,
         fainter,
         None if fainter is None else threshold - fainter.level_db,
         later[0] if later else None,
@@ -72,7 +71,7 @@ def contest(prediction: PredictedScan, index: int) -> Contest:
 
 
 def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
-    """Everyone who wins at heading `index` with some threshold, nearest and faintest first."""
+    """Return each echo that wins at heading `index` with some threshold, nearest and faintest first."""
     lengths, levels = prediction.apparent_lengths, prediction.levels_at(index)
     listened = ~prediction.blanked & (lengths <= 2 * prediction.board.max_range + SLACK) & np.isfinite(levels)
     rows = np.flatnonzero(listened)
@@ -88,30 +87,30 @@ def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
 
 
 def change_for(prediction: PredictedScan, index: int, measured: float | None) -> float | None:
-    """By how much (dB) the threshold would have to change for the model to say what was measured.
+    """Return the change of the threshold (dB) with which the prediction matches the measured range.
 
-    `measured` is a range (m), None silence. 0 where it says so; None where no threshold makes it.
+    `measured` is in m, None for no echo. The result is 0 if they match already, and None if no threshold achieves it.
     """
-    threshold, heard = prediction.board.threshold_db, steps(prediction, index)
+    threshold, candidates = prediction.board.threshold_db, steps(prediction, index)
     if measured is None:
-        return max(0.0, heard[-1].level_db - threshold) if heard else 0.0
-    wanted = [step for step in heard if abs(step.range - measured) <= TOLERANCE]
+        return max(0.0, candidates[-1].level_db - threshold) if candidates else 0.0
+    wanted = [step for step in candidates if abs(step.range - measured) <= TOLERANCE]
     changes = [_into(threshold, step.above_db, step.level_db) for step in wanted]
     return min(changes, key=abs, default=None)
 
 
 def _into(threshold: float, above: float, upto: float) -> float:
-    """What is missing from `threshold` to lie over `above` and no higher than `upto`."""
+    """Return the change of `threshold` into the interval from `above` to `upto`."""
     if threshold > upto:
         return upto - threshold
     return max(0.0, above - threshold)
 
 
 def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
-    """The least move of one wall, corners staying corners, after which another echo wins at heading `index`.
+    """Return the smallest shift of one wall, with its corners, after which another echo wins at heading `index`.
 
-    To first order in the move, with levels as they are. Echoes that an edge bends, or that no wall parts from the
-    winner, are left out; None where nobody is left, or where the winner is silence or itself bent.
+    To first order in the shift, with unchanged levels. Diffracted echoes and those with the same length as the winner
+    are ignored. None without such a wall, without a winner, or if the winner is diffracted.
     """
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
     if winner < 0 or paths.edges[winner] >= 0:
@@ -129,8 +128,8 @@ def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
 
 
 def _growth(prediction: PredictedScan, rows: NDArray[np.intp]) -> FloatArray:
-    """By how much paths grow for every metre that a wall moves towards the sensor, (rows, walls)."""
-    # what comes along takes half a second, at the start of the window
+    """Return the derivative of path lengths by the shift of each wall towards the sensor, (rows, walls)."""
+    # these imports take half a second, which would delay the start of the window
     from sonarhw_compare.fit.likelihood.echo_paths import echo_paths, growth_by_wall
     from sonarhw_compare.fit.values.free_walls import left_normals
 

@@ -1,7 +1,6 @@
-"""Details of a comparison for programs: every reading with its echoes, its contest and its sentence, and the regions.
+"""Details of a comparison for JSON: each reading with its echoes, margins and explanation, and the regions.
 
-Takes a comparison; hands on plain dictionaries that become JSON: metres, degrees and decibels, None where there is
-nothing.
+Lengths are in metres, angles in degrees and levels in dB; missing values are None.
 """
 
 import math
@@ -22,7 +21,7 @@ Details = dict[str, Any]
 
 
 def details(comparison: Comparison) -> Details:
-    """What `compare --json --explain` adds to the figures."""
+    """Return what `compare --json --explain` adds to the summary."""
     return {
         "echoes": asdict(echo_statistics(comparison)),
         "readings": [reading_details(comparison, index) for index in range(len(comparison.rows))],
@@ -31,9 +30,9 @@ def details(comparison: Comparison) -> Details:
 
 
 def reading_details(comparison: Comparison, index: int) -> Details:
-    """One reading: what was measured and predicted, which echo is which, who won by how much, and who would have."""
+    """Return one reading: measured and predicted echoes, its path, its margins and the echoes that might win instead"""
     row, prediction = comparison.rows[index], comparison.prediction
-    found, moved = contest(prediction, row.index), wall_change(prediction, row.index)
+    margins, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     return {
         "turntable_deg": _degrees(row.reading.angle),
         "heading_deg": in_degrees(row.heading),
@@ -50,21 +49,21 @@ def reading_details(comparison: Comparison, index: int) -> Details:
             }
             for echo in assigned_echoes(comparison, index)
         ],
-        "margin_db": found.margin_db,
-        "next": _who(prediction, found.next),
-        "next_behind_m": found.behind,
+        "margin_db": margins.margin_db,
+        "next": _echo(prediction, margins.next),
+        "next_behind_m": margins.behind,
         "wall_change": None
         if moved is None
-        else {"wall": moved.wall, "nearer_m": moved.nearer, "to": _who(prediction, moved.echo)},
-        "with_higher_threshold": _who(prediction, found.louder),
-        "with_lower_threshold": _who(prediction, found.fainter),
-        "lacking_db": found.lacking_db,
+        else {"wall": moved.wall, "nearer_m": moved.nearer, "to": _echo(prediction, moved.echo)},
+        "with_higher_threshold": _echo(prediction, margins.louder),
+        "with_lower_threshold": _echo(prediction, margins.fainter),
+        "lacking_db": margins.lacking_db,
         "threshold_change_db": change_for(prediction, row.index, row.measured),
     }
 
 
 def region_details(comparison: Comparison) -> Details:
-    """The regions of constant depth of both scans, the pairs first."""
+    """Return the regions of constant depth of both scans, pairs first."""
     found = compare_regions(comparison)
     return {
         "pairs": [_pair(pair) for pair in found.pairs],
@@ -93,7 +92,7 @@ def _region(region: Region) -> Details:
     }
 
 
-def _who(prediction: PredictedScan, echo: Step | Echo | None) -> Details | None:
+def _echo(prediction: PredictedScan, echo: Step | Echo | None) -> Details | None:
     if echo is None:
         return None
     return {"range_m": echo.range, "level_db": echo.level_db, "via": _via(prediction, echo.path)}

@@ -1,8 +1,4 @@
-"""The sentence for a reading: what was heard, by which path, what was not heard for being too near, and how near a
-thing it was.
-
-Takes a comparison and the index of a reading; hands on one line for a person.
-"""
+"""The sentence that explains a reading: its path, a near wall within blanking, and margins."""
 
 import math
 from collections.abc import Callable
@@ -16,30 +12,30 @@ from sonarhw_compare.matching.match import Comparison, Kind, Matched
 
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
-_SLIGHT_DB = 6.0  # a change of the threshold worth telling: twice or half the amplitude
-_BARELY_DB = 1.0  # a margin worth telling
-_BARELY = 0.01  # m: a move of a wall worth telling
+_SLIGHT_DB = 6.0  # largest change of the threshold that is mentioned: twice or half the amplitude
+_BARELY_DB = 1.0  # largest margin that is mentioned
+_BARELY = 0.01  # m, largest shift of a wall that is mentioned
 
 
-LengthText = Callable[[float], str]  # a length, m, as people read it
+LengthText = Callable[[float], str]  # formats a length, m
 
 
 def in_metres(length: float) -> str:
-    """A length in metres, to the millimetre."""
+    """Return a length in metres, to the millimetre."""
     return f"{length:.3f} m"
 
 
 def explain_reading(comparison: Comparison, index: int, text: LengthText = in_metres) -> str:
-    """One sentence on reading `index`: range, heading, the path that accounts for it, and the near wall if blanked.
+    """Return one sentence on reading `index`: range, heading, path, a near wall within blanking, and small margins.
 
-    `text` writes its lengths.
+    `text` formats the lengths.
     """
     row, prediction = comparison.rows[index], comparison.prediction
     room = prediction.room
     at = f"at {heading_text(row.heading)}"
-    heard = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
+    measured = f"no echo {at}" if row.measured is None else f"{text(row.measured)} {at}"
     change = _slight_change(row, prediction)
-    parts = [f"{heard}: {_account(row, prediction, text, nearly=change is not None)}"]
+    parts = [f"{measured}: {_account(row, prediction, text, nearly=change is not None)}"]
     blanked = prediction.blanked_echoes(row.index)
     if blanked and blanked[0].path != row.path:
         nearest = blanked[0]
@@ -55,12 +51,12 @@ def explain_reading(comparison: Comparison, index: int, text: LengthText = in_me
 
 
 def _is_exact(prediction: PredictedScan) -> bool:
-    """Whether a threshold can be told by how much: with the paper's receiver alone, whose levels are exact."""
+    """Report whether margins are exact, which they are with the paper's receiver only."""
     return prediction.receiver is Receiver.FIRST_ECHO
 
 
 def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
-    """The change of the threshold, dB, that would make the model agree, where a slight one does."""
+    """Return the change of the threshold, dB, with which the model agrees; None unless it is small."""
     if row.kind in (Kind.MATCH, Kind.BOTH_SILENT) or not _is_exact(prediction):
         return None
     change = change_for(prediction, row.index, row.measured)
@@ -68,15 +64,27 @@ def _slight_change(row: Matched, prediction: PredictedScan) -> float | None:
 
 
 def _barely(row: Matched, prediction: PredictedScan, text: LengthText) -> list[str]:
-    """What changes hardly worth the name would have made another win: of threshold, or of a wall where that is less."""
-    found, moved, said = contest(prediction, row.index), wall_change(prediction, row.index), []
+    """Return the small changes after which another echo wins: of the threshold, or of a wall if that is smaller."""
+    margins, moved, said = contest(prediction, row.index), wall_change(prediction, row.index), []
     least = math.inf if moved is None else abs(moved.nearer) / _BARELY
-    if found.margin_db is not None and found.margin_db <= _BARELY_DB:
-        then = "silence" if found.louder is None else text(found.louder.range)
-        if found.winner is None or then != text(found.winner.range):  # another path of the same range is no news
-            said.append((found.margin_db, f"it is only {found.margin_db:.1f} dB over the threshold, then comes {then}"))
-    if found.fainter is not None and found.lacking_db is not None and found.lacking_db <= _BARELY_DB:
-        said.append((found.lacking_db, f"an echo at {text(found.fainter.range)} lacks only {found.lacking_db:.1f} dB"))
+    if margins.margin_db is not None and margins.margin_db <= _BARELY_DB:
+        then = "silence" if margins.louder is None else text(margins.louder.range)
+        if margins.winner is None or then != text(
+            margins.winner.range
+        ):  # another path with the same range changes nothing
+            said.append(
+                (
+                    margins.margin_db,
+                    f"it is only {margins.margin_db:.1f} dB over the threshold; a higher threshold gives {then}",
+                )
+            )
+    if margins.fainter is not None and margins.lacking_db is not None and margins.lacking_db <= _BARELY_DB:
+        said.append(
+            (
+                margins.lacking_db,
+                f"an echo at {text(margins.fainter.range)} is only {margins.lacking_db:.1f} dB below the threshold",
+            )
+        )
     if moved is not None and least <= 1 and all(least < change / _BARELY_DB for change, _ in said):
         return [_overtaken(moved, prediction, text)]
     return [sentence for _, sentence in said]
@@ -84,30 +92,30 @@ def _barely(row: Matched, prediction: PredictedScan, text: LengthText) -> list[s
 
 def _overtaken(moved: WallChange, prediction: PredictedScan, text: LengthText) -> str:
     direction = "nearer" if moved.nearer > 0 else "farther"
-    way = describe_path(prediction, moved.echo.path)
-    return f"it would be {way}, were {moved.wall} {text(abs(moved.nearer))} {direction}"
+    path = describe_path(prediction, moved.echo.path)
+    return f"with {moved.wall} {text(abs(moved.nearer))} {direction} it would be {path}"
 
 
 def describe_path(prediction: PredictedScan, path: int) -> str:
-    """A path in words: `three reflections, bottom, top, bottom`."""
+    """Return a path in words: `three reflections, bottom, top, bottom`."""
     bounces, edge = int(prediction.paths.bounces[path]), int(prediction.paths.edges[path])
     via = ", ".join(map(_named, prediction.paths.via(path, prediction.room)))
-    ways = []
+    parts = []
     if bounces:
         count = _COUNTS[bounces] if bounces < len(_COUNTS) else str(bounces)
-        ways.append(f"{count} reflection{'s' if bounces > 1 else ''}")
+        parts.append(f"{count} reflection{'s' if bounces > 1 else ''}")
     if edge >= 0:
-        ways.append("bent by an edge")
-    return f"{' and '.join(ways)}, {via}"
+        parts.append("bent by an edge")
+    return f"{' and '.join(parts)}, {via}"
 
 
 def _named(touched: str) -> str:
-    """What a path touched: `panel/`, the free end of a wall, is said in words."""
+    """Return the name of a surface or edge; `panel/` is the free end of a wall."""
     return f"the end of {touched[:-1]}" if touched.endswith("/") else touched
 
 
 def _account(row: Matched, prediction: PredictedScan, text: LengthText, *, nearly: bool) -> str:
-    """What accounts for a reading; `nearly`: the model would agree with a slightly different threshold."""
+    """Return the explanation of a reading; `nearly`: the model agrees with a slightly different threshold."""
     predicted = None if row.predicted is None else f"{text(row.predicted)} by {_winner(row, prediction)}"
     match row.kind:
         case Kind.BOTH_SILENT:
@@ -119,11 +127,11 @@ def _account(row: Matched, prediction: PredictedScan, text: LengthText, *, nearl
         case _ if row.path is not None:
             return f"a later echo, {describe_path(prediction, row.path)}; the model expects the first at {predicted}"
         case Kind.EXTRA if nearly:
-            return "no path of the model is quite loud enough here"
+            return "an echo of the model is slightly below the threshold here"
         case Kind.EXTRA if prediction.room.is_outside(prediction.place.position):
-            return "no path of the model is heard here; the sensor stands outside the walls"
+            return "the model predicts no echo here; the sensor is outside the walls"
         case Kind.EXTRA:
-            return "no path of the model is heard here; something may stand in the room that the file does not know"
+            return "the model predicts no echo here; an object may be missing in the room file"
         case _:
             nearer = "nearer" if row.kind is Kind.SHORT else "farther"
             unaccounted = "" if nearly else "; no path of the model accounts for it"
@@ -134,5 +142,5 @@ def _winner(row: Matched, prediction: PredictedScan) -> str:
     first = int(prediction.winners[row.index])
     if first < 0:
         return "no path: noise, or the board's own burst"
-    ways = describe_path(prediction, first)
-    return ways if prediction.paths.bounces[first] else f"sound {ways}"
+    parts = describe_path(prediction, first)
+    return parts if prediction.paths.bounces[first] else f"sound {parts}"

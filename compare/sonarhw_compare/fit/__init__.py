@@ -1,7 +1,7 @@
-"""Fit: the place, room and board that explain measured scans best, and how certain they are.
+"""Fit of place, room and board to measured scans, with credible intervals.
 
-`values` has the quantities, parameters and results, `likelihood` the probability of readings, `search` the way to its
-maximum and the posterior; `fitting` runs a whole fit. `plain_fit` is the search of `compare --fit`.
+`values` holds quantities, parameters and results, `likelihood` the probability of readings, and `search` the search for
+its maximum and the samples of the posterior. `fitting` runs a whole fit. `plain_fit` is the search of `compare --fit`.
 """
 
 import lazy_loader

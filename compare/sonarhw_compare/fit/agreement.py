@@ -1,7 +1,4 @@
-"""How well scans agree with the prediction from what a fit found.
-
-Takes the scans that were fitted and a `FitResult`; hands on the figures of one comparison for each.
-"""
+"""Comparison of fitted scans with the prediction from the fitted place, room and board."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +12,7 @@ from sonarhw_compare.matching.match import Summary, compare_readings
 
 
 def agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: PredictionOptions) -> tuple[Summary, ...]:
-    """The figures of each scan over the prediction from its place, room and board as they were found."""
+    """Return one summary for each scan, compared with the prediction from its fitted place, room and board."""
     return tuple(
         compare_readings(_ranged(scan.readings, result), result.room, place, result.board, options=prediction).summary()
         for scan, place in zip(scans, result.places, strict=True)
@@ -23,7 +20,7 @@ def agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: Predic
 
 
 def _ranged(readings: Sequence[Reading], result: FitResult) -> Sequence[Reading]:
-    """The readings, with ranges by the speed of sound that was found where the air was free."""
+    """Return the readings; where the air was fitted, with ranges from the fitted speed of sound."""
     if not any(isinstance(parameter.quantity, AirQuantity) for parameter in result.parameters):
         return readings
     return [replace(reading, speed_of_sound=result.room.air.speed_of_sound) for reading in readings]

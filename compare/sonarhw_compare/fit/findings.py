@@ -1,7 +1,6 @@
-"""What a fit has found, as files: the room with its places, materials, walls and air, the board with its profile.
+"""Room files and board profiles with fitted values.
 
-Takes the room or board that a fit began with and its values; hands on room and board whose text says what was found,
-comments and layout as they were; a profile says which of its values were fitted. What was not free stays as it is.
+Comments, layout and all values that were not free stay unchanged. A profile marks its fitted values.
 """
 
 import math
@@ -21,9 +20,9 @@ Values = Mapping[Parameter, float]
 
 
 def found_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
-    """The room with those values; `places` are those of the scans, found and named as the room shall name them.
+    """Return the room with these values; `places` are the fitted places of the scans, with the names for the room file.
 
-    Raises InputError where that is no room: a place inside a post, a wall of no length.
+    Raises InputError where the result is not a valid room, such as a place inside a post or a wall without length.
     """
     for parts, by_part in values_by_part(values).items():
         room = parts.write(room, by_part)
@@ -47,10 +46,10 @@ def _rounded(place: Place) -> Place:
 def found_board(
     board: Board, values: Values, name: str, deviations: Values | None = None, logs: Sequence[str] = ()
 ) -> Board:
-    """The board with those values under another name. Raises InputError where no profile has such.
+    """Return the board with these values and another name. Raises InputError where a value is not allowed.
 
-    Its text marks each value that is found, ± its standard deviation where that is given, and says of which `logs`;
-    what the profile said of itself and of values before stands under its own name, for it holds of those alone.
+    The text marks each fitted value, with ± its standard deviation if given, and names the `logs`. Comments of the old
+    profile are quoted under its name, because they describe the old values only.
     """
     profile: Any = tomlkit.parse(board.text)
     profile["name"] = name
@@ -69,7 +68,7 @@ def found_board(
 
 
 def _set(table: Any, key: str, before: float, value: float, deviation: float | None, digits: int) -> None:
-    """The value in the table, marked as found; what was said of the one before stays beside that one."""
+    """Set a value and mark it as fitted; the comment of the old value is kept beside the old value."""
     said = table[key].trivia.comment.lstrip("# ") if key in table else ""
     spread = "" if deviation is None else f" ± {deviation:.{digits}f}"
     table[key] = round(value, digits)
@@ -78,12 +77,12 @@ def _set(table: Any, key: str, before: float, value: float, deviation: float | N
 
 
 def _with_provenance(text: str, before: str, found: Sequence[str], logs: Sequence[str]) -> str:
-    """The text under lines that say what was fitted; the header it had is quoted as that of the profile `before`."""
+    """Return the text below a header with the fitted values; its old header is quoted as that of profile `before`."""
     lines = text.splitlines()
     behind = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     by = f" on {', '.join(logs)}" if logs else ""
     header = [f"# Fitted by `sonarhw fit`{by}, beginning with profile {before!r}: {', '.join(found)}."]
     if behind:
-        header.append(f"# What {before!r} says of itself, true of its own values alone:")
+        header.append(f"# Header of profile {before!r}, for its own values only:")
         header += [f"#   {line.removeprefix('#').removeprefix(' ')}".rstrip() for line in lines[:behind]]
     return "\n".join(header + lines[behind:]) + "\n"

@@ -1,7 +1,4 @@
-"""What a fit cannot tell: several answers, directions in which the data say nothing, values at their bounds.
-
-Takes a `FitResult`; hands on lines for a person.
-"""
+"""Warnings of a fit: several solutions, parameters that the data do not determine, values at their bounds."""
 
 import math
 from collections.abc import Sequence
@@ -12,26 +9,28 @@ from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.headings import heading_text
 from sonarhw_compare.matching.match import Summary
 
-_INSEPARABLE = 0.95  # correlation from which on two numbers are only known together
-_SAYS_NOTHING = 0.6  # of the spread that a value anywhere between its bounds, or what was known beforehand, would have
-_AT_BOUND = 0.01  # of the range
-_ALONE = "the board's own receiver was taken to hear each echo alone; four regions of five hold the truth"
-_MANY_STRAYS = 0.3  # for every metre
-_FEW = 0.6  # of a scan's echoes: in their own rooms, real ones have more within 5 cm
+_INSEPARABLE = 0.95  # smallest correlation that is reported
+_SAYS_NOTHING = 0.6  # of the standard deviation of the prior
+_AT_BOUND = 0.01  # of the range between the bounds
+_ALONE = "the model of the board's own receiver treats each echo alone; four of five 95 % intervals hold the truth"
+_MANY_STRAYS = 0.3  # per metre
+_FEW = 0.6  # of the echoes; real scans have more within 5 cm in the right room
 
 
-def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
-    """One line for everything that the data do not tell; `unending` are parameters whose deviations are too small.
+def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = (), lone: bool = False) -> tuple[str, ...]:
+    """Return one line for each limit of a fit; `underestimated` are parameters whose deviations are too small.
 
-    `lone`: echoes were heard by a receiver that was modelled as if each came alone.
+    `lone`: the receiver was modelled as if each echo came alone.
     """
     lines = [*_several_answers(result)]
     biased = [parameter.name for parameter in result.parameters if parameter.quantity.by_levels]
     if lone and biased:
         lines.append(f"± is too small for {', '.join(biased)}: {_ALONE}")
-    if unending:
-        several = ", ".join(parameter.name for parameter in unending)
-        lines.append(f"± cannot be trusted: {several} can change together by far more; hold one, or say what is known")
+    if underestimated:
+        several = ", ".join(parameter.name for parameter in underestimated)
+        lines.append(
+            f"± cannot be trusted: {several} can change together by far more; fix one of them, or give a prior"
+        )
     for parameter in result.parameters:
         lines += _undetermined(parameter, result.estimates[parameter.name])
     names = list(result.estimates)
@@ -42,15 +41,15 @@ def warnings_of(result: FitResult, unending: Sequence[Parameter] = (), lone: boo
             if abs(result.correlations[i, j]) > _INSEPARABLE
         ]
     if result.noise["stray_per_m"] > _MANY_STRAYS:
-        lines.append("many echoes come by no path of the model; something may stand in the room that the file lacks")
+        lines.append("many echoes match no path of the model; an object may be missing in the room file")
     return tuple(lines)
 
 
 def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tuple[str, ...]:
-    """One line for every scan that what was found explains badly."""
+    """Return one line for each scan that the result explains badly."""
     return tuple(
-        f"{scan.name or 'this scan'}: only {one.within_5cm:.0%} of {one.n_echo} echoes lie within 5 cm of "
-        "the prediction from there; is it this room, and this board?"
+        f"{scan.name or 'this scan'}: only {one.within_5cm:.0%} of {one.n_echo} echoes are within 5 cm of "
+        "the prediction; check the room and the board"
         for scan, one in zip(scans, agreement, strict=True)
         if one.within_5cm is not None and one.within_5cm < _FEW
     )
@@ -59,8 +58,8 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
 def _several_answers(result: FitResult) -> list[str]:
     if len(result.modes) < 2:
         return []
-    told = "; ".join(_pose(result, dict(mode.values)) for mode in result.modes)
-    return [f"{len(result.modes)} answers explain the scan about equally well, the room may be symmetric: {told}"]
+    poses = "; ".join(_pose(result, dict(mode.values)) for mode in result.modes)
+    return [f"{len(result.modes)} solutions explain the scan about equally well, the room may be symmetric: {poses}"]
 
 
 def _pose(result: FitResult, values: dict[str, float]) -> str:
@@ -82,9 +81,9 @@ def _undetermined(parameter: Parameter, estimate: Estimate) -> list[str]:
     if parameter.deviation is not None:
         known = min(known, parameter.deviation)
     if estimate.deviation > _SAYS_NOTHING * known:
-        return [f"the scan hardly tells {parameter.name}: ± as wide as what was known before it"]
+        return [f"the scan hardly constrains {parameter.name}: ± is as wide as the prior"]
     if not parameter.quantity.is_angle:
         for bound in (lower, upper):
             if abs(estimate.value - bound) < _AT_BOUND * width:
-                return [f"{parameter.name} lies at the end of its range, {bound:g}"]
+                return [f"{parameter.name} is at its bound, {bound:g}"]
     return []

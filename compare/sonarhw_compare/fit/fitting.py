@@ -1,7 +1,4 @@
-"""The fit from end to end: poses to begin with, refinement, several answers, uncertainties, warnings.
-
-Takes scans, a room, a board and what is free; hands on a `FitResult`.
-"""
+"""A complete fit: starting poses, refinement, several solutions, uncertainties and warnings."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -16,34 +13,34 @@ from sonarhw.errors import Cancelled, InputError
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.agreement import agreement
 from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
-from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem, make_problem
-from sonarhw_compare.fit.search.beginnings import Beginning, beginnings, is_same
+from sonarhw_compare.fit.search.beginnings import Candidate, beginnings, is_same
 from sonarhw_compare.fit.search.posterior import REGION, samples_of
 from sonarhw_compare.fit.search.refine import covariance_of, refined
-from sonarhw_compare.fit.search.ridges import unending
+from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.matching.regions import mean_run
 
-_PROMISING = 25.0  # of the coarse likelihood's logarithm, of readings that err alone: what is worse is no other answer
-_OTHERS = 3  # answers beside the best that are climbed to
-_CLIMBS = 5  # more, at most, to the top of one answer
-_AS_GOOD = 6.0  # of the likelihood's logarithm: answers nearer than that to the best are told
+_PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independent readings, of another solution
+_OTHERS = 3  # other poses of a scan that are refined
+_CLIMBS = 5  # most repetitions of a refinement
+_AS_GOOD = 6.0  # largest deficit of the log-likelihood of a solution that is reported
 _NORMAL_REGION = 1.96  # standard deviations
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A part of the work, from one share of the whole to another."""
+    """A step of a fit, from one share of the whole to another."""
 
     doing: str
     begin: float
     end: float
 
 
-_SEARCH, _CLIMB, _SAMPLE = _Part("searching", 0.0, 0.5), _Part("refining", 0.5, 0.7), _Part("how sure", 0.7, 1.0)
+_SEARCH, _CLIMB, _SAMPLE = _Part("searching", 0.0, 0.5), _Part("refining", 0.5, 0.7), _Part("sampling", 0.7, 1.0)
 
 
 def fit_scans(
@@ -56,11 +53,11 @@ def fit_scans(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> FitResult:
-    """What explains `scans` best, among all values of the `free` parameters, and how sure that is.
+    """Return the values of the `free` parameters that explain `scans` best, with their uncertainties.
 
-    `progress` is called with the share that is done and what is being done; where `cancelled` says so, the fit ends
-    with `sonarhw.errors.Cancelled`. Raises InputError where nothing is free, a scan has no echo, or board or unit are
-    such that every heading has paths of its own in another way than by a head off its axis.
+    `progress` receives the completed share and the name of the present step. As soon as `cancelled` returns True, the
+    fit raises `sonarhw.errors.Cancelled`. Raises InputError where nothing is free, a scan has no echo, the board is a
+    ring, or the unit is not `pass`.
     """
     options = options or FitOptions()
     check_fit(scans, board, free, options)
@@ -72,11 +69,12 @@ def fit_scans(
         if progress is not None:
             progress(part.begin + (part.end - part.begin) * share, part.doing)
 
-    telling = replace(problem, alike=_alike(problem))  # how sure a fit is, and which answers are about as good
+    # for uncertainties and for the comparison of solutions
+    weighted = replace(problem, redundancies=_redundancies(problem))
     found = _begin(problem, options, lambda share: tick(_SEARCH, share))
-    answers = _answers(problem, telling, found, lambda share: tick(_CLIMB, share))
+    answers = _answers(problem, weighted, found, lambda share: tick(_CLIMB, share))
     best = answers[0].values
-    objective = telling.near(best)
+    objective = weighted.near(best)
     samples = np.empty((0, problem.size))
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
@@ -87,52 +85,52 @@ def fit_scans(
 
 
 def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:
-    """Raises InputError where such a fit cannot be made."""
+    """Raise InputError where such a fit is not possible."""
     if not free:
-        raise InputError("nothing is free; name what the fit may choose")
+        raise InputError("nothing is free; name the quantities to fit")
     if not scans:
         raise InputError("nothing to fit: no scan was given")
     for scan in scans:
         if all(reading.range is None for reading in scan.readings):
             raise InputError(f"nothing to fit: no reading of {scan.name or 'this scan'} has an echo")
     if board.ring is not None:
-        raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to fit")
+        raise InputError(f"board {board.name!r} is a ring of sensors and has no turntable to fit")
     if options.prediction.unit is not Unit.PASS:
-        raise InputError("a fit takes sound to pass the sensor (unit pass); block and reflect are for predictions")
+        raise InputError("a fit needs unit pass, where sound passes the sensor; block and reflect are for predictions")
 
 
-def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Beginning]]:
-    """The poses to begin with, for each scan."""
+def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Candidate]]:
+    """Return the starting poses of each scan."""
     count = len(problem.scans)
     if not options.global_search:
-        return [[Beginning(problem.start(), 0.0)] for _ in range(count)]
+        return [[Candidate(problem.start(), 0.0)] for _ in range(count)]
     return [beginnings(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
 
 
 def _answers(
-    problem: Problem, telling: Problem, found: list[list[Beginning]], tick: Callable[[float], None]
-) -> list[Beginning]:
-    """The best values of all, and behind them others that by `telling` are about as good."""
-    starts = list(_starts(telling, found))
+    problem: Problem, weighted: Problem, found: list[list[Candidate]], tick: Callable[[float], None]
+) -> list[Candidate]:
+    """Return the best solution, followed by others that are about as good according to `weighted`."""
+    starts = list(_starts(weighted, found))
     middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
     middling.sort(key=lambda one: -one.score)
-    tops: list[Beginning] = []
-    count, promising = len(problem.parameters), _PROMISING * max(telling.alike)
+    tops: list[Candidate] = []
+    count, promising = len(problem.parameters), _PROMISING * max(weighted.redundancies)
     for done, one in enumerate(middling):
         tick(done / len(middling))
         if middling[0].score - one.score < promising and not any(
             is_same(problem, one.values, other.values) for other in tops
         ):
-            # readings err alike whatever the answer: so what a rough climb leaves out tells none from the others
+            # the noise does not depend on the solution, so that of the best one is the start for all
             begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
             tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
     tops.sort(key=lambda one: -one.score)
-    told = [Beginning(one.values, telling.near(one.values)(one.values)) for one in tops]
-    return [one for one in told if told[0].score - one.score < _AS_GOOD]
+    scored = [Candidate(one.values, weighted.near(one.values)(one.values)) for one in tops]
+    return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
 
 
-def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Beginning:
-    """Climbed for as long as that brings something: where readings hardly err, one climb may end on a step."""
+def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Candidate:
+    """Return the maximum after repeated refinement: with little noise, one refinement may end at a step."""
     top = _climbed(problem, values, (None,), tick)
     for _ in range(_CLIMBS):
         before, top = top, _climbed(problem, top.values, (None,), tick)
@@ -142,14 +140,14 @@ def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) 
 
 
 def _climbed(
-    problem: Problem, values: FloatArray, stages: tuple[Noise | None, ...], tick: Callable[[], None]
-) -> Beginning:
+    problem: Problem, values: FloatArray, stages: tuple[ReadingNoise | None, ...], tick: Callable[[], None]
+) -> Candidate:
     top = refined(problem, values, None, stages, tick=tick)
-    return Beginning(top, problem.near(top)(top))
+    return Candidate(top, problem.near(top)(top))
 
 
-def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArray]:
-    """The best pose of every scan together; then, one scan at a time, another one of it."""
+def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArray]:
+    """Yield the best poses of all scans together, then the same with another pose of one scan."""
     best = problem.start()
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
@@ -158,7 +156,7 @@ def _starts(problem: Problem, found: list[list[Beginning]]) -> Iterator[FloatArr
     for scan, several in enumerate(found):
         rows = _pose_rows(problem, scan)
         for other in several[1 : 1 + _OTHERS]:
-            if several[0].score - other.score < _PROMISING * problem.alike[scan]:
+            if several[0].score - other.score < _PROMISING * problem.redundancies[scan]:
                 start = best.copy()
                 start[rows] = other.values[rows]
                 yield start
@@ -172,7 +170,7 @@ def _pose_rows(problem: Problem, scan: int) -> list[int]:
     ]
 
 
-def _result(problem: Problem, objective: Objective, answers: list[Beginning], samples: FloatArray) -> FitResult:
+def _result(problem: Problem, objective: Objective, answers: list[Candidate], samples: FloatArray) -> FitResult:
     count, best = len(problem.parameters), answers[0]
     if len(samples):
         middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
@@ -202,13 +200,16 @@ def _result(problem: Problem, objective: Objective, answers: list[Beginning], sa
         samples=samples[:, :count],
     )
     lone = problem.prediction.receiver is Receiver.BOARD
-    return replace(result, warnings=warnings_of(result, unending(objective.problem, best.values, covariance), lone))
+    return replace(
+        result, warnings=warnings_of(result, underestimated(objective.problem, best.values, covariance), lone)
+    )
 
 
-def _alike(problem: Problem) -> tuple[float, ...]:
-    """Of each scan, how many readings there are to one that says something new.
+def _redundancies(problem: Problem) -> tuple[float, ...]:
+    """Return the number of readings per independent reading, by scan.
 
-    Neighbours of one echo err alike where a board rounds it, or where the model of its receiver is only about right.
+    Neighbouring readings of one echo have the same error where the board rounds, or where the model of its receiver is
+    only approximate.
     """
     if not problem.rounding and problem.prediction.receiver is Receiver.FIRST_ECHO:
         return (1.0,) * len(problem.scans)
@@ -216,7 +217,7 @@ def _alike(problem: Problem) -> tuple[float, ...]:
 
 
 def _estimate(parameter: Parameter, value: float, deviation: float, lower: float, upper: float) -> Estimate:
-    # a heading in 0 up to 360°, and its region about it, all round at most
+    # a heading is in [0°, 360°), and its interval around it is at most a full circle
     if parameter.quantity.is_angle:
         by = value % math.tau - value
         lower, upper = max(lower, value - math.pi) + by, min(upper, value + math.pi) + by
@@ -224,7 +225,7 @@ def _estimate(parameter: Parameter, value: float, deviation: float, lower: float
     return Estimate(float(value), float(deviation), float(lower), float(upper))
 
 
-def _mode(problem: Problem, answer: Beginning, best: float) -> Mode:
+def _mode(problem: Problem, answer: Candidate, best: float) -> Mode:
     values = {
         parameter.name: float(value % math.tau if parameter.quantity.is_angle else value)
         for parameter, value in zip(problem.parameters, answer.values, strict=False)

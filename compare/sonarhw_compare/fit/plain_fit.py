@@ -1,7 +1,4 @@
-"""A plain search for where the turntable pointed, how far its ranges are off, and where nearby it stood.
-
-Takes readings and a prediction's ranges all round; hands on the heading, offset and place at which most readings agree.
-"""
+"""Grid search for the turntable heading, the range offset and the position at which most readings match the model."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,20 +17,20 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.matching.match import TOLERANCE
 
-HEADINGS = 720  # tried all round: 0.5° apart
+HEADINGS = 720  # 0.5° apart
 OFFSETS = np.linspace(-0.06, 0.06, 25)  # m
-REACH = 0.03  # m: a place that somebody measured is off by no more
-STEP = 0.01  # m, from one position tried to the next
+REACH = 0.03  # m, largest error of a measured position
+STEP = 0.01  # m, between positions
 PARAMETERS = ("heading", "offset", "position")
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What explains a scan best."""
+    """The result of the grid search."""
 
-    heading: float  # rad: of turntable step 0 in the room
+    heading: float  # rad, of turntable step 0 in the room
     offset: float  # m, added to every measured range
-    place: Place  # as given, but for a fitted position
+    place: Place  # as given, except for a fitted position
 
 
 def fit_scan(
@@ -47,16 +44,15 @@ def fit_scan(
     options: PredictionOptions | None = None,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> Fit:
-    """The heading, offset and position, where they are `free`, at which most readings lie within 5 cm of the model.
+    """Return the heading, offset and position at which most readings are within 5 cm of the model.
 
-    What is not free stays at the place's heading and position and no offset. Ties go to the smaller mean error, then to
-    the smaller offset, then to the nearer position. `tick` is called with the share that is done.
-    Raises InputError where `free` names something else, no reading has an echo, or a heading is sought for a ring,
-    which has no turntable.
+    Only those named in `free` change; the others stay at the place's heading and position, and at offset 0. Ties go to
+    the smaller mean error, then to the smaller offset, then to the nearer position. `tick` receives the share that is
+    done, 0..1. Raises InputError where `free` has an unknown name, no reading has an echo, or the board is a ring.
     """
     _check(readings, free)
     if board.ring is not None:
-        raise InputError(f"--fit: board {board.name!r} is a ring of sensors, and has no turntable to fit")
+        raise InputError(f"--fit: board {board.name!r} is a ring of sensors and has no turntable to fit")
     places = places_near(place) if "position" in free else [place]
 
     def tables() -> Iterator[tuple[Place, FloatArray]]:
@@ -70,12 +66,12 @@ def fit_scan(
 
 
 def all_round() -> FloatArray:
-    """The headings in the room (rad) at which `best_agreement` wants ranges, (720,)."""
+    """Return the headings in the room for the range tables of `best_agreement`, (720,) rad."""
     return np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
 
 
 def places_near(place: Place) -> list[Place]:
-    """The place at every position within 3 cm of its own on a grid of 1 cm, nearest first."""
+    """Return the place at each position within 3 cm of its own, on a grid of 1 cm, nearest first."""
     steps = np.arange(-round(REACH / STEP), round(REACH / STEP) + 1) * STEP
     moves = [(float(x), float(y)) for x in steps for y in steps if math.hypot(x, y) <= REACH + 1e-9]
     x, y = place.position
@@ -85,7 +81,10 @@ def places_near(place: Place) -> list[Place]:
 def best_agreement(
     readings: Sequence[Reading], tables: Iterable[tuple[Place, FloatArray]], free: frozenset[str]
 ) -> Fit:
-    """Where most readings lie within 5 cm of ranges (720,) m all round, NaN for none, that places have, one or more."""
+    """Return the fit with most readings within 5 cm of a table, among one or more places.
+
+    A table has the predicted ranges of a place at the headings of `all_round`, (720,) m, NaN for no echo.
+    """
     angles = np.array([reading.angle for reading in readings])
     measured = np.array([math.nan if reading.range is None else reading.range for reading in readings])
     offsets = OFFSETS if "offset" in free else np.zeros(1)
@@ -108,7 +107,7 @@ def best_agreement(
 def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:
     unknown = free.difference(PARAMETERS)
     if unknown:
-        raise InputError(f"--fit {sorted(unknown)[0]}: expected some of {', '.join(PARAMETERS)}")
+        raise InputError(f"--fit {sorted(unknown)[0]}: unknown parameter; expected some of {', '.join(PARAMETERS)}")
     if all(reading.range is None for reading in readings):
         raise InputError("nothing to fit: no reading of this scan has an echo")
 
@@ -122,7 +121,7 @@ def _agreement(
     turns: int,
     tolerance: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """How many readings agree at every turn of the head and offset, and their mean error, (turns, offsets) each."""
+    """Return the number of matching readings and their mean error, m, by turn and offset, (turns, offsets) each."""
     counts, means = np.zeros((turns, len(offsets))), np.zeros((turns, len(offsets)))
     for turn in range(turns):
         for k in range(len(rows)):

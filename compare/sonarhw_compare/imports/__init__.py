@@ -1,1 +1,1 @@
-"""Scans recorded by other programs, and the board that a log names."""
+"""Scans recorded by other programs, and the board of a log."""

@@ -1,7 +1,6 @@
-"""Other people's scans: a CSV file with a heading and a range a line, read as readings.
+"""Import of scans from CSV files of other programs, with a heading and a range on each line.
 
-Takes a file, the columns that matter and what their numbers mean, or guesses both from the names of the columns; hands
-on readings. Raises InputError, with the line, for what cannot be meant.
+Columns and units are given, or guessed from the header. Errors name the file and the line.
 """
 
 import csv
@@ -19,23 +18,23 @@ from sonarhw_sim.air import speed_of_sound
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
 
-SPACING = 0.1  # s between readings whose file tells no time
-# what the frames of a log can carry
+SPACING = 0.1  # s between readings of a file without times
+# limits of the frames of a log
 MOST_DEGREES = 2147.0
 MOST_RANGE = 700.0  # m
-LONGEST = 1e9  # s
+LONGEST = 1e9  # s, between readings
 _PINGS = 256
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _HEADING_NAMES = ("heading", "angle", "bearing", "azimuth", "theta", "turret", "deg", "degrees")
 _RANGE_NAMES = ("range", "distance", "dist", "echo", "m", "cm", "mm", "metres", "meters")
 _TIME_NAMES = ("time", "seconds", "s", "t")
-_FEWEST_ALIKE, _SHARE_ALIKE = 3, 0.1  # readings of one range, of which a wall seldom gives that many
+_FEWEST_ALIKE, _SHARE_ALIKE = 3, 0.1  # least number and share of readings with one range that likely stands for no echo
 _UNITS = {"m": 1.0, "metres": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 
 @dataclass(frozen=True)
-class Columns:
-    """The names of the columns that matter."""
+class CsvColumns:
+    """The names of the columns to import."""
 
     heading: str
     distance: str
@@ -44,17 +43,17 @@ class Columns:
 
 @dataclass(frozen=True)
 class Meaning:
-    """What the numbers of a file mean."""
+    """Units and conventions of the numbers in a file."""
 
-    scale: float = 1.0  # m in one unit of the range
-    sign: float = 1.0  # 1: headings count counter-clockwise, -1: clockwise
-    zero: float = 0.0  # degrees: turntable angle where the heading says 0
-    no_echo: float | None = None  # the range that stands for none
+    scale: float = 1.0  # m per unit of range
+    sign: float = 1.0  # 1: headings grow counter-clockwise, -1: clockwise
+    zero: float = 0.0  # degrees, turntable angle at heading 0
+    no_echo: float | None = None  # the range that stands for no echo
 
 
 @dataclass(frozen=True)
 class _Row:
-    """The numbers of one line, in the file's own units."""
+    """The numbers of one line, in the units of the file."""
 
     line: int
     heading: float
@@ -62,15 +61,15 @@ class _Row:
     time: float | None
 
 
-def read_foreign_scan(file: Path, columns: Columns, meaning: Meaning) -> list[Reading]:
-    """The readings in a CSV file, at least one. Raises InputError."""
+def read_foreign_scan(file: Path, columns: CsvColumns, meaning: Meaning) -> list[Reading]:
+    """Return the readings of a CSV file, at least one. Raises InputError."""
     return _readings(file, _rows(file, columns, meaning.no_echo), meaning)
 
 
-def guess_columns(file: Path) -> tuple[Columns, Meaning]:
-    """The columns of a file by their names, and the unit that the name of the range ends in; metres where in none.
+def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
+    """Return the columns, guessed by their names, and the unit at the end of the name of the range, by default metres.
 
-    Raises InputError where there is no one column that is called like a heading, or like a range.
+    Raises InputError where no column, or more than one, has a name for a heading or for a range.
     """
     with _opened(file) as text:
         header = _header(file, next(csv.reader(text), []))
@@ -78,17 +77,17 @@ def guess_columns(file: Path) -> tuple[Columns, Meaning]:
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
         raise InputError(
-            f"{file}, line 1: no one column is called like {wanted}; there are: {', '.join(header)}; "
-            "`sonarhw import` takes --heading COL --range COL"
+            f"{file}, line 1: expected exactly one column with a name for {wanted}, got: {', '.join(header)}; "
+            "use `sonarhw import` with --heading COL --range COL"
         )
     unit = _UNITS.get(_words(distance)[-1], 1.0)
-    return Columns(heading, distance, _called(header, _TIME_NAMES)), Meaning(unit)
+    return CsvColumns(heading, distance, _called(header, _TIME_NAMES)), Meaning(unit)
 
 
-def likely_silence(file: Path, columns: Columns) -> tuple[float, int] | None:
-    """The range, in the file's own unit, that seems to stand for no echo, and how many readings have it, or None.
+def likely_silence(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
+    """Return the range, in the unit of the file, that likely stands for no echo, and its number of readings, or None.
 
-    It is one that at least a tenth of the readings, and three, have to the last digit: 0, or else the longest. Raises
+    It is 0 or else the longest range, if at least three readings and a tenth of them have exactly this range. Raises
     InputError.
     """
     ranges = [row.distance for row in _rows(file, columns, None) if row.distance is not None]
@@ -100,7 +99,7 @@ def likely_silence(file: Path, columns: Columns) -> tuple[float, int] | None:
 
 
 def _called(header: list[str], names: tuple[str, ...]) -> str | None:
-    """The one column whose name begins with the first of the words that any column begins with."""
+    """Return the column whose name starts with the first matching word of `names`; None unless there is exactly one."""
     for name in names:
         matching = [column for column in header if name in _words(column)[:1]]
         if matching:
@@ -120,10 +119,10 @@ def _opened(file: Path) -> Iterator[TextIO]:
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; a CSV file was expected") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file}: is no CSV text: {error}") from error
+        raise InputError(f"{file}: not a CSV text file: {error}") from error
 
 
-def _rows(file: Path, columns: Columns, no_echo: float | None) -> Iterator[_Row]:
+def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[_Row]:
     with _opened(file) as text:
         lines = csv.reader(text)
         places = _places(file, _header(file, next(lines, [])), columns)
@@ -133,25 +132,25 @@ def _rows(file: Path, columns: Columns, no_echo: float | None) -> Iterator[_Row]
 
 
 def _header(file: Path, fields: list[str]) -> list[str]:
-    """The names of the columns. Raises InputError where there are none."""
+    """Return the names of the columns. Raises InputError where there are none."""
     header = [name.strip() for name in fields]
     if not any(header):
-        raise InputError(f"{file}: is empty; expected a header line and a reading a line")
+        raise InputError(f"{file}: the file is empty; expected a header line and one reading per line")
     separator = next((mark for mark in _OTHER_SEPARATORS if len(header) == 1 and mark in header[0]), None)
     if separator is not None:
         raise InputError(
-            f"{file}, line 1: has one column, with {_OTHER_SEPARATORS[separator]} in it; "
+            f"{file}, line 1: only one column, with {_OTHER_SEPARATORS[separator]} in it; "
             "expected commas between columns, and points in numbers"
         )
     return header
 
 
-def _places(file: Path, header: list[str], columns: Columns) -> dict[str, int]:
+def _places(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:
     wanted = [columns.heading, columns.distance, *([] if columns.time is None else [columns.time])]
     for name in wanted:
         if header.count(name) != 1:
             count = "no column" if name not in header else "more than one column"
-            raise InputError(f"{file}, line 1: {count} {name!r}; there are: {', '.join(header)}")
+            raise InputError(f"{file}, line 1: {count} {name!r}; columns: {', '.join(header)}")
     return {name: header.index(name) for name in wanted}
 
 
@@ -161,36 +160,36 @@ class _Line:
     number: int
     fields: list[str]
 
-    def refuse(self, what: str) -> InputError:
-        """The error that this line is to be refused with."""
-        return InputError(f"{self.file}, line {self.number}: {what}")
+    def error(self, message: str) -> InputError:
+        """Return an error with the file and the line."""
+        return InputError(f"{self.file}, line {self.number}: {message}")
 
     def text(self, name: str, place: int) -> str:
-        """The field of a column."""
+        """Return the field of a column."""
         if place >= len(self.fields):
-            raise self.refuse(
-                f"has {len(self.fields)} field{'' if len(self.fields) == 1 else 's'} and none for column {name!r}"
+            raise self.error(
+                f"has {len(self.fields)} field{'' if len(self.fields) == 1 else 's'}, but none for column {name!r}"
             )
         return self.fields[place].strip()
 
     def number_in(self, name: str, place: int) -> float:
-        """The number in a column, which may be infinite or NaN."""
+        """Return the number in a column, which may be infinite or NaN."""
         text = self.text(name, place)
         try:
             return float(text)
         except ValueError:
-            raise self.refuse(f"{name} is {text!r}; expected a number") from None
+            raise self.error(f"{name} is {text!r}; expected a number") from None
 
 
-def _row(line: _Line, columns: Columns, places: dict[str, int], no_echo: float | None) -> _Row:
+def _row(line: _Line, columns: CsvColumns, places: dict[str, int], no_echo: float | None) -> _Row:
     heading = line.number_in(columns.heading, places[columns.heading])
     if not math.isfinite(heading):
-        raise line.refuse(f"{columns.heading} is {heading:g}; expected degrees")
+        raise line.error(f"{columns.heading} is {heading:g}; expected degrees")
     seconds = None
     if columns.time is not None:
         seconds = line.number_in(columns.time, places[columns.time])
         if not math.isfinite(seconds):
-            raise line.refuse(f"{columns.time} is {seconds:g}; expected seconds")
+            raise line.error(f"{columns.time} is {seconds:g}; expected seconds")
     name = columns.distance
     if not line.text(name, places[name]):
         return _Row(line.number, heading, None, seconds)
@@ -198,7 +197,7 @@ def _row(line: _Line, columns: Columns, places: dict[str, int], no_echo: float |
     if no_echo is not None and (distance == no_echo or (math.isnan(distance) and math.isnan(no_echo))):
         return _Row(line.number, heading, None, seconds)
     if not 0 <= distance < math.inf:
-        raise line.refuse(f"{name} is {distance:g}; expected a range of 0 or more, or --no-echo {distance:g}")
+        raise line.error(f"{name} is {distance:g}; expected a range of 0 or more, or --no-echo {distance:g}")
     return _Row(line.number, heading, distance, seconds)
 
 
@@ -220,20 +219,22 @@ def _readings(file: Path, rows: Iterator[_Row], meaning: Meaning) -> list[Readin
         _check(reading, before, f"{file}, line {row.line}")
         readings.append(reading)
     if not readings:
-        raise InputError(f"{file}: has no readings; expected a header line and a reading a line")
+        raise InputError(f"{file}: no readings; expected a header line and one reading per line")
     return readings
 
 
 def _check(reading: Reading, before: Reading | None, where: str) -> None:
     degrees = math.degrees(reading.angle)
     if abs(degrees) > MOST_DEGREES:
-        raise InputError(f"{where}: a turntable angle of {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
+        raise InputError(f"{where}: turntable angle {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
     if reading.range is not None and reading.range > MOST_RANGE:
-        raise InputError(f"{where}: a range of {reading.range:g} m; expected at most {MOST_RANGE:g}: is --scale right?")
+        raise InputError(f"{where}: range {reading.range:g} m; expected at most {MOST_RANGE:g} m; check --scale")
     if before and reading.time < before.time:
         raise InputError(
             f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s; "
             "sort the lines by time"
         )
     if before and reading.time - before.time > LONGEST:
-        raise InputError(f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} after the one above")
+        raise InputError(
+            f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} s after the reading above"
+        )

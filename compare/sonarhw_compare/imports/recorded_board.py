@@ -1,7 +1,4 @@
-"""The board that a log was recorded with, so that the log can be redrawn where nobody has its profile.
-
-Takes what a log says of itself; hands on a `Board`.
-"""
+"""The board that a log was recorded with, even if its profile is not installed."""
 
 from sonarhw_sim.board.profile import Board, load_board, parse_board
 
@@ -11,9 +8,9 @@ DEFAULT_BOARD = "polaroid-6500"
 
 
 def board_of_log(metadata: LogMetadata) -> Board:
-    """The profile inside the log, else the one it names, else the default.
+    """Return the profile inside the log, else the one it names, else the default.
 
-    Raises InputError where the profile inside cannot be understood, or the one named does not ship with the product.
+    Raises InputError where the profile inside is invalid, or the named one is not installed.
     """
     if metadata.board_text:
         return parse_board(metadata.board_text, f"the board profile in the log ({metadata.board or 'no name'})")

@@ -1,7 +1,4 @@
-"""The picture of where a scan may have been taken: how well each position agrees, and the most probable poses.
-
-Takes a `Located`; hands on a matplotlib figure that the caller saves.
-"""
+"""Picture of the posterior over positions and of the most probable poses, as a matplotlib figure."""
 
 import math
 
@@ -16,24 +13,24 @@ from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.points import points_at
 
-_DEEPEST = 12.0  # of the logarithm: what is less probable by more is drawn as if it were that
+_DEEPEST = 12.0  # of the logarithm, lower end of the shading
 _MOST_POSES = 5
-_MARGIN = 0.05  # of the axes, round what is drawn
+_MARGIN = 0.05  # around the room, of the axes
 _ARROW = 0.09  # of the room's longer side
-_BESIDE, _ABOVE = 8, 14  # points, from a mark to the end of its text, and to the middle of a line over or under it
+_BESIDE, _ABOVE = 8, 14  # points, from a mark to its text: beside it, and above or below it
 
 
 def draw_located(located: Located) -> Figure:
-    """A figure of the room: the lattice shaded by its posterior, the poses as arrows, the scan laid over the best."""
+    """Return a figure of the room with the posterior of the lattice, the poses as arrows, and the scan at the best."""
     figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     _shade(axes, figure, located)
     draw_room(axes, located.room)
     best = located.poses[0]
-    heard = [reading for reading in located.readings if reading.range is not None]
-    headings = np.array([located.board.heading_at(reading.angle, best.heading) for reading in heard])
-    ranges = np.array([float(reading.range or 0) + best.offset for reading in heard])
+    echoes = [reading for reading in located.readings if reading.range is not None]
+    headings = np.array([located.board.heading_at(reading.angle, best.heading) for reading in echoes])
+    ranges = np.array([float(reading.range or 0) + best.offset for reading in echoes])
     axes.plot(*points_at(best.position, headings, ranges).T, ".", color=MEASURED, ms=6, label="scan, at the best pose")
     _draw_places(axes, located)
     for pose in located.poses[:_MOST_POSES]:
@@ -41,7 +38,7 @@ def draw_located(located: Located) -> Figure:
     axes.plot([], [], "^", color=PREDICTED, ms=8, label="probable pose, turntable step 0 along the arrow")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{located.room.name}: where the scan was taken")
     axes.set_aspect("equal")
-    # the shading would end the axes at the walls
+    # the image would limit the axes to the walls
     axes.use_sticky_edges = False
     axes.margins(_MARGIN)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08))
@@ -67,7 +64,7 @@ def _shade(axes: Axes, figure: Figure, located: Located) -> None:
 
 
 def _draw_places(axes: Axes, located: Located) -> None:
-    """The room's places, each named behind the arrow of the pose that is found there."""
+    """Draw the places of the room, each with its name behind the arrow of the pose found there."""
     for name, place in located.room.places.items():
         at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
         axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6)

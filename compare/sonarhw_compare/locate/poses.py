@@ -1,11 +1,12 @@
-"""Where am I: the poses from which one scan may have been taken, and how probable each is, over a whole room.
+"""The possible poses of a scan in a whole room, with the probability of each.
 
-Takes readings, a room and a board; hands on a `Located`. A lattice all over the free space of the room is scored with
-every heading (`search.pose_search`); from its best maxima, and from the room's own places, the likelihood of a fit is
-climbed. What its peaks weigh against one another is the posterior, where every pose in the room was as likely before.
+A lattice over the free space of the room is scored at every heading (`pose_search`). The likelihood of a fit is then
+maximized from the best maxima of the lattice and from the places of the room. The weights of these peaks are the
+posterior for a uniform prior over the room.
 
-Neighbouring readings of one echo err alike: an edge too loud in the model is too loud at ten headings. Likelihoods
-are those of readings that err independently, so their logarithm is divided by how many readings say the same thing.
+Neighbouring readings of one echo have the same error: an edge that is too loud in the model is too loud at ten
+headings. The likelihood assumes independent errors, so its logarithm is divided by the number of readings per
+independent one.
 """
 
 import math
@@ -20,7 +21,7 @@ from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
-from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import MIDDLING, Objective, Problem, make_problem
 from sonarhw_compare.fit.search.pose_search import QUICK, Scores, maxima, score_positions
 from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
@@ -31,55 +32,55 @@ from sonarhw_compare.matching.match import TOLERANCE
 from sonarhw_compare.matching.regions import mean_run
 
 _POSITIONS = 1000  # of the lattice, about
-_FINEST = 0.06  # m, from one to the next
-_MAXIMA = 12  # of the lattice, that are climbed from
-_HOPELESS = 60.0  # of the lattice's logarithm: what is worse by more is not climbed from
-_PROMISING = 12.0  # of the tempered logarithm, roughly climbed: what is worse by more is not climbed to the end
-_SAME = 0.03  # m, and
+_FINEST = 0.06  # m, smallest spacing
+_MAXIMA = 12  # of the lattice, that are refined
+_HOPELESS = 60.0  # largest deficit of the log-likelihood of the lattice for a start
+_PROMISING = 12.0  # largest deficit of the tempered log-likelihood, after rough refinement, for a full one
+_SAME = 0.03  # m between poses that count as the same
 _SAME_HEADING = math.radians(10)
-_TOLD = 1e-3  # probability under which a pose is not told
-NEAR = 0.1  # m from a place of the room within which a pose counts as that place
+_LEAST = 1e-3  # smallest probability of a reported pose
+NEAR = 0.1  # m, largest distance of a pose that counts as a place of the room
 
 
 @dataclass(frozen=True)
 class Pose:
-    """One answer."""
+    """One possible pose."""
 
     position: tuple[float, float]  # m
-    heading: float  # rad: of turntable step 0 in the room, 0..2π
+    heading: float  # rad, of turntable step 0 in the room, 0..2π
     offset: float  # m, added to every measured range
     probability: float
-    deviations: tuple[float, float, float]  # of x and y, m, and of the heading, rad; standard deviations
+    deviations: tuple[float, float, float]  # standard deviations of x and y, m, and of the heading, rad
 
 
 @dataclass(frozen=True)
 class Located:
-    """Where one scan may have been taken."""
+    """The possible poses of a scan."""
 
     room: Room
     board: Board
     readings: tuple[Reading, ...]
-    poses: tuple[Pose, ...]  # the most probable first; together 1 but for what is not worth telling
+    poses: tuple[Pose, ...]  # most probable first; the probabilities add up to almost 1
     scores: Scores  # rough log-likelihoods of the lattice
-    readings_alike: float  # how many readings there are to one that says something new
-    explained: float  # share of the echoes that the room's lie within 5 cm of, at the most probable pose
+    redundancy: float  # number of readings per independent reading
+    explained: float  # share of the echoes within 5 cm of the prediction at the most probable pose
 
     @property
     def lattice(self) -> FloatArray:
-        """Rough log-posterior of each position of the lattice, (p,); the best is 0, -inf where no sound comes back."""
-        summed = logsumexp(self.scores.scores / self.readings_alike, axis=1)
+        """Rough log-posterior of each position of the lattice, (p,); the best is 0, positions without paths -inf."""
+        summed = logsumexp(self.scores.scores / self.redundancy, axis=1)
         return np.asarray(summed - summed.max())
 
     def place_near(self, pose: Pose, near: float = NEAR) -> str | None:
-        """Name of the place of the room nearest to a pose; None where none is within `near` (m)."""
+        """Return the name of the place nearest to a pose; None without one within `near` (m)."""
         away = {name: math.dist(pose.position, place.position) for name, place in self.room.places.items()}
         name = min(away, key=away.__getitem__, default=None)
         return None if name is None or away[name] > near else name
 
     def places(self, near: float = NEAR) -> dict[str, float]:
-        """Of each place of the room, how probable it is that the scan was taken there, if it was at one of them.
+        """Return the probability of each place of the room, given that the scan was taken at one of them.
 
-        A pose within `near` (m) of a place counts for the nearest; all 0 where none is near any.
+        A pose within `near` (m) of a place counts for the nearest one. Without such a pose, all are 0.
         """
         shares = dict.fromkeys(self.room.places, 0.0)
         for pose in self.poses:
@@ -94,7 +95,7 @@ class _Top:
     """A peak of the likelihood."""
 
     score: float  # natural logarithm
-    values: FloatArray  # of the problem: x, y, heading, offset, and how readings err
+    values: FloatArray  # of the problem: x, y, heading, offset, noise
     objective: Objective
 
 
@@ -107,10 +108,10 @@ def locate_scan(
     height: float | None = None,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> Located:
-    """Where in the room, and in which direction, a scan of `board` was taken.
+    """Return the possible poses of a scan in a room.
 
-    `height` (m) is that of the transducer, where floor, ceiling and heights of walls are to be heard; `tick` is called
-    with the share that is done. Raises InputError where no reading has an echo or the board is a ring of sensors.
+    `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `tick` receives
+    the completed share, 0..1. Raises InputError where no reading has an echo or the board is a ring of sensors.
     """
     options = FitOptions(prediction=prediction or PredictionOptions())
     free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
@@ -118,21 +119,21 @@ def locate_scan(
     check_fit([scan], board, free, options)
     problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
-    alike = mean_run(*_headings_and_ranges(readings))
+    redundancy = mean_run(*_headings_and_ranges(readings))
     starts = _starts(scores, room)
-    tops = _tops(problem, starts, alike, lambda share: tick(0.5 + 0.5 * share))
-    poses = _weighed(_different(tops), alike)
+    tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
+    poses = _weighed(_different(tops), redundancy)
     tick(1.0)
     explained = _explained(readings, room, board, poses[0], replace(scan.place, position=poses[0].position), options)
-    return Located(room, board, tuple(readings), poses, scores, alike, explained)
+    return Located(room, board, tuple(readings), poses, scores, redundancy, explained)
 
 
 def _explained(
     readings: Sequence[Reading], room: Room, board: Board, pose: Pose, place: Place, options: FitOptions
 ) -> float:
-    heard = [reading for reading in readings if reading.range is not None]
-    headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in heard])
-    measured = np.array([reading.range for reading in heard], dtype=np.float64) + pose.offset
+    echoes = [reading for reading in readings if reading.range is not None]
+    headings = np.array([board.heading_at(reading.angle, pose.heading) for reading in echoes])
+    measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_scan(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
 
@@ -161,7 +162,7 @@ def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:
 
 
 def _starts(scores: Scores, room: Room) -> list[tuple[float, float, float]]:
-    """Where to climb from (x, y, heading): the lattice's maxima, and the room's places with their best headings."""
+    """Return the starts (x, y, heading): maxima of the lattice, and the places of the room with their best headings."""
     best = float(scores.scores.max())
     starts = [
         pose for pose in maxima(scores, _MAXIMA) if best - scores.scores[_nearest(scores, pose[:2])].max() < _HOPELESS
@@ -178,9 +179,9 @@ def _nearest(scores: Scores, position: tuple[float, float]) -> int:
 
 
 def _tops(
-    problem: Problem, starts: list[tuple[float, float, float]], alike: float, tick: Callable[[float], None]
+    problem: Problem, starts: list[tuple[float, float, float]], redundancy: float, tick: Callable[[float], None]
 ) -> list[_Top]:
-    """The tops near those poses, roughly climbed all, and those that may be worth telling to the end."""
+    """Return the maxima near these poses. All are refined roughly, and the promising ones fully."""
     rough = []
     for k, start in enumerate(starts):
         tick(0.5 * k / len(starts))
@@ -189,7 +190,7 @@ def _tops(
         values = problem.with_noise(values, MIDDLING)
         rough.append(_climb(problem, values, QUICK, MIDDLING))
     best = max(rough, key=lambda top: top.score)
-    promising = _different([top for top in rough if best.score - top.score < _PROMISING * alike])
+    promising = _different([top for top in rough if best.score - top.score < _PROMISING * redundancy])
     tops = []
     for k, top in enumerate(promising):
         tick(0.5 + 0.5 * k / len(promising))
@@ -197,8 +198,10 @@ def _tops(
     return tops
 
 
-def _climb(problem: Problem, values: FloatArray, prediction: PredictionOptions | None, noise: Noise | None) -> _Top:
-    """The top near `values`: found to the end, or where `noise` says how readings err, roughly."""
+def _climb(
+    problem: Problem, values: FloatArray, prediction: PredictionOptions | None, noise: ReadingNoise | None
+) -> _Top:
+    """Return the maximum near `values`, refined fully, or roughly with a given `noise`."""
     searches, iterations = (MOST_SEARCHES, MOST_ITERATIONS) if noise is None else (2, 15)
     values = refined(problem, values, prediction, (noise,), searches=searches, iterations=iterations)
     objective = problem.near(values, prediction)
@@ -206,7 +209,7 @@ def _climb(problem: Problem, values: FloatArray, prediction: PredictionOptions |
 
 
 def _different(tops: list[_Top]) -> list[_Top]:
-    """The tops, the best first, without those that are another once more."""
+    """Return different maxima, best first."""
     kept: list[_Top] = []
     for top in sorted(tops, key=lambda one: -one.score):
         same = (
@@ -219,19 +222,19 @@ def _different(tops: list[_Top]) -> list[_Top]:
     return kept
 
 
-def _weighed(tops: list[_Top], alike: float) -> tuple[Pose, ...]:
-    """The poses at the tops, the best first, with their probabilities: what lies under each peak of the posterior."""
-    promising = [top for top in tops if (tops[0].score - top.score) / alike < -math.log(_TOLD)]
-    spreads = [alike * covariance_of(top.objective, top.values)[:3, :3] for top in promising]
+def _weighed(tops: list[_Top], redundancy: float) -> tuple[Pose, ...]:
+    """Return the poses at the maxima, most probable first; probabilities are volumes under peaks of the posterior."""
+    promising = [top for top in tops if (tops[0].score - top.score) / redundancy < -math.log(_LEAST)]
+    spreads = [redundancy * covariance_of(top.objective, top.values)[:3, :3] for top in promising]
     volumes = np.array([0.5 * np.linalg.slogdet(spread)[1] for spread in spreads])
-    weights = np.array([top.score / alike for top in promising]) + volumes
+    weights = np.array([top.score / redundancy for top in promising]) + volumes
     shares = np.exp(weights - weights.max())
     shares /= shares.sum()
     poses = [
         _pose(top.values, float(share), np.sqrt(np.diag(spread)))
         for top, share, spread in zip(promising, shares, spreads, strict=True)
     ]
-    return tuple(sorted((pose for pose in poses if pose.probability >= _TOLD), key=lambda pose: -pose.probability))
+    return tuple(sorted((pose for pose in poses if pose.probability >= _LEAST), key=lambda pose: -pose.probability))
 
 
 def _pose(values: FloatArray, probability: float, deviations: FloatArray) -> Pose:

@@ -1,8 +1,8 @@
-"""What is the room: maps made of scans alone, and what the ray-following model takes out of them.
+"""Maps from scans alone, with and without the readings that the ray-following model explains by multipath.
 
-Files: `certainty` is the grid of Moravec and Elfes, `arcs` and `features` make walls, corners and edges of regions of
-constant depth as Leonard and Durrant-Whyte do, `rejection` finds the readings that came by several reflections, `made`
-puts them together and `picture` draws them.
+`certainty` is the grid of Moravec and Elfes. `arcs` and `features` find walls, corners and edges in regions of constant
+depth, as Leonard and Durrant-Whyte do. `rejection` finds readings from several reflections, `room_map` combines all,
+and `map_picture` draws the result.
 """
 
 from sonarhw_compare.map.room_map import RoomMap, map_scans

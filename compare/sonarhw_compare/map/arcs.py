@@ -1,6 +1,6 @@
-"""Arcs: the regions of constant depth of several scans, each where its sensor stood.
+"""Arcs: regions of constant depth around the position of their scan.
 
-Takes scans from known places; hands on `Arc`s. What made one is a wall that touches it, or a corner or an edge on it.
+The target is a wall that touches the arc, or a corner or edge on it.
 """
 
 import math
@@ -19,7 +19,7 @@ from sonarhw_compare.matching.regions import regions_of
 
 BoolArray = NDArray[np.bool_]
 
-_SURE = math.radians(2)  # of the middle of an arc
+_SURE = math.radians(2)  # smallest standard deviation of a bearing
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Arc:
 
     scan: int
     rows: tuple[int, ...]  # of the scan's readings
-    centre: tuple[float, float]  # m, where the sensor stood
+    centre: tuple[float, float]  # m, position of the sensor
     range: float  # m
     bearing: float  # rad in the room, of its middle
     half_width: float  # rad
@@ -40,17 +40,17 @@ class Arc:
 
     @property
     def spread(self) -> float:
-        """Standard deviation, rad, of where along it the echo came from: neighbours may have cut a side off."""
+        """Standard deviation of the bearing of the target, rad: a nearer target may hide one side of the arc."""
         return max(_SURE, self.half_width)
 
 
 def direction(angle: float) -> FloatArray:
-    """The unit vector at an angle (rad), (2,)."""
+    """Return the unit vector at an angle (rad), (2,)."""
     return np.array([math.cos(angle), math.sin(angle)])
 
 
 def arcs_of(scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]) -> tuple[Arc, ...]:
-    """The arcs of all scans, made of those readings that are `kept` ((n,) bool for each scan)."""
+    """Return the arcs of all scans, from the readings that are `kept` ((n,) bool for each scan)."""
     found = []
     for number, (scan, wanted) in enumerate(zip(scans, kept, strict=True)):
         headings, ranges = headings_and_ranges(scan, board)

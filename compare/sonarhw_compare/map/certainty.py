@@ -1,8 +1,8 @@
-"""The certainty grid: how sure it is that each cell is empty or occupied, after readings taken for cones.
+"""Occupancy grid from readings as cones (Moravec and Elfes, High Resolution Maps from Wide Angle Sonar, 1985).
 
-Takes scans from known places; hands on a `CertaintyGrid` (Moravec and Elfes, High Resolution Maps from Wide Angle
-Sonar, 1985). A reading makes what lies before its range within ±15° emptier, and what lies at its range fuller; sound
-that was reflected on its way makes both where neither is true. Silence says nothing here: a wall at a slant is silent.
+A reading raises the certainty that cells in front of its range within ±15° are empty, and that cells at its range are
+occupied. For multipath echoes, both are wrong. Readings without an echo are ignored, because an oblique wall returns
+none.
 """
 
 import math
@@ -22,8 +22,8 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 BoolArray = NDArray[np.bool_]
 
 CELL = 0.02  # m
-DEPTH = 0.05  # m: how far before and behind its range a reading may have met something
-_MARGIN = 0.2  # m round the farthest reading
+DEPTH = 0.05  # m, uncertainty of the range of a reading, to each side
+_MARGIN = 0.2  # m around the farthest reading
 _MOST_CELLS = 1200  # along a side
 _RIM = math.tan(CONE_HALF_ANGLE)
 
@@ -35,12 +35,12 @@ class CertaintyGrid:
     left: float  # m
     bottom: float  # m
     cell: float  # m
-    empty: FloatArray  # (rows, columns): certainty 0..1 that there is nothing
-    occupied: FloatArray  # (rows, columns): certainty 0..1 that there is something
+    empty: FloatArray  # (rows, columns), certainty 0..1 that a cell is empty
+    occupied: FloatArray  # (rows, columns), certainty 0..1 that a cell is occupied
 
     @property
     def certainty(self) -> FloatArray:
-        """-1 surely empty .. 0 unknown .. 1 surely occupied, (rows, columns): whichever is surer (their eq. 7)."""
+        """From -1, empty, over 0, unknown, to 1, occupied, (rows, columns): the larger certainty (their eq. 7)."""
         return np.where(self.occupied >= self.empty, self.occupied, -self.empty)
 
     @property
@@ -50,7 +50,7 @@ class CertaintyGrid:
         return self.left, self.left + columns * self.cell, self.bottom, self.bottom + rows * self.cell
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Certainty at points (n, 2) m, (n,); 0 outside."""
+        """Return the certainty at points (n, 2) m, (n,); 0 outside."""
         column, row = np.floor((points - (self.left, self.bottom)) / self.cell).astype(int).T
         rows, columns = self.empty.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -58,7 +58,7 @@ class CertaintyGrid:
 
 
 def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, FloatArray]:
-    """Where each reading pointed, rad in the room, and its range, m, NaN where there is no echo; (n,) each."""
+    """Return the heading of each reading, rad in the room, and its range, m, NaN for no echo; (n,) each."""
     headings = [board.heading_at(reading.angle, scan.place.heading) for reading in scan.readings]
     ranges = [np.nan if reading.range is None else reading.range for reading in scan.readings]
     return np.array(headings, dtype=np.float64), np.array(ranges, dtype=np.float64) - board.range_offset
@@ -67,7 +67,7 @@ def headings_and_ranges(scan: PlacedScan, board: Board) -> tuple[FloatArray, Flo
 def certainty_grid(
     scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray], cell: float | None = None
 ) -> CertaintyGrid:
-    """The grid after every reading of the scans that is `kept` ((n,) bool for each), cells of `cell` (m)."""
+    """Return the grid from all readings that are `kept` ((n,) bool for each scan), in cells of `cell` (m)."""
     stands, headings, ranges = _cones(scans, board, kept)
     ends = stands + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
     corners = np.vstack((stands, ends, *(np.array([scan.place.position]) for scan in scans)))
@@ -75,7 +75,7 @@ def certainty_grid(
     cell = max(CELL, float((high - low).max()) / _MOST_CELLS) if cell is None else cell
     columns, rows = np.ceil((high - low) / cell).astype(int)
     empty, occupied = np.zeros((rows, columns)), np.zeros((rows, columns))
-    # all that is empty first: what must be occupied is then looked for in what is left (their section 4)
+    # first all empty cells; occupied cells are then among the others (their section 4)
     for lay in (_lay_empty, _lay_occupied):
         for (x, y), heading, distance in zip((stands - low).tolist(), headings.tolist(), ranges.tolist(), strict=True):
             lay(empty, occupied, cell, x, y, heading, distance)
@@ -86,7 +86,7 @@ def certainty_grid(
 def _cones(
     scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the readings with an echo were taken (n, 2), where they point (n,), and how far they go (n,)."""
+    """Return positions (n, 2), headings (n,) and ranges (n,) of the readings with an echo."""
     stands, directions, distances = [], [], []
     for scan, wanted in zip(scans, kept, strict=True):
         headings, ranges = headings_and_ranges(scan, board)
@@ -99,7 +99,7 @@ def _cones(
 
 @compiled
 def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
-    """First and last row and column of the cells within reach of a point of the grid, the last not included."""
+    """Return first and last row and column of the cells within reach of a point; the last ones are excluded."""
     low_row, high_row = int((y - reach) / cell), int((y + reach) / cell) + 1
     low_column, high_column = int((x - reach) / cell), int((x + reach) / cell) + 1
     return max(0, low_row), min(shape[0], high_row), max(0, low_column), min(shape[1], high_column)
@@ -107,7 +107,7 @@ def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: floa
 
 @compiled
 def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float) -> tuple[float, float]:
-    """How far a cell is away, m, and how much of the cone is there: 1 on its axis, 0 from its rim on."""
+    """Return the distance of a cell, m, and the weight of the cone there: 1 on its axis, 0 from its rim on."""
     dx, dy = (column + 0.5) * cell - x, (row + 0.5) * cell - y
     ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
     if ahead <= 0.0 or abs(aside) >= ahead * _RIM:
@@ -119,7 +119,7 @@ def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float
 def _lay_empty(
     empty: FloatArray, _occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
 ) -> None:
-    """What lies before the range of a reading taken at x, y (m from the grid's corner) becomes emptier."""
+    """Raise the certainty of empty cells in front of the range; x, y are in m from the corner of the grid."""
     before = distance - DEPTH
     first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, before)
     for row in range(first_row, last_row):
@@ -133,7 +133,7 @@ def _lay_empty(
 def _lay_occupied(
     empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
 ) -> None:
-    """What lies at the range of a reading becomes fuller; one thing made the echo, so its arc shares one certainty."""
+    """Raise the certainty of occupied cells at the range; one object made the echo, so its arc shares one certainty."""
     first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
     there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
     for row in range(first_row, last_row):

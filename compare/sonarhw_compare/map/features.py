@@ -1,8 +1,8 @@
-"""Features: walls, corners and edges that arcs from several places agree on.
+"""Walls, corners and edges that arcs from several places agree on.
 
-Takes `Arc`s; hands on `Features`. From one place nobody can tell a wall from a point: an arc fits both. From two, a
-wall is the line that touches both arcs, a point is where they cross (Leonard and Durrant-Whyte 1992, ch. 3 and 4). The
-hypotheses of all pairs are held against all arcs; the one that most places agree on is taken first.
+An arc from one place fits a wall and a point equally well. With two places, a wall is the line that touches both arcs,
+and a point is where they cross (Leonard and Durrant-Whyte 1992, ch. 3 and 4). The hypotheses of all pairs are compared
+with all arcs, and the best supported ones are accepted first.
 """
 
 import math
@@ -18,20 +18,20 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc, BoolArray, direction
 
 RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
-_FARTHEST = 3.0  # standard deviations of range and bearing together, beyond which an arc does not belong
-_OTHER_PLACE = 0.05  # m: places nearer than this tell nothing new
-_WALLS_FIRST = 1.01  # rooms have more walls than corners: where both fit alike it is a wall
-_AT_CORNER = 0.08  # m from where two walls meet, a point is their corner
-_SHORTEST = 0.1  # m: a wall is drawn at least so long
+_FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a feature
+_OTHER_PLACE = 0.05  # m, between places that count as different
+_WALLS_FIRST = 1.01  # weight of walls, which win where both fit equally well, because rooms have more walls
+_AT_CORNER = 0.08  # m, largest distance of a corner from its walls
+_SHORTEST = 0.1  # m, least length of a wall
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A straight wall as far as it was touched."""
+    """A straight wall between the outermost points at which arcs touch it."""
 
     start: tuple[float, float]  # m
     end: tuple[float, float]
-    normal: float  # rad: direction from the sensors to it
+    normal: float  # rad, direction from the sensors to the wall
     arcs: tuple[int, ...]
 
 
@@ -46,7 +46,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Features:
-    """What arcs of several places agree on."""
+    """The features that arcs from several places agree on."""
 
     arcs: tuple[Arc, ...]
     walls: tuple[Wall, ...]
@@ -54,14 +54,14 @@ class Features:
 
     @property
     def alone(self) -> tuple[Arc, ...]:
-        """Arcs that nothing found explains."""
+        """The arcs that belong to no feature."""
         members = [feature.arcs for feature in self.walls] + [feature.arcs for feature in self.points]
         taken = {arc for several in members for arc in several}
         return tuple(arc for number, arc in enumerate(self.arcs) if number not in taken)
 
 
 @dataclass(frozen=True)
-class _Columns:
+class _ArcArrays:
     """Arcs as arrays, (n,) and (n, 2)."""
 
     centres: FloatArray
@@ -70,12 +70,12 @@ class _Columns:
     spreads: FloatArray
 
     def misfits_of_wall(self, normal: float, distance: float) -> FloatArray:
-        """How far each arc is from touching the line n·p = distance, in standard deviations, (n,)."""
+        """Return the misfit of each arc to touching the line n·p = distance, in standard deviations, (n,)."""
         away = (distance - self.centres @ direction(normal) - self.ranges) / RANGE_SPREAD
         return np.hypot(away, _turn(self.bearings, normal) / self.spreads)
 
     def misfits_of_point(self, point: FloatArray) -> FloatArray:
-        """How far each arc is from running through a point (2,), in standard deviations, (n,)."""
+        """Return the misfit of each arc to passing through a point (2,), in standard deviations, (n,)."""
         dx, dy = (point - self.centres).T
         away = (np.hypot(dx, dy) - self.ranges) / RANGE_SPREAD
         return np.asarray(np.hypot(away, _turn(self.bearings, np.arctan2(dy, dx)) / self.spreads))
@@ -86,8 +86,8 @@ def _turn(one: FloatArray, other: FloatArray | float) -> FloatArray:
 
 
 def find_features(arcs: Sequence[Arc]) -> Features:
-    """What the arcs agree on; an arc belongs to one feature at most, a feature to two places at least."""
-    columns = _Columns(
+    """Return the features of arcs; an arc belongs to at most one feature, and a feature needs at least two places."""
+    columns = _ArcArrays(
         np.array([arc.centre for arc in arcs], dtype=np.float64).reshape(-1, 2),
         np.array([arc.range for arc in arcs], dtype=np.float64),
         np.array([arc.bearing for arc in arcs], dtype=np.float64),
@@ -103,36 +103,36 @@ def find_features(arcs: Sequence[Arc]) -> Features:
     return Features(tuple(arcs), tuple(walls), made)
 
 
-def _agreed(arcs: Sequence[Arc], columns: _Columns) -> Iterator[tuple[bool, FloatArray, tuple[int, ...]]]:
-    """Feature by feature, the best supported first: whether it is a wall, what it is, and its arcs."""
+def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[bool, FloatArray, tuple[int, ...]]]:
+    """Yield features, best supported first: whether it is a wall, its values, and its arcs."""
     hypotheses = list(_hypotheses(arcs))
     if not hypotheses:
         return
     misfits = np.array([_misfits(columns, *hypothesis) for hypothesis in hypotheses])
     weights = np.array([_WALLS_FIRST if is_wall else 1.0 for is_wall, _ in hypotheses])
     free = np.ones(len(arcs), dtype=np.bool_)
-    # two places can always be made to agree; where there are more, more have to
+    # two places always agree on something; with more places, three must agree
     least = min(3, _places(columns.centres))
     while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
         is_wall, values = hypotheses[best]
         members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
         fitted = _fitted(columns, is_wall, values, members)
         agreed = np.flatnonzero(free & (_misfits(columns, is_wall, fitted) < _FARTHEST))
-        # what its arcs agree on best may let go of one of them
+        # after the fit, an arc may no longer belong
         if _places(columns.centres[agreed]) < least:
             agreed, fitted = members, values
         free[agreed] = False
         yield is_wall, fitted, tuple(agreed.tolist())
 
 
-def _misfits(columns: _Columns, is_wall: bool, values: FloatArray) -> FloatArray:
+def _misfits(columns: _ArcArrays, is_wall: bool, values: FloatArray) -> FloatArray:
     if is_wall:
         return columns.misfits_of_wall(float(values[0]), float(values[1]))
     return columns.misfits_of_point(values)
 
 
 def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: FloatArray, least: int) -> int | None:
-    """The hypothesis on which free arcs of at least so many places agree best; None: there is none."""
+    """Return the hypothesis with the best support by free arcs of at least `least` places; None without one."""
     members = free & (misfits < _FARTHEST)
     support = np.where(members, _FARTHEST**2 - misfits**2, 0.0).sum(axis=1) * weights
     support[members.sum(axis=1) < least] = 0.0
@@ -145,7 +145,7 @@ def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: Fl
 
 
 def _places(centres: FloatArray) -> int:
-    """How many places there are among those of arcs (n, 2), no two nearer than 5 cm."""
+    """Return the number of different places among `centres` (n, 2), at least 5 cm apart."""
     apart: list[FloatArray] = []
     for centre in centres:
         if all(math.dist(centre, other) >= _OTHER_PLACE for other in apart):
@@ -154,20 +154,20 @@ def _places(centres: FloatArray) -> int:
 
 
 def _hypotheses(arcs: Sequence[Arc]) -> Iterator[tuple[bool, FloatArray]]:
-    """Walls (normal rad, distance m from the origin) and points (x, y) that each two arcs of different places allow."""
+    """Yield the walls (normal rad, distance m from the origin) and points (x, y) of each pair of arcs."""
     for one, other in combinations(arcs, 2):
         apart = np.subtract(other.centre, one.centre)
         distance = float(np.hypot(*apart))
         if distance < _OTHER_PLACE:
             continue
         towards = math.atan2(apart[1], apart[0])
-        # both touched: n·(s₂ - s₁) = r₁ - r₂
+        # a line that touches both: n·(s₂ - s₁) = r₁ - r₂
         cosine = (one.range - other.range) / distance
         if abs(cosine) <= 1:
             for side in (1, -1):
                 normal = towards + side * math.acos(cosine)
                 yield True, np.array([normal, float(np.dot(one.centre, direction(normal))) + one.range])
-        # both run through: the circles cross
+        # a point on both: the circles cross
         along = (distance**2 + one.range**2 - other.range**2) / (2 * distance)
         if abs(along) <= one.range:
             for side in (1, -1):
@@ -175,9 +175,9 @@ def _hypotheses(arcs: Sequence[Arc]) -> Iterator[tuple[bool, FloatArray]]:
                 yield False, np.array(one.centre) + one.range * direction(angle)
 
 
-def _fitted(columns: _Columns, is_wall: bool, values: FloatArray, members: NDArray[np.intp]) -> FloatArray:
-    """The wall or point that its arcs agree on best, (2,)."""
-    chosen = _Columns(*(getattr(columns, name)[members] for name in ("centres", "ranges", "bearings", "spreads")))
+def _fitted(columns: _ArcArrays, is_wall: bool, values: FloatArray, members: NDArray[np.intp]) -> FloatArray:
+    """Return the wall or point with the smallest misfit to its arcs, (2,)."""
+    chosen = _ArcArrays(*(getattr(columns, name)[members] for name in ("centres", "ranges", "bearings", "spreads")))
 
     def misfits(moved: FloatArray) -> FloatArray:
         return _misfits(chosen, is_wall, moved)
@@ -186,7 +186,7 @@ def _fitted(columns: _Columns, is_wall: bool, values: FloatArray, members: NDArr
 
 
 def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance: float) -> Wall:
-    """The stretch of a line from the first to the last point at which arcs touch it."""
+    """Return the part of a line from the first to the last point at which arcs touch it."""
     across, along = direction(normal), direction(normal + math.pi / 2)
     touched = [float(np.dot(arcs[member].centre, along)) for member in members]
     low, high = min(touched), max(touched)
@@ -196,6 +196,6 @@ def _wall(arcs: Sequence[Arc], members: tuple[int, ...], normal: float, distance
 
 
 def _is_corner(point: FloatArray, walls: Sequence[Wall]) -> bool:
-    """Whether two of the walls, made longer, meet at a point."""
+    """Report whether two of the walls, extended, meet at a point."""
     near = [wall for wall in walls if abs(np.dot(point - wall.start, direction(wall.normal))) < _AT_CORNER]
     return any(abs(math.sin(one.normal - other.normal)) > 0.3 for one, other in combinations(near, 2))

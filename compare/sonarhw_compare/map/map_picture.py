@@ -1,8 +1,4 @@
-"""The picture of a map: what all readings say, beside what is left without those of several reflections.
-
-Takes a `RoomMap` and, where one is known, the room to hold it against; hands on a matplotlib figure that the caller
-saves.
-"""
+"""Picture of a map as a matplotlib figure: all readings beside those without several reflections."""
 
 import numpy as np
 from matplotlib import colormaps
@@ -18,12 +14,12 @@ from sonarhw_compare.map.room_map import Layer, RoomMap
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
 
 _ARC_STEPS = 20
-_MARGIN = 0.08  # round what is drawn, of its longer side
+_MARGIN = 0.08  # around the features, of their longer side
 _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
-    """A figure of two plans: certainty grid, arcs, walls and points; `room` is drawn dotted over both."""
+    """Return a figure of two plans with grid, arcs, walls and points; `room` is drawn dotted over both."""
     figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     for axes, layer, title in zip(figure.subplots(1, 2), (found.plain, found.direct), _titles(found), strict=True):
@@ -48,12 +44,12 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
 def _titles(found: RoomMap) -> tuple[str, str]:
     echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
     if found.believed is None:
-        left = "the same: no walls were found to follow sound round"
+        left = "the same: no walls found, so sound was not followed"
     elif found.rejected:
-        left = f"direct ones: {echoes - found.rejected}; by several reflections, left out: {found.rejected}"
+        left = f"direct echoes: {echoes - found.rejected}; excluded, by several reflections: {found.rejected}"
     else:
-        left = "the same: no echo came by several reflections"
-    return f"all echoes taken for direct ones: {echoes}", left
+        left = "the same: no echo by several reflections"
+    return f"all echoes, interpreted as direct: {echoes}", left
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
@@ -72,7 +68,7 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
 
 
 def _marks(layer: Layer) -> list[FloatArray]:
-    """Points on all that is drawn over the grid, (k, 2) m each."""
+    """Return points of everything that is drawn over the grid, (k, 2) m each."""
     features = layer.features
     points = [np.array([point.position]) for point in features.points]
     return (
@@ -83,7 +79,7 @@ def _marks(layer: Layer) -> list[FloatArray]:
 
 
 def _zoom(axes: Axes, shown: list[FloatArray]) -> None:
-    """Leave out cones that end far behind all that was found: what they empty is told by their beginnings."""
+    """Crop the plan to the features; cones may end far behind them."""
     points = np.vstack(shown)
     low, high = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * float((high - low).max())
@@ -91,7 +87,7 @@ def _zoom(axes: Axes, shown: list[FloatArray]) -> None:
 
 
 def _outline(arc: Arc) -> FloatArray:
-    """The points of an arc, (2, k) m."""
+    """Return the points of an arc, (2, k) m."""
     angles = np.linspace(arc.bearing - arc.half_width, arc.bearing + arc.half_width, _ARC_STEPS)
     points = [np.array(arc.centre) + arc.range * direction(float(angle)) for angle in angles]
     return np.asarray(np.transpose(points))

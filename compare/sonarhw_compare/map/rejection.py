@@ -1,7 +1,7 @@
-"""Rejection: which readings came by several reflections, by following sound round a room.
+"""Rejection of readings from several reflections, by following sound in a room.
 
-Takes scans from known places and a room, that of a file or one put together of walls that were found; hands on which
-readings to keep. A reading is given up where the path that accounts for it was turned back in more than one place.
+The room is that of a file, or consists of the walls found in the scans. A reading is rejected if the path that explains
+it is reflected at more than one place.
 """
 
 import math
@@ -21,16 +21,16 @@ from sonarhw_compare.map.certainty import BoolArray
 from sonarhw_compare.map.features import Features, Wall
 from sonarhw_compare.matching.match import compare_readings
 
-_REFLECTANCE = 0.9  # of walls that were found; how loud they are decides little
-_MEET = 1.0  # m: found walls are made longer by no more, to meet one another
-_BEYOND = 0.1  # m: a leg that passes another wall by more passes through it
-_ONE_PLACE = 1e-3  # m
+_REFLECTANCE = 0.9  # of found walls; their level matters little
+_MEET = 1.0  # m, by which found walls are extended at most, to meet one another
+_BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the wall
+_ONE_PLACE = 1e-3  # m between reflections that count as one place
 
 
 def direct_readings(
     scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
 ) -> tuple[BoolArray, ...]:
-    """Which readings of each scan came from one place straight back, or by no path of the room, (n,) bool for each.
+    """Return which readings to keep, (n,) bool for each scan: those from one place, and those without a path.
 
     `tick` is called before each scan.
     """
@@ -50,14 +50,14 @@ def _direct(scan: PlacedScan, room: Room, board: Board) -> BoolArray:
 
 
 def _stops(paths: Paths) -> NDArray[np.intp]:
-    """At how many places each path was turned back, (n,): an inner corner touches two walls in one place."""
+    """Return the number of places at which each path is reflected, (n,); an inner corner counts once."""
     between = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), 2, 0))
-    # the last leg ends at the sensor, those behind it are NaN
+    # the last leg ends at the sensor; later entries are NaN
     return np.asarray((between > _ONE_PLACE).sum(axis=1) - 1)
 
 
 def room_of(features: Features) -> Room | None:
-    """A room of the walls that were found and that sound can reach, made longer to meet; None where there is none."""
+    """Return a room of the found walls that sound can reach, extended until they meet; None without walls."""
     walls = reachable_walls(features)
     if not walls:
         return None
@@ -70,7 +70,7 @@ def room_of(features: Features) -> Room | None:
 
 
 def reachable_walls(features: Features) -> tuple[Wall, ...]:
-    """The walls that no nearer one hides from most of the places that heard them: images lie behind what makes them."""
+    """Return the walls without a nearer wall in front, seen from most of their places; the others are images."""
     arcs = features.arcs
     near_first = sorted(features.walls, key=lambda wall: float(np.mean([arcs[k].range for k in wall.arcs])))
     kept: list[Wall] = []
@@ -82,13 +82,13 @@ def reachable_walls(features: Features) -> tuple[Wall, ...]:
 
 
 def _passes(arc: Arc, wall: Wall, other: Wall) -> bool:
-    """Whether the way from an arc's place straight to the wall it touches goes through another wall."""
+    """Report whether the straight line from the place of an arc to its wall crosses another wall."""
     start = np.array(arc.centre)
     return _crosses(start, start + arc.range * direction(wall.normal), np.array(other.start), np.array(other.end))
 
 
 def _crosses(start: FloatArray, end: FloatArray, first: FloatArray, last: FloatArray) -> bool:
-    """Whether a leg passes a wall that is a little longer than it was found to be, and goes on behind it."""
+    """Report whether a leg crosses a slightly extended wall and ends well behind it."""
     along = (last - first) / np.hypot(*(last - first))
     normal = np.array([-along[1], along[0]])
     before, behind = (start - first) @ normal, (end - first) @ normal
@@ -99,7 +99,7 @@ def _crosses(start: FloatArray, end: FloatArray, first: FloatArray, last: FloatA
 
 
 def _longer(wall: Wall, walls: Sequence[Wall]) -> tuple[FloatArray, FloatArray]:
-    """A wall's ends moved out to where it meets others, by a metre at most."""
+    """Return the ends of a wall, extended by at most 1 m to where it meets others."""
     start, end = np.array(wall.start), np.array(wall.end)
     along = (end - start) / np.hypot(*(end - start))
     low, high = 0.0, float(np.hypot(*(end - start)))
@@ -110,7 +110,7 @@ def _longer(wall: Wall, walls: Sequence[Wall]) -> tuple[FloatArray, FloatArray]:
 
 
 def _meeting(start: FloatArray, along: FloatArray, other: Wall) -> list[float]:
-    """How far along a line another wall's line crosses it, where that is on it or near its ends, m; none or one."""
+    """Return where a line crosses another wall or its extension, m along the line; an empty list if it does not."""
     normal = direction(other.normal)
     slope = float(along @ normal)
     if abs(slope) < math.sin(math.radians(10)):

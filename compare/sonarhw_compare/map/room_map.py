@@ -1,7 +1,4 @@
-"""The map: certainty grid and features of all readings, and again without those that came by several reflections.
-
-Takes scans from known places and a board, and a room where one is known; hands on a `RoomMap`.
-"""
+"""The map from several scans: grid and features of all readings, and again without several reflections."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,7 +19,7 @@ from sonarhw_compare.map.rejection import direct_readings, room_of
 
 @dataclass(frozen=True)
 class Layer:
-    """What some of the readings say the room is."""
+    """Grid and features of some of the readings."""
 
     kept: tuple[BoolArray, ...]  # (n,) for each scan
     grid: CertaintyGrid
@@ -31,16 +28,16 @@ class Layer:
 
 @dataclass(frozen=True)
 class RoomMap:
-    """What scans say the room is."""
+    """A room as estimated from scans."""
 
     scans: tuple[PlacedScan, ...]
-    plain: Layer  # all readings taken at their word
-    believed: Room | None  # the room round which sound was followed: the one given, else one of the walls found
-    direct: Layer  # without readings that came by several reflections
+    plain: Layer  # of all readings
+    believed: Room | None  # the room for ray following: the given one, or else one of the walls found
+    direct: Layer  # without readings from several reflections
 
     @property
     def rejected(self) -> int:
-        """How many readings with an echo were given up."""
+        """The number of rejected readings with an echo."""
         return sum(
             reading.range is not None and not keep
             for scan, kept in zip(self.scans, self.direct.kept, strict=True)
@@ -54,21 +51,20 @@ def map_scans(
     room: Room | None = None,
     tick: Callable[[float], None] = lambda _share: None,
 ) -> RoomMap:
-    """What scans from known places say the room is.
+    """Return the map from scans at known places.
 
-    Sound is followed round `room` where it is given, else round the walls that the scans themselves agree on. `tick` is
-    called with the share that is done. Raises InputError where no reading has an echo, a scan is given twice or the
-    board is a ring.
+    Sound is followed in `room` if given, or else in a room of the walls that the scans agree on. `tick` receives the
+    completed share, 0..1. Raises InputError where no reading has an echo, a scan is given twice or the board is a ring.
     """
     if board.ring is not None:
-        raise InputError(f"board {board.name!r} is a ring of sensors, and has no turntable to map with")
+        raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
     if all(reading.range is None for scan in scans for reading in scan.readings):
         raise InputError("nothing to map: no reading has an echo")
     check_given_once(scans)
     parts = count()
 
     def begin_part() -> None:
-        # a layer of all readings, each scan held against the room, a layer of those kept
+        # a layer of all readings, one part for each scan, a layer of the kept readings
         tick(next(parts) / (len(scans) + 2))
 
     begin_part()

@@ -1,7 +1,6 @@
-"""Assignment: which predicted echo each echo of a reading is, the later ones of a multi-echo reading as well.
+"""Assignment of predicted echoes to all measured echoes of a reading, and statistics of the residuals.
 
-Takes a comparison; hands on pairs of measured and predicted echoes, and figures over all of them. No predicted echo
-answers for two measured ones, and together they lie as near as they can (Hungarian method).
+Each predicted echo is used at most once, and the sum of the residuals is minimal (Hungarian method).
 """
 
 from dataclasses import dataclass
@@ -12,15 +11,15 @@ from scipy.optimize import linear_sum_assignment
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE, Comparison
 
-_TO_DEVIATION = 1.4826  # a normal's standard deviation over its median absolute deviation
+_TO_DEVIATION = 1.4826  # standard deviation of a normal distribution by its median absolute deviation
 
 
 @dataclass(frozen=True)
 class AssignedEcho:
-    """One measured echo and the predicted one that it is."""
+    """One measured echo and its predicted echo."""
 
     measured: float  # m, offset added
-    predicted: float | None  # m; None, as are the others: no predicted echo is left within 5 cm
+    predicted: float | None  # m; this and the next two are None without a predicted echo within 5 cm
     path: int | None  # row of the prediction's paths
     level_db: float | None
 
@@ -32,31 +31,31 @@ class AssignedEcho:
 
 @dataclass(frozen=True)
 class EchoStatistics:
-    """Figures over every measured echo of a scan."""
+    """Statistics of all measured echoes of a scan."""
 
     echoes: int
-    explained: float | None  # share of them that is a predicted echo; None where nothing was measured
-    bias_m: float | None  # median residual; None, as is the next, where none is explained
-    spread_m: float | None  # median absolute deviation from that, as a normal's standard deviation
+    explained: float | None  # share with a predicted echo; None without measured echoes
+    bias_m: float | None  # median residual; this and the next are None if none is explained
+    spread_m: float | None  # standard deviation, from the median absolute deviation
 
 
 def assigned_echoes(comparison: Comparison, index: int) -> tuple[AssignedEcho, ...]:
-    """Every echo of reading `index`, nearest first, with the predicted echo that it is."""
+    """Return every echo of reading `index`, nearest first, with its predicted echo."""
     measured = np.array(comparison.rows[index].reading.echo_ranges, dtype=np.float64) + comparison.offset
-    heard = comparison.prediction.echoes(comparison.rows[index].index)
-    chosen = assigned(measured, np.array([echo.range for echo in heard], dtype=np.float64))
+    echoes = comparison.prediction.echoes(comparison.rows[index].index)
+    chosen = assigned(measured, np.array([echo.range for echo in echoes], dtype=np.float64))
     return tuple(
-        AssignedEcho(float(told), None, None, None)
+        AssignedEcho(float(distance), None, None, None)
         if at is None
-        else AssignedEcho(float(told), heard[at].range, heard[at].path, heard[at].level_db)
-        for told, at in zip(measured, chosen, strict=True)
+        else AssignedEcho(float(distance), echoes[at].range, echoes[at].path, echoes[at].level_db)
+        for distance, at in zip(measured, chosen, strict=True)
     )
 
 
 def assigned(measured: FloatArray, predicted: FloatArray, gate: float = TOLERANCE) -> list[int | None]:
-    """For each of `measured` (m,) the row of `predicted` (p,) that it is; None where none is left within `gate`."""
+    """Return for each of `measured` (m,) its row of `predicted` (p,); None without one within `gate`, all in m."""
     apart = np.abs(measured[:, None] - predicted)
-    # beyond the gate all are alike, so that none pulls a pair from within it
+    # all costs beyond the gate are equal, so that they do not displace a pair within it
     rows, columns = linear_sum_assignment(np.minimum(apart, 2 * gate))
     chosen: list[int | None] = [None] * len(measured)
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
@@ -66,7 +65,7 @@ def assigned(measured: FloatArray, predicted: FloatArray, gate: float = TOLERANC
 
 
 def echo_statistics(comparison: Comparison) -> EchoStatistics:
-    """The figures of all echoes of a scan."""
+    """Return the statistics of all echoes of a scan."""
     echoes = [echo for index in range(len(comparison.rows)) for echo in assigned_echoes(comparison, index)]
     residuals = np.array([echo.residual for echo in echoes if echo.residual is not None], dtype=np.float64)
     if not len(residuals):

@@ -1,7 +1,4 @@
-"""Measured against predicted: every reading laid over what the model says at its heading, and classed.
-
-Takes readings, a room, a place and a board; hands on a `Comparison`, whose summary is what `compare --json` prints.
-"""
+"""Comparison of readings with the prediction at their headings: class, path and residual of each, and a summary."""
 
 import math
 from collections import Counter
@@ -22,12 +19,12 @@ from sonarhw.readings import Reading
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.matching.silence import roc_area
 
-# m: measured and predicted that differ by no more agree; a hair over 5 cm, for boards that report whole centimetres
+# m, largest residual of a match; slightly over 5 cm, for boards that report whole centimetres
 TOLERANCE = 0.05 + 1e-9
 
 
 class Kind(StrEnum):
-    """How a reading compares with its prediction."""
+    """Class of a reading compared with its prediction."""
 
     MATCH = "match"
     SHORT = "short"  # measured nearer than predicted
@@ -47,27 +44,27 @@ class Matched:
     measured: float | None  # m, offset added
     predicted: float | None  # m
     kind: Kind
-    path: int | None  # row of the predicted path that accounts for the reading; None: no path does
+    path: int | None  # row of the predicted path that explains the reading; None without one
 
     @property
     def residual(self) -> float | None:
-        """Measured less predicted, m; None where either is silent."""
+        """Measured minus predicted, m; None if one of them has no echo."""
         return None if self.measured is None or self.predicted is None else self.measured - self.predicted
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The figures of a comparison; the keys of `compare --json`."""
+    """Figures of a comparison, the keys of `compare --json`."""
 
     n: int
     n_echo: int
     matched: int
-    within_5cm: float | None  # matched / n_echo; None where nothing was measured
+    within_5cm: float | None  # matched / n_echo; None without measured echoes
     median_abs_error_m: float | None
-    no_echo_agreement: float | None  # balanced accuracy of silence; None where one side is empty
-    no_echo_roc_area: float | None  # how well predicted levels tell silent headings from sounding ones; None likewise
+    no_echo_agreement: float | None  # balanced accuracy of silence; None if all headings are of one kind
+    no_echo_roc_area: float | None  # ROC area of predicted levels for silence; None likewise
     classes: dict[str, int]
-    explained: float | None  # share of n_echo with some predicted echo within 5 cm
+    explained: float | None  # share of n_echo with any predicted echo within 5 cm
     heading_deg: float  # of turntable step 0 in the room
     offset_m: float
     x_m: float  # of the sensor in the room
@@ -80,11 +77,11 @@ class Comparison:
 
     prediction: PredictedScan  # at exactly the readings' headings
     rows: tuple[Matched, ...]
-    heading: float  # rad: of turntable step 0 in the room
-    offset: float  # m: added to every measured range
+    heading: float  # rad, of turntable step 0 in the room
+    offset: float  # m, added to every measured range
 
     def summary(self) -> Summary:
-        """The figures of the whole scan."""
+        """Return the figures of the whole scan."""
         kinds = Counter(row.kind for row in self.rows)
         echoes = [row for row in self.rows if row.measured is not None]
         errors = [abs(row.residual) for row in self.rows if row.residual is not None]
@@ -118,11 +115,11 @@ def compare_readings(
     options: PredictionOptions | None = None,
     paths: Paths | None = None,
 ) -> Comparison:
-    """Readings beside the prediction at their headings.
+    """Return each reading with the prediction at its heading.
 
-    `heading` (rad in the room) is where turntable step 0 points, the place's own unless given; `offset` (m) is added to
-    every measured range; `paths` already known for this place and board save finding them again, where one search
-    serves all headings. Raises InputError where the board is a ring and a reading lies along none of its sensors.
+    `heading` (rad in the room) is that of turntable step 0, by default the heading of the place. `offset` (m) is added
+    to every measured range. Known `paths` of this place and board are reused where one search serves all headings.
+    Raises InputError where the board is a ring and no sensor points along a reading.
     """
     heading = place.heading if heading is None else heading
     headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)
@@ -154,7 +151,7 @@ def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted:
 
 
 def classify(measured: float | None, predicted: float | None) -> Kind:
-    """The class of a reading, from its measured and predicted range (m; None: no echo)."""
+    """Return the class of a reading from its measured and predicted range (m; None: no echo)."""
     if measured is None:
         return Kind.BOTH_SILENT if predicted is None else Kind.MISSED
     if predicted is None:
@@ -165,7 +162,7 @@ def classify(measured: float | None, predicted: float | None) -> Kind:
 
 
 def _accounting_path(prediction: PredictedScan, index: int, measured: float, predicted: float | None) -> int | None:
-    """The path that is reported where it agrees, else the nearest in range of all audible there; None beyond 5 cm."""
+    """Return the path of the first echo if it matches, else that of the echo nearest in range; None beyond 5 cm."""
     winner = int(prediction.winners[index])
     if winner >= 0 and predicted is not None and abs(predicted - measured) <= TOLERANCE:
         return winner

@@ -1,7 +1,4 @@
-"""Regions of constant depth of two scans held against one another, measured against predicted.
-
-Takes regions of both; hands on which are the same surface, and how far they differ in range, bearing and width.
-"""
+"""Assignment of the measured regions of constant depth to the predicted ones, with the differences of each pair."""
 
 import math
 from collections.abc import Sequence
@@ -24,17 +21,17 @@ class RegionPair:
 
     @property
     def farther(self) -> float:
-        """Measured range less predicted, m."""
+        """Measured range minus predicted, m."""
         return self.measured.range - self.predicted.range
 
     @property
     def turned(self) -> float:
-        """Measured bearing less predicted, rad, -π..π."""
+        """Measured bearing minus predicted, rad, -π..π."""
         return math.remainder(self.measured.bearing - self.predicted.bearing, math.tau)
 
     @property
     def wider(self) -> float:
-        """Measured width less predicted, rad."""
+        """Measured width minus predicted, rad."""
         return self.measured.width - self.predicted.width
 
 
@@ -43,23 +40,23 @@ class RegionMatch:
     """The regions of two scans."""
 
     pairs: tuple[RegionPair, ...]
-    parts: tuple[RegionPair, ...]  # one of the two lies in a region that is paired already: a mirror heard in pieces
+    parts: tuple[RegionPair, ...]  # further regions that overlap a region of a pair: a reflector detected in pieces
     only_measured: tuple[Region, ...]
     only_predicted: tuple[Region, ...]
 
-    def in_turn(self) -> list[tuple[Region | None, Region | None]]:
-        """Each region as measured and as predicted, None where it is in one scan only, counter-clockwise."""
-        told: list[tuple[float, Region | None, Region | None]] = []
-        told += [(pair.measured.bearing, pair.measured, pair.predicted) for pair in self.pairs + self.parts]
-        told += [(region.bearing, region, None) for region in self.only_measured]
-        told += [(region.bearing, None, region) for region in self.only_predicted]
-        return [(measured, predicted) for _, measured, predicted in sorted(told, key=lambda one: one[0])]
+    def by_bearing(self) -> list[tuple[Region | None, Region | None]]:
+        """Return each region as measured and as predicted, None if missing in that scan, counter-clockwise."""
+        rows: list[tuple[float, Region | None, Region | None]] = []
+        rows += [(pair.measured.bearing, pair.measured, pair.predicted) for pair in self.pairs + self.parts]
+        rows += [(region.bearing, region, None) for region in self.only_measured]
+        rows += [(region.bearing, None, region) for region in self.only_predicted]
+        return [(measured, predicted) for _, measured, predicted in sorted(rows, key=lambda one: one[0])]
 
 
 def compare_regions(comparison: Comparison) -> RegionMatch:
-    """The regions of a measured scan and of its prediction, both at the headings of the readings.
+    """Return the regions of a measured scan and of its prediction, at the headings of the readings.
 
-    Each is of one mirror, so far as the model knows it: two walls that are as far are two regions.
+    Readings of different predicted paths are in different regions, even if two walls are equally far away.
     """
     prediction = comparison.prediction
     ranges = np.array([math.nan if row.measured is None else row.measured for row in comparison.rows])
@@ -72,14 +69,14 @@ def compare_regions(comparison: Comparison) -> RegionMatch:
 
 
 def _mirror(paths: Paths, path: int | None) -> tuple[int, ...] | None:
-    """What a path touched, either way round; None where there is none."""
+    """Return the edge and surfaces of a path, equal for both directions; None without a path."""
     if path is None or path < 0:
         return None
     return int(paths.edges[path]), *sorted(paths.surfaces[path].tolist())
 
 
 def match_regions(measured: Sequence[Region], predicted: Sequence[Region]) -> RegionMatch:
-    """Which regions are one: within 5 cm in range and with headings in common, as many of those as can be."""
+    """Assign regions within 5 cm in range so that the headings in common are as many as possible."""
     cells = np.array([[_shared(one, other) for other in predicted] for one in measured], dtype=np.float64)
     shared = cells.reshape(len(measured), len(predicted))
     rows, columns = linear_sum_assignment(shared, maximize=True)
@@ -97,7 +94,7 @@ def match_regions(measured: Sequence[Region], predicted: Sequence[Region]) -> Re
 
 
 def _shared(one: Region, other: Region) -> float:
-    """How much of their headings two regions share, rad; 0 where their ranges differ."""
+    """Return the overlap of two regions, rad; 0 if their ranges differ."""
     if abs(one.range - other.range) > TOLERANCE:
         return 0.0
     apart = abs(math.remainder(one.bearing - other.bearing, math.tau))

@@ -1,4 +1,4 @@
-"""Silence: how well a prediction separates the headings at which a board hears nothing from the others.
+"""Evaluation of predicted silence: how well predicted levels separate headings without an echo from the others.
 
 The score of a heading is `PredictedScan.over_threshold`, the level of the loudest predicted echo over the threshold.
 """
@@ -11,14 +11,14 @@ from sonarhw.readings import FloatArray
 
 
 def roc_area(scores: FloatArray, sounding: Sequence[bool]) -> float | None:
-    """Return the area under the ROC curve of scores (n,), the higher the surer of an echo; 0.5 is guessing.
+    """Return the area under the ROC curve of scores (n,); a higher score predicts an echo, and 0.5 is chance.
 
-    It is the share of pairs of a sounding and a silent heading in which the sounding one has the higher score; ties
-    count half. None where no heading is silent, or all are.
+    It is the share of pairs of a heading with and one without an echo in which the first has the higher score; ties
+    count half. None if all headings are of one kind.
     """
-    heard = np.asarray(sounding, dtype=np.bool_)
-    silent = np.sort(scores[~heard])
-    if heard.all() or not heard.any():
+    echo = np.asarray(sounding, dtype=np.bool_)
+    silent = np.sort(scores[~echo])
+    if echo.all() or not echo.any():
         return None
-    below, up_to = (np.searchsorted(silent, scores[heard], side) for side in ("left", "right"))
+    below, up_to = (np.searchsorted(silent, scores[echo], side) for side in ("left", "right"))
     return float((below + up_to).mean() / (2 * len(silent)))

@@ -1,4 +1,4 @@
-"""Okabe and Ito's palette: one meaning, one colour, on paper and in the window. Loads nothing that draws."""
+"""The palette of Okabe and Ito: each meaning has one colour, on paper and in the window."""
 
 PREDICTED = "#0072B2"
 MEASURED = "#D55E00"

@@ -1,7 +1,4 @@
-"""Pictures on paper: the plan of a room with a scan, measured over predicted.
-
-Takes a prediction and, where there is one, a measured scan; hands on a matplotlib figure that the caller saves.
-"""
+"""Picture of the plan of a room with measured over predicted readings, as a matplotlib figure."""
 
 from collections.abc import Sequence
 
@@ -19,7 +16,7 @@ from sonarhw_compare.pictures.points import points_at
 
 
 def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (), title: str = "") -> Figure:
-    """A figure of the room with predicted points and `measured` (heading rad, range m) over them."""
+    """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them."""
     figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -1,26 +1,26 @@
-"""Levels of traces as they are drawn: envelopes, in dB of full scale."""
+"""Levels of traces for pictures: envelopes, in dB of full scale."""
 
 import numpy as np
-from scipy.fftpack import hilbert  # scipy.signal has it too, but takes half a second to load
+from scipy.fftpack import hilbert  # scipy.signal also has it, but takes half a second to load
 from sonarhw_sim.board.profile import Board
 
 from sonarhw.readings import FloatArray, Trace
 
-_BELOW_THRESHOLD_DB = 12.0  # level axes end there; the noise of a converter of 8 bits lies above
+_BELOW_THRESHOLD_DB = 12.0  # lower end of level axes; the noise of an 8-bit converter is above it
 
 
 def floor_of(board: Board) -> float:
-    """Where the level axes end, dB of full scale."""
+    """Return the lower end of level axes, dB of full scale."""
     return board.threshold_db - _BELOW_THRESHOLD_DB
 
 
 def in_db(amplitudes: FloatArray, floor_db: float) -> FloatArray:
-    """Amplitudes in dB of full scale, none under `floor_db`; NaN stays NaN."""
+    """Return amplitudes in dB of full scale, at least `floor_db`; NaN stays NaN."""
     return np.asarray(20 * np.log10(np.maximum(np.abs(amplitudes), 10 ** (floor_db / 20))))
 
 
 def envelope_of(trace: Trace) -> FloatArray:
-    """The envelope of a trace, (n,) float, 0..1; of a carrier the length of its analytic signal. NaN where lost."""
+    """Return the envelope of a trace, (n,) float, 0..1, NaN if lost; of a carrier, that of its analytic signal."""
     if not trace.carrier:
         return trace.samples
     lost = np.isnan(trace.samples)

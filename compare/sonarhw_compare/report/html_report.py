@@ -1,7 +1,4 @@
-"""The report: one HTML file with everything about a scan, for somebody who has neither log nor program.
-
-Takes a comparison and the log it is of; hands on the text of the page. Pictures are inside it, nothing is fetched.
-"""
+"""The HTML report about a scan: one file that contains all pictures and needs neither the log nor the program."""
 
 import math
 import platform
@@ -25,7 +22,7 @@ from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_re
 from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
 from sonarhw_compare.report.report_regions import millimetres, regions_table
 
-MOST_READINGS = 3600  # the newest are told; no page is read that is longer
+MOST_READINGS = 3600  # only the newest are listed, so that the page stays readable
 Facts = Sequence[tuple[str, str]]
 
 _STYLE = """
@@ -44,13 +41,13 @@ pre { background: #f4f4f2; padding: 1em; overflow-x: auto; } .lead { font-size: 
 
 @dataclass(frozen=True)
 class Report:
-    """What a report is about."""
+    """The content of a report."""
 
     name: str  # of the log
     comparison: Comparison
     log: Log | None = None
-    link: Facts = ()  # what has passed over the link, where that is known
-    left_out: int = 0  # older readings that are not told
+    link: Facts = ()  # statistics of the link, if known
+    left_out: int = 0  # number of older readings that are not listed
 
 
 def report_of(
@@ -64,16 +61,16 @@ def report_of(
     log: Log | None = None,
     link: Facts = (),
 ) -> Report:
-    """The report on readings taken at a place, compared anew; of very many the newest. Raises InputError for none."""
+    """Return the report on readings at a place; of more than 3600, the newest. Raises InputError without readings."""
     if not readings:
-        raise InputError(f"{name}: holds no readings; there is nothing to report")
+        raise InputError(f"{name}: no readings; a report needs at least one")
     standing = Place(place.name, place.position, board.heading_at(0.0, place.heading), place.height)
     comparison = compare_readings(readings[-MOST_READINGS:], room, standing, board, options=options)
     return Report(name, comparison, log, link, max(0, len(readings) - MOST_READINGS))
 
 
 def report_html(report: Report) -> str:
-    """The page. Raises NotALog where a trace can no longer be read."""
+    """Return the page. Raises NotALog where a trace can no longer be read."""
     return "\n".join(
         ("<!DOCTYPE html>", '<html lang="en">', *_head(report), "<body>", *_body(report), "</body></html>")
     )
@@ -124,7 +121,7 @@ def _figures(summary: Summary) -> Facts:
     for name, share in (
         ("within 5 cm of the prediction", summary.within_5cm),
         ("within 5 cm of some predicted echo", summary.explained),
-        ("silence told from sound (balanced accuracy)", summary.no_echo_agreement),
+        ("separation of silence and echoes (balanced accuracy)", summary.no_echo_agreement),
     ):
         if share is not None:
             facts.append((name, f"{share:.1%}"))
@@ -151,13 +148,13 @@ def _settings(report: Report) -> Iterator[str]:
         ("pressure", f"{air.pressure_kpa:g} kPa"),
         ("speed of sound", f"{air.speed_of_sound:.2f} m/s"),
     ]
-    hearing = [("receiver", prediction.receiver.value), ("sound that comes back to the unit", prediction.unit.value)]
+    reception = [("receiver", prediction.receiver.value), ("sound that comes back to the unit", prediction.unit.value)]
     versions = [("sonarhw", version("sonarhw")), ("Python", platform.python_version()), ("NumPy", version("numpy"))]
     for title, facts in (
         ("Place", where),
         ("Air", weather),
         ("Board", _board(board)),
-        ("Prediction", hearing),
+        ("Prediction", reception),
         ("Log", _log(report)),
         ("Link", report.link),
         ("Made with", versions),
@@ -217,7 +214,7 @@ def _readings(report: Report) -> Iterator[str]:
     if report.left_out:
         yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
     yield '<table class="readings"><thead><tr>'
-    names = ("no.", "heading (°)", "measured (m)", "predicted (m)", "residual (mm)", "class", "what it says")
+    names = ("no.", "heading (°)", "measured (m)", "predicted (m)", "residual (mm)", "class", "explanation")
     yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
     for row in comparison.rows:
         cells = (

@@ -1,7 +1,4 @@
-"""The pictures of a report: the scan in the plan, ranges and residuals over heading, and the B-scan of its traces.
-
-Takes a comparison; hands on the bytes of SVG and PNG files.
-"""
+"""The pictures of a report as SVG and PNG: the plan, ranges and residuals by heading, and the B-scan."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +18,7 @@ from sonarhw_compare.pictures.overlay_picture import draw_room
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.trace_levels import floor_of, in_db
 
-# colour and marker of every class that is drawn: the same colours as in the window
+# colour and marker of each class; the colours are those of the window
 CLASSES: dict[Kind, tuple[str, str]] = {
     Kind.MATCH: (MEASURED, "o"),
     Kind.SHORT: (SHORT, "v"),
@@ -29,14 +26,14 @@ CLASSES: dict[Kind, tuple[str, str]] = {
     Kind.EXTRA: (EXTRA, "s"),
     Kind.MISSED: (MISSED, "x"),
 }
-_MOST_RESIDUAL = 250.0  # mm; what is farther off is drawn at the edge
-_BEYOND = 0.3  # of the room's longer side
+_MOST_RESIDUAL = 250.0  # mm; larger residuals are drawn at the edge
+_BEYOND = 0.3  # margin around the room, of its longer side
 _COLUMNS = 720  # of a B-scan
-_SAMPLE = 0.004  # m: how far samples of a predicted envelope lie apart
+_SAMPLE = 0.004  # m, spacing of the samples of a predicted envelope
 
 
 def plan_svg(comparison: Comparison) -> bytes:
-    """The room to scale with what was measured, by class, over what is predicted."""
+    """Return the plan of the room with the measured points, by class, over the predicted ones."""
     figure, (axes,) = _figure((7.6, 6.4), 1)
     prediction = comparison.prediction
     draw_room(axes, prediction.room)
@@ -56,7 +53,7 @@ def plan_svg(comparison: Comparison) -> bytes:
 
 
 def ranges_svg(comparison: Comparison) -> bytes:
-    """Ranges over heading, measured and predicted, and below them what is left between the two."""
+    """Return measured and predicted ranges by heading, and their residuals below."""
     figure, (ranges, residuals) = _figure((10, 5.6), 2)
     prediction = comparison.prediction
     headings = np.degrees(prediction.headings) % 360
@@ -68,7 +65,7 @@ def ranges_svg(comparison: Comparison) -> bytes:
     _draw_classes(residuals, comparison.rows, _side_by_side, _residual)
     residuals.set(
         xlabel="heading in the room (°)",
-        ylabel="measured less\npredicted (mm)",
+        ylabel="measured minus\npredicted (mm)",
         ylim=(-1.1 * _MOST_RESIDUAL, 1.1 * _MOST_RESIDUAL),
         xlim=(-4, 364),
         xticks=range(0, 361, 45),
@@ -77,7 +74,7 @@ def ranges_svg(comparison: Comparison) -> bytes:
 
 
 def bscan_png(comparison: Comparison) -> bytes | None:
-    """Measured traces side by side, above predicted ones; None where none was recorded. Raises NotALog."""
+    """Return measured traces above predicted ones; None without recorded traces. Raises NotALog."""
     traced = [row for row in comparison.rows if row.reading.trace is not None]
     if not traced:
         return None
@@ -105,7 +102,7 @@ def bscan_png(comparison: Comparison) -> bytes | None:
 
 
 def _look_at_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
-    """Leave out what lies far off, as echoes by several walls do, and say how many readings that are."""
+    """Crop the plan to the room, because multipath echoes may be far outside; the title has the number of them."""
     room = comparison.prediction.room
     corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], [comparison.prediction.place.position]))
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -116,7 +113,7 @@ def _look_at_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArra
     points = place(*drawn.T) if len(drawn) else np.empty((0, 2))
     outside = int(((points < low) | (points > high)).any(axis=1).sum())
     if outside:
-        axes.set_title(f"{outside} of {len(points)} lie farther off", fontsize="medium", loc="right")
+        axes.set_title(f"{outside} of {len(points)} are outside this plan", fontsize="medium", loc="right")
 
 
 def _figure(size: tuple[float, float], rows: int) -> tuple[Figure, Sequence[Axes]]:
@@ -153,7 +150,7 @@ def _side_by_side(headings: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _drawn_at(row: Matched) -> float | None:
-    """Where a reading is drawn, m: a missed echo where it should have been."""
+    """Return the range at which a reading is drawn, m; for a missed echo, the predicted range."""
     return row.predicted if row.measured is None else row.measured
 
 
@@ -173,7 +170,7 @@ def _trace_row(row: Matched, cells: RangeCells) -> FloatArray:
 
 
 def _cells(row: Matched, comparison: Comparison) -> RangeCells:
-    """Cells for as far as the first trace reaches."""
+    """Return cells up to the end of the first trace."""
     trace, metres = _trace(row), row.reading.speed_of_sound / 2
     reach = float(trace.times[-1]) * metres if len(trace.samples) else comparison.prediction.board.max_range
     return cells_for(reach, max(_SAMPLE, metres / trace.rate))
@@ -181,5 +178,5 @@ def _cells(row: Matched, comparison: Comparison) -> RangeCells:
 
 def _image(bscan: BScan, floor: float) -> FloatArray:
     rows = bscan.rows_at(np.linspace(0, math.tau, _COLUMNS, endpoint=False))
-    levels = np.vstack((bscan.levels, np.full((1, bscan.cells.count), np.nan)))  # a gap picks the last
+    levels = np.vstack((bscan.levels, np.full((1, bscan.cells.count), np.nan)))  # row -1, for gaps
     return in_db(levels[rows], floor).T

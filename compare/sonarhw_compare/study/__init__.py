@@ -1,11 +1,11 @@
-"""Studies: many predicted scans over grids and random draws, from a TOML file to a folder of Parquet.
+"""Studies: many predicted scans over grids and random draws, from a TOML file to a folder of Parquet files.
 
 from sonarhw_compare.study import load_study, read_study, run_study
 
 run_study(load_study(Path("study.toml")), Path("results"))
 results = read_study("results")  # an xarray.Dataset
 
-It needs the extra `study`: pip install 'sonarhw[study]'.
+This package needs the extra `study`: pip install 'sonarhw[study]'.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Apache Arrow for the tables of a study. It is large, so it is installed with the extra `study` only."""
+"""Apache Arrow for the tables of a study, installed only with the extra `study` because of its size."""
 
 from sonarhw.errors import InputError
 

@@ -1,7 +1,6 @@
-"""Axes of a study: what a key of `[vary]` may say, and which value it has where.
+"""Axes of a study: the values of a key of `[vary]`.
 
-Takes a value, a list of values, or a way to draw one; hands on `Listed`, over whose values the study runs as a grid, or
-`Drawn`, of which every draw has a value of its own.
+A value or a list becomes a `Listed` grid axis. A distribution becomes a `Drawn` axis with one value for each draw.
 """
 
 from collections.abc import Mapping
@@ -14,25 +13,25 @@ from pydantic import AfterValidator
 
 Value = bool | int | float | str
 
-FARTHEST = 3.0  # standard deviations from its mean at which a normal draw is taken anew
+FARTHEST = 3.0  # standard deviations; a normal draw farther from the mean is repeated
 _EXPECTED = "expected a value, a list of values, { uniform = [low, high] } or { normal = [mean, deviation] }"
 
 
 @dataclass(frozen=True)
 class Listed:
-    """A grid axis; with one value, what does not vary."""
+    """A grid axis; a constant has one value."""
 
     values: tuple[Value, ...]
 
     @property
     def extremes(self) -> tuple[Value, ...]:
-        """The values that have to be allowed."""
+        """The values to validate."""
         return self.values
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is drawn at random, once for each draw."""
+    """A random value for each draw."""
 
     kind: str  # uniform or normal
     first: float  # low, or mean
@@ -40,13 +39,13 @@ class Drawn:
 
     @property
     def extremes(self) -> tuple[Value, ...]:
-        """The values between which all draws lie."""
+        """The lowest and highest possible value."""
         if self.kind == "uniform":
             return self.first, self.second
         return self.first - FARTHEST * self.second, self.first + FARTHEST * self.second
 
     def value(self, random: np.random.Generator) -> float:
-        """One draw."""
+        """Draw one value."""
         if self.kind == "uniform":
             return float(random.uniform(self.first, self.second))
         drawn = float(random.normal())
@@ -59,12 +58,12 @@ Axis = Listed | Drawn
 
 
 def read_axis(written: object) -> Axis:
-    """The axis that a key says. Raises ValueError with what was expected."""
+    """Return the axis of a key. Raises ValueError with the expected form."""
     if isinstance(written, Value):
         return Listed((written,))
     if isinstance(written, tuple) and written and all(isinstance(value, Value) for value in written):
         if len(set(written)) < len(written):
-            raise ValueError(f"expected every value once, got {list(written)}")
+            raise ValueError(f"expected different values, got {list(written)}")
         return Listed(_of_one_kind(written))
     if isinstance(written, Mapping) and len(written) == 1:
         ((kind, numbers),) = written.items()
@@ -74,7 +73,7 @@ def read_axis(written: object) -> Axis:
 
 
 def _of_one_kind(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """The values as one column takes them: among fractions, whole numbers are fractions, too."""
+    """Return the values with one type for a column; integers among floats become floats."""
     kinds = {type(value) for value in values}
     if kinds == {int, float}:
         return tuple(float(value) for value in values)
@@ -96,7 +95,7 @@ def _drawn(kind: str, first: object, second: object) -> Drawn:
 
 
 def _as_written(value: object) -> object:
-    """A value with its lists as a file has them."""
+    """Return a value with lists instead of tuples, as in the file."""
     if isinstance(value, tuple):
         return list(value)
     return {key: _as_written(part) for key, part in value.items()} if isinstance(value, Mapping) else value
@@ -106,5 +105,5 @@ WrittenAxis = Annotated[Any, AfterValidator(read_axis)]
 
 
 def random_of(seed: int, draw: int, key: str) -> np.random.Generator:
-    """The random numbers for `key` in a draw: a function of these three, never of what was drawn before."""
+    """Return the random numbers of `key` in a draw. They depend on these three values only."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(draw, crc32(key.encode()))))

@@ -1,8 +1,7 @@
-"""Cases: which room, place, board and options each scan of a study has, from its number alone.
+"""Cases: the room, place, board and options of each scan of a study, from its number alone.
 
-Takes a `Study`; hands on a `Case` for any scan number. Scan numbers run through the grid once for each draw, so that
-what is drawn, a place above all, is the same at every point of the grid: points are compared in pairs, and scans of one
-place lie side by side and share its paths.
+Scan numbers pass through the whole grid once for each draw. Drawn values, such as a place, are therefore the same at
+every point of the grid. Points can be compared in pairs, and neighbouring scans share the paths of a place.
 """
 
 from dataclasses import dataclass, replace
@@ -22,12 +21,16 @@ from sonarhw_compare.free_space import FreeSpace, find_free_space
 from sonarhw_compare.study.axes import Drawn, Listed, Value, random_of
 from sonarhw_compare.study.spec import ANYWHERE, OptionValues, Study, board_with
 
-_KNOWN_OF_WALLS = ("surfaces", "enclosures", "edges_on_walls")  # found once a room, whatever its air and materials
+_KNOWN_OF_WALLS = (
+    "surfaces",
+    "enclosures",
+    "edges_on_walls",
+)  # computed once for each room, because they do not depend on air and materials
 
 
 @dataclass(frozen=True)
 class Case:
-    """One scan that is to be predicted."""
+    """The input of one predicted scan."""
 
     number: int
     draw: int
@@ -36,18 +39,16 @@ class Case:
     place: Place
     board_name: str
     board: Board
-    keenest: (
-        Board  # the board with the lowest threshold of all points of the grid: who finds all that any of them hears
-    )
+    keenest: Board  # with the lowest threshold of the grid, for paths that serve all points
     model: Model
     options: PredictionOptions
     headings: FloatArray  # (n,), rad in the room
-    values: dict[str, Value]  # of every key that varies
-    where: tuple[object, ...]  # scans for which this is the same stand at the same spot of the same room
+    values: dict[str, Value]  # of every key of [vary]
+    where: tuple[object, ...]  # equal for scans at the same position in the same room with the same materials
 
 
 class Cases:
-    """The scans of a study by their numbers."""
+    """The scans of a study by number."""
 
     def __init__(self, study: Study) -> None:
         self._study = study
@@ -68,7 +69,7 @@ class Cases:
         self._place = lru_cache(maxsize=64)(self._find_place)
 
     def case(self, number: int) -> Case:
-        """Scan `number` of the study. Raises InputError where what is drawn for it does not go together."""
+        """Return scan `number` of the study. Raises InputError where its drawn values do not fit together."""
         study = self._study
         draw, point = divmod(number, study.points)
         spot, board_at, *listed = np.unravel_index(point, self._shape)
@@ -110,7 +111,7 @@ class Cases:
         return board_with(profile, dict(values), f"study {self._study.name!r}, board {name}")
 
     def _changed(self, number: int, values: dict[str, Value]) -> Room:
-        """The room with the air and the materials of a case."""
+        """Return the room with the air and the materials of a case."""
         room = self._rooms[number]
         air = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "air"}
         if air:
@@ -128,7 +129,7 @@ def _section(key: str) -> str:
 
 
 def _options(values: dict[str, Value], board: Board, seed: int, number: int) -> tuple[Model, PredictionOptions]:
-    """The model and the options of a case; the seed is its own, and follows from its number."""
+    """Return the model and the options of a case; its seed follows from its number."""
     given = {key.partition(".")[2]: value for key, value in values.items() if _section(key) == "options"}
     chosen = OptionValues.model_validate({"receiver": board.receiver.value} | given)
     return chosen.model, PredictionOptions(
@@ -139,7 +140,7 @@ def _options(values: dict[str, Value], board: Board, seed: int, number: int) -> 
         edge_strength=chosen.edge_strength,
         receiver=chosen.receiver,
         noise=chosen.noise,
-        # without noise nothing is random: the nearest wall is where it is
+        # without noise nothing is random
         seed=int(random_of(seed, number, "noise").integers(2**32)) if chosen.noise else None,
         sections=chosen.sections,
     )

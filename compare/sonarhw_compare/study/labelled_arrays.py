@@ -1,8 +1,4 @@
-"""Scans and comparisons as labelled arrays, for a notebook.
-
-Takes readings or a `Comparison`; hands on an `xarray.Dataset` along `heading_deg`, NaN where there is no echo. xarray
-is in the extra `study`.
-"""
+"""Scans and comparisons as `xarray.Dataset`, for notebooks; NaN for no echo. xarray is in the extra `study`."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
-    """A measured scan along its turntable angles `angle_deg`: range and number of echoes.
+    """Return range and number of echoes of a measured scan along its turntable angles `angle_deg`.
 
     Raises InputError where xarray is not installed.
     """
@@ -36,7 +32,7 @@ def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
 
 
 def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
-    """A comparison along its headings in the room: measured, predicted, residual, class and the path that explains it.
+    """Return a comparison along `heading_deg`: measured, predicted, residual, class and explaining path.
 
     Raises InputError where xarray is not installed.
     """
@@ -54,8 +50,8 @@ def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
 
 
 def load_xarray() -> ModuleType:
-    """The module xarray. Raises InputError where it is not installed."""
+    """Return the module xarray. Raises InputError where it is not installed."""
     try:
         return import_module("xarray")
     except ImportError as error:
-        raise InputError("xarray is not there; install sonarhw with its extra: pip install 'sonarhw[study]'") from error
+        raise InputError("xarray is not installed: pip install 'sonarhw[study]'") from error

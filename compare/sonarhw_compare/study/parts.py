@@ -1,8 +1,7 @@
-"""The folder of a study: Parquet part files under `scans` and `headings`, and a manifest.
+"""The folder of a study: Parquet part files in `scans` and `headings`, and a manifest.
 
-Takes the bytes of parts as they are done; hands on a folder that has its name only once it is whole. Until then it is
-called FOLDER.unfinished, and every part in it is whole: each is written under another name and renamed. What was done
-before an interruption is found there again.
+The folder is called FOLDER.unfinished until all parts exist. Each part is written under another name and then renamed,
+so every part is complete. After an interruption, the existing parts are reused.
 """
 
 import hashlib
@@ -30,26 +29,26 @@ _VERSIONS = ("sonarhw", "numpy", "numba", "scipy", "pyarrow")
 
 @dataclass(frozen=True)
 class Part:
-    """The results of some scans in a row, as the bytes of Parquet files."""
+    """The results of consecutive scans, as the bytes of Parquet files."""
 
     number: int
     scans: bytes
-    headings: bytes | None  # None where figures alone are kept
-    versions: tuple[tuple[str, str], ...]  # of what made it
+    headings: bytes | None  # None if a study keeps the figures of scans only
+    versions: tuple[tuple[str, str], ...]  # of Python and the packages that computed it
 
 
 def scans_per_part(study: Study) -> int:
-    """How many scans a part holds: it follows from the study, so that no number of workers makes other files."""
+    """Return the number of scans in a part. It depends on the study only, not on the number of workers."""
     return min(_MOST_PER_PART, -(-study.scans // _PARTS))
 
 
 def part_count(study: Study) -> int:
-    """How many parts a study has."""
+    """Return the number of parts of a study."""
     return -(-study.scans // scans_per_part(study))
 
 
 def make_part(study: Study, number: int) -> Part:
-    """Predict part `number` of a study. Raises InputError where what is drawn for a scan does not go together."""
+    """Predict part `number` of a study. Raises InputError where drawn values of a scan do not fit together."""
     size = scans_per_part(study)
     scans, headings = predict_scans(study, number * size, min((number + 1) * size, study.scans))
     return Part(number, _parquet(scans), _parquet(headings) if study.rows == "headings" else None, versions())
@@ -62,17 +61,17 @@ def _parquet(table: pa.Table) -> bytes:
 
 
 def versions() -> tuple[tuple[str, str], ...]:
-    """What results follow from besides the study: name and version."""
+    """Return names and versions of Python and the packages that determine results."""
     return ("python", platform.python_version()), *((name, version(name)) for name in _VERSIONS)
 
 
 def unfinished_of(folder: Path) -> Path:
-    """What a study's folder is called until all its parts are there."""
+    """Return the path of the folder until all parts exist."""
     return folder.with_name(folder.name + ".unfinished")
 
 
 class StudyFolder:
-    """Where the results of one study go."""
+    """The folder for the results of one study."""
 
     def __init__(self, folder: Path, study: Study) -> None:
         self.folder = folder
@@ -81,9 +80,10 @@ class StudyFolder:
         self._manifest = _manifest(study)
 
     def begin(self, resume: bool) -> list[int]:
-        """Make the folder, or with `resume` go on with what is there; the parts that are still to do.
+        """Create the folder, or continue in it with `resume`, and return the numbers of the missing parts.
 
-        Raises InputError where it is there without `resume` or holds another study, OutputError where none can be made.
+        Raises InputError where it exists without `resume` or belongs to another study, OutputError where it cannot be
+        created.
         """
         if self.folder.exists():
             if not resume:
@@ -99,14 +99,14 @@ class StudyFolder:
         return [number for number in range(part_count(self._study)) if not self._path("scans", number).exists()]
 
     def write(self, part: Part) -> None:
-        """Keep a part. Raises OutputError where it cannot be written, or was made by other versions than the rest."""
+        """Write a part. Raises OutputError where it cannot be written, or where its versions differ from those here."""
         if part.versions != versions():
             raise OutputError(
-                f"{self.unfinished}: a worker has {_named(part.versions)}, here is {_named(versions())}; "
-                "results would not be alike: install the same everywhere"
+                f"{self.unfinished}: a worker has {_named(part.versions)}, this computer has {_named(versions())}; "
+                "results could differ; install the same versions everywhere"
             )
         try:
-            # that of scans comes last: it says that the part is done
+            # the file of scans is last: it marks the part as complete
             if part.headings is not None:
                 _write_whole(self._path("headings", part.number), part.headings)
             _write_whole(self._path("scans", part.number), part.scans)
@@ -114,12 +114,12 @@ class StudyFolder:
             raise _unwritable(self.unfinished, error) from error
 
     def drop_if_empty(self) -> None:
-        """Remove the unfinished folder where no part was made: there is nothing to go on with."""
+        """Remove the unfinished folder if it contains no part."""
         if not any(self.unfinished.glob("scans/part-*.parquet")):
             shutil.rmtree(self.unfinished, ignore_errors=True)
 
     def finish(self) -> None:
-        """Give the folder its name: all its parts are there. Raises OutputError."""
+        """Rename the complete folder to its final name. Raises OutputError."""
         try:
             self.unfinished.rename(self.folder)
         except OSError as error:
@@ -130,7 +130,7 @@ class StudyFolder:
 
     def _make(self) -> None:
         if not self.folder.parent.is_dir():
-            raise InputError(f"{self.folder}: there is no folder {self.folder.parent}; make it first")
+            raise InputError(f"{self.folder}: folder {self.folder.parent} does not exist; create it first")
         kinds = ("scans", "headings") if self._study.rows == "headings" else ("scans",)
         try:
             for kind in kinds:
@@ -140,24 +140,24 @@ class StudyFolder:
             raise _unwritable(self.unfinished, error) from error
 
     def _check(self, there: Path) -> None:
-        """Raise InputError where the folder `there` holds another study than this one."""
+        """Raise InputError where the folder `there` belongs to another study."""
         held = read_manifest(there)
         changed = [key for key, value in self._manifest.items() if held.get(key) != value]
         if changed:
             raise InputError(
-                f"{there}: was begun with other {' and '.join(changed)} than now; "
-                "what is done would not fit: put them back, or choose another --out"
+                f"{there}: belongs to another study, with different {' and '.join(changed)}; "
+                "restore them, or choose another --out"
             )
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What a study's folder says of itself. Raises InputError where it is none."""
+    """Return the manifest of the folder of a study. Raises InputError where there is none."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{folder}: is no folder of a study, it has no {MANIFEST} that can be read") from error
+        raise InputError(f"{folder}: not the folder of a study; it has no readable {MANIFEST}") from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise InputError(f"{folder}: its {MANIFEST} is not one of format {FORMAT}; this version reads no other")
+        raise InputError(f"{folder}: {MANIFEST} has an unknown format; this version reads format {FORMAT} only")
     return manifest
 
 

@@ -1,7 +1,4 @@
-"""Results of a study for a notebook: the folder as an `xarray.Dataset`, or as Arrow tables.
-
-Takes a finished folder; hands on arrays with the scans along one axis and their headings along the other.
-"""
+"""Results of a study for notebooks: the folder as an `xarray.Dataset`, or as Arrow tables."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -19,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
-    """A row a scan, and a row a heading (None where a study kept figures alone), in order of scans.
+    """Return a table of scans, and one of headings (None if the study kept figures only), in order of scans.
 
-    Raises InputError where the folder is no finished study.
+    Raises InputError where the folder is not a finished study.
     """
     folder = Path(folder)
     unfinished = unfinished_of(folder)
     if not folder.exists() and unfinished.exists():
-        raise InputError(f"{folder}: not finished yet; go on with sonarhw study --resume")
+        raise InputError(f"{folder}: not finished; continue with sonarhw study --resume")
     read_manifest(folder)
     headings = folder / "headings"
     return _table(folder / "scans"), _table(headings) if headings.is_dir() else None
@@ -38,11 +35,10 @@ def _table(folder: Path) -> pa.Table:
 
 
 def read_study(folder: Path | str) -> "xr.Dataset":
-    """The results of a study: `scan` along the first axis, what varied as coordinates along it, figures as variables.
+    """Return the results of a study, with figures as variables along `scan` and varied values as coordinates.
 
-    Readings, where they were kept, are variables along `scan` and `heading_deg`, or `reading` where scans differ in
-    their headings; NaN where there is no echo. Raises InputError where the folder is no finished study, or xarray is
-    not installed.
+    Readings, if kept, are variables along `scan` and `heading_deg`, or `reading` if scans have different headings; NaN
+    for no echo. Raises InputError where the folder is not a finished study, or xarray is not installed.
     """
     xarray = load_xarray()
     scans, headings = read_tables(folder)
@@ -58,7 +54,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
 
 
 def _arrays(headings: pa.Table, counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
-    """Every column of the readings as an array of scans by readings, NaN where a scan has no more."""
+    """Return each column of the readings as an array (scans, readings), padded with NaN."""
     xr = load_xarray()
     filled = np.arange(counts.max()) < counts[:, None]
 

@@ -1,7 +1,7 @@
-"""Study files: what may stand in one, checked at the door.
+"""Study files: format and validation.
 
-Takes a `*.toml`; hands on a frozen `Study` that carries the text of every room and board it names, so that any process
-on any machine can work on it. Whatever is wrong is refused with the file and the key, before anything is predicted.
+A `Study` contains the text of all its rooms and boards, so that any process on any machine can work on it. Errors name
+the file and the key, and are raised before anything is predicted.
 """
 
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from sonarhw.readings import headings_between
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.study.axes import Axis, Drawn, Listed, Value, WrittenAxis
 
-ANYWHERE = "anywhere"  # a place that every draw draws anew
+ANYWHERE = "anywhere"  # name of a place that is random in each draw
 MOST_SCANS = 100_000_000
 
-_BY_NAME = Field(strict=False)  # a file holds the name of a choice, which a strict model would reject
+_BY_NAME = Field(strict=False)  # a file has the name of a choice, which a strict model would reject
 
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 
 
 class HeadingsSection(TomlModel):
-    """`[headings]`: of every scan, in the room, as `simulate` takes them; degrees."""
+    """`[headings]` of every scan, in the room, degrees, as for `simulate`."""
 
     start: Annotated[Degrees, Field(alias="from")] = 0.0
     stop: Annotated[Degrees, Field(alias="to")] = 360.0
@@ -47,10 +47,9 @@ class RoomSection(TomlModel):
     """`[[rooms]]`."""
 
     file: str
-    places: Annotated[tuple[str, ...], Field(min_length=1)] | None = (
-        None  # names, X,Y or anywhere; default: all it names
-    )
-    clearance: Annotated[float, Field(ge=0, le=1000)] = 0.1  # m from anything, of a place drawn anywhere
+    # names, X,Y or anywhere; default: all places of the room
+    places: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    clearance: Annotated[float, Field(ge=0, le=1000)] = 0.1  # m, distance of a random place from walls and posts
 
 
 class OptionValues(TomlModel):
@@ -68,7 +67,7 @@ class OptionValues(TomlModel):
 
 
 class VarySection(TomlModel):
-    """`[vary]`: every key a value, a list (a grid) or a draw."""
+    """`[vary]`: each key has a value, a list (a grid) or a distribution."""
 
     board: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of a board profile
     mount: dict[str, WrittenAxis] = Field(default_factory=dict)  # keys of its [mount]
@@ -78,7 +77,7 @@ class VarySection(TomlModel):
 
     @property
     def axes(self) -> tuple[tuple[str, Axis], ...]:
-        """Every axis with its key, as `board.threshold_db`."""
+        """Every axis with its key, such as `board.threshold_db`."""
         sections = ["board", "mount", "air", "options"]
         plain = [(f"{name}.{key}", axis) for name in sections for key, axis in getattr(self, name).items()]
         materials = [
@@ -94,8 +93,8 @@ class StudyFile(TomlModel):
     rooms: Annotated[tuple[RoomSection, ...], Field(min_length=1)]
     boards: Annotated[tuple[str, ...], Field(min_length=1)] = ("polaroid-6500",)
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    draws: Annotated[int, Field(ge=1, le=MOST_SCANS)] = 1  # of everything drawn; each goes through the whole grid
-    rows: Literal["headings", "scans"] = "headings"  # what is kept: every heading, or the figures of each scan alone
+    draws: Annotated[int, Field(ge=1, le=MOST_SCANS)] = 1  # of all random values; each passes through the whole grid
+    rows: Literal["headings", "scans"] = "headings"  # what is kept: every heading, or only the figures of each scan
     headings: HeadingsSection = HeadingsSection()
     vary: VarySection = VarySection()
 
@@ -104,7 +103,7 @@ class StudyFile(TomlModel):
 class StudyRoom:
     """A room of a study."""
 
-    name: str  # as its own file has it: what follows from it is the same wherever that lies
+    name: str  # as in the room file, so that results do not depend on its path
     text: str
     places: tuple[str, ...]
     clearance: float  # m
@@ -112,7 +111,7 @@ class StudyRoom:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything that a study's results follow from."""
+    """Everything that determines the results of a study."""
 
     name: str
     text: str  # the study file
@@ -122,11 +121,11 @@ class Study:
     draws: int
     rows: str
     headings: tuple[float, float, float]  # degrees: from, to, step
-    axes: tuple[tuple[str, Axis], ...]  # key as `board.threshold_db`, in the order of the file
+    axes: tuple[tuple[str, Axis], ...]  # keys such as `board.threshold_db`, in the order of the file
 
     @property
     def points(self) -> int:
-        """How many points the grid has."""
+        """The number of points of the grid."""
         count = sum(len(room.places) for room in self.rooms) * len(self.boards)
         for _, axis in self.axes:
             count *= len(axis.values) if isinstance(axis, Listed) else 1
@@ -134,12 +133,12 @@ class Study:
 
     @property
     def scans(self) -> int:
-        """How many scans there are to predict."""
+        """The number of scans."""
         return self.draws * self.points
 
 
 def load_study(path: Path) -> Study:
-    """The study in a file; rooms and boards are files beside it, or what ships. Raises InputError."""
+    """Return the study in a file; rooms and boards are files relative to it, or included ones. Raises InputError."""
     text = read_text(path, "study file")
     file = parse_toml(text, str(path), StudyFile)
     rooms = tuple(_read_room(section, path, number) for number, section in enumerate(file.rooms))
@@ -163,10 +162,12 @@ def load_study(path: Path) -> Study:
 
 def _check_count(study: Study, where: str) -> None:
     if study.scans > MOST_SCANS:
-        raise InputError(f"{where}: makes {study.scans} scans, more than {MOST_SCANS}; list fewer values or draw less")
+        raise InputError(
+            f"{where}: {study.scans} scans, expected at most {MOST_SCANS}; use fewer values or fewer draws"
+        )
     drawn = any(isinstance(axis, Drawn) or key == "options.noise" for key, axis in study.axes)
     if study.draws > 1 and not drawn and not any(ANYWHERE in room.places for room in study.rooms):
-        raise InputError(f"{where}: draws: {study.draws} draws of a study in which nothing is drawn would all be alike")
+        raise InputError(f"{where}: draws: nothing is random, so {study.draws} draws would all be equal; use draws = 1")
 
 
 def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom, Room]:
@@ -178,9 +179,9 @@ def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom
     places = tuple(room.places) if section.places is None else section.places
     where = f"{spec}: rooms[{number}].places"
     if not places:
-        raise InputError(f"{where}: {section.file} names no places; give X,Y or {ANYWHERE!r}")
+        raise InputError(f"{where}: {section.file} has no places; give X,Y or {ANYWHERE!r}")
     if len(set(places)) < len(places):
-        raise InputError(f"{where}: expected every place once, got {list(places)}")
+        raise InputError(f"{where}: expected different places, got {list(places)}")
     for name in places:
         if name != ANYWHERE:
             try:
@@ -193,18 +194,18 @@ def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom
 
 
 def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
-    """Raise InputError where two rooms have one name: results name rooms by it."""
+    """Raise InputError where two rooms have the same name, which identifies them in results."""
     texts: dict[str, str] = {}
     for number, room in enumerate(rooms):
         if texts.setdefault(room.name, room.text) != room.text:
             raise InputError(
-                f"{spec}: rooms[{number}].file: another room of the study is called {room.name!r}, too, and results "
-                "could not be told apart; change its name in the room file"
+                f"{spec}: rooms[{number}].file: another room of the study has the same name {room.name!r}, so results "
+                "would be ambiguous; change the name in the room file"
             )
 
 
 def _check_clearance(room: Room, clearance: float, where: str) -> None:
-    """Raise InputError where no place that is drawn could keep so far from everything."""
+    """Raise InputError where no random place can have this clearance."""
     try:
         find_free_space(room).draw(np.random.default_rng(0), clearance)
     except InputError as error:
@@ -219,7 +220,7 @@ def _read_board(name: str, spec: Path, number: int) -> Board:
 
 
 def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[Board, ...]) -> None:
-    """Raise InputError where a key is unknown, or a value of it is one that its file would not take."""
+    """Raise InputError where a key is unknown, or a value is not allowed in its file."""
     for section, keys in (("board", vary.board), ("mount", vary.mount)):
         for key, axis in keys.items():
             for board, value in product(boards, axis.extremes):
@@ -229,7 +230,7 @@ def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[
             checked({key: value}, f"{where}: vary.air", AirSection)
     for material, keys in vary.materials.items():
         if not any(material in room.materials for room in rooms):
-            raise InputError(f"{where}: vary.materials.{material}: no room has anything made of it")
+            raise InputError(f"{where}: vary.materials.{material}: no wall or post of any room has this material")
         for key, axis in keys.items():
             for value in axis.extremes:
                 checked({"reflectance": 1.0, key: value}, f"{where}: vary.materials.{material}", Material)
@@ -240,15 +241,15 @@ def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[
 
 
 def _check_noise(options: dict[str, Axis], where: str, boards: tuple[Board, ...]) -> None:
-    """Raise InputError where there is noise and no scan has a receiver that hears it."""
+    """Raise InputError where there is noise, but no scan has a receiver that uses it."""
     noisy = "noise" in options and any(options["noise"].extremes)
     named = options["receiver"].extremes if "receiver" in options else [board.receiver.value for board in boards]
     if noisy and "board" not in named:
-        raise InputError(f'{where}: vary.options: noise: nobody would hear it; add receiver = "board"')
+        raise InputError(f'{where}: vary.options: noise: has no effect with this receiver; add receiver = "board"')
 
 
 def board_with(profile: str, values: dict[str, Value], where: str) -> Board:
-    """The board of a profile with the values of `board.…` and `mount.…` keys in place of its own. Raises InputError."""
+    """Return the board of a profile with the values of `board.…` and `mount.…` keys replaced. Raises InputError."""
     table = parse_table(profile, where)
     for name, value in values.items():
         section, _, key = name.partition(".")

@@ -1,7 +1,4 @@
-"""Running a study: the parts that are not there yet are made and kept, and the folder gets its name when all are.
-
-Takes a `Study` and a folder; leaves the folder, or what was done of it by then.
-"""
+"""Running a study: compute and write the missing parts, then finish the folder."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -22,14 +19,14 @@ def run_study(
     resume: bool = False,
     progress: Callable[[], None] = lambda: None,
 ) -> None:
-    """Predict every scan of a study into `folder`, by `workers` processes (all cores) or the cluster at `scheduler`.
+    """Predict every scan of a study into `folder`, with `workers` processes (all cores) or the cluster at `scheduler`.
 
-    `progress` is called once for each part that is there. Results are the same bit for bit, whoever makes them, on
-    machines of one kind. Raises InputError where the folder is there already or, with `resume`, holds another study;
-    WorkersLost or OutputError where it ends before its time: what is done is kept.
+    `progress` is called once for each existing part. Results are the same bit for bit with any number of workers, on
+    machines of one kind. Raises InputError where the folder exists already or, with `resume`, belongs to another study.
+    Raises WorkersLost or OutputError where the study cannot finish; complete parts are kept.
     """
-    place = StudyFolder(folder, study)
-    numbers = place.begin(resume)
+    target = StudyFolder(folder, study)
+    numbers = target.begin(resume)
     for _ in range(part_count(study) - len(numbers)):
         progress()
     if folder.exists():
@@ -39,8 +36,8 @@ def run_study(
     try:
         with closing(made) as parts:
             for part in parts:
-                place.write(part)
+                target.write(part)
                 progress()
     finally:
-        place.drop_if_empty()
-    place.finish()
+        target.drop_if_empty()
+    target.finish()

@@ -1,7 +1,7 @@
-"""Scans of a study: each predicted, and what is kept of it.
+"""Prediction of the scans of a study, as two Arrow tables.
 
-Takes a `Study` and a range of scan numbers; hands on two Arrow tables: a row a scan, with what varied and the figures
-of the scan, and a row a heading. Which scans share a call makes no difference to any of them.
+One table has a row for each scan, with the varied values and the figures of the scan. The other has a row for each
+heading. The result of a scan does not depend on the other scans of a call.
 """
 
 from collections import OrderedDict
@@ -25,30 +25,30 @@ from sonarhw_compare.study.arrow import pa
 from sonarhw_compare.study.cases import Case, Cases
 from sonarhw_compare.study.spec import Study
 
-_PATHS_KEPT = 16  # sets of paths: points of the grid that come back to a place soon
+_PATHS_KEPT = 16  # sets of paths, for points of the grid that use the same place again soon
 
 
 @dataclass(frozen=True)
 class ScanColumns:
-    """What is kept of the readings of one scan, (n,) each; NaN where there is no echo."""
+    """The columns of one scan, (n,) each; NaN for no echo."""
 
     heading_deg: FloatArray
     range_m: FloatArray
     path_m: FloatArray
     level_db: FloatArray
     bounces: FloatArray
-    bent: FloatArray  # 1 where an edge bends the path, else 0
-    axis_m: FloatArray  # m straight ahead to the first wall or post; NaN where there is none
+    bent: FloatArray  # 1 if the path is diffracted at an edge, else 0
+    axis_m: FloatArray  # m, straight ahead to the first wall or post; NaN without one
 
 
-class PathsAtHand:
-    """The paths of the last few places, so that scans of one place follow the sound once."""
+class PathCache:
+    """Cache of the paths of the last few places, so that sound is followed once for each place."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[object, Paths] = OrderedDict()
 
     def of(self, case: Case) -> Paths:
-        """All that the board of a case could hear, at any threshold of its study."""
+        """Return all paths that the board of a case can detect, at any threshold of its study."""
         options = case.options
         search = search_for(case.room, case.keenest, options)
         key = case.where, search, case.board.aperture_radius, options.sections
@@ -63,43 +63,43 @@ class PathsAtHand:
 
 @lru_cache(maxsize=4)
 def cases_of(study: Study) -> Cases:
-    """The cases of a study, laid out once a process."""
+    """Return the cases of a study, computed once in a process."""
     return Cases(study)
 
 
-def predict_case(case: Case, at_hand: PathsAtHand) -> PredictedScan:
-    """What the board of a case reports."""
+def predict_case(case: Case, cache: PathCache) -> PredictedScan:
+    """Return the predicted scan of a case."""
     room, place, board, options = case.room, case.place, case.board, case.options
     if case.model is Model.RAY_FOLLOWING and paths_serve_all_headings(board, options.unit):
-        return received_by(weigh_paths(room, place, board, case.headings, at_hand.of(case), options.unit), options)
+        return received_by(weigh_paths(room, place, board, case.headings, cache.of(case), options.unit), options)
     return predict_with(case.model, room, place, board, case.headings, options)
 
 
 def columns_of(scan: PredictedScan) -> ScanColumns:
-    """What is kept of a scan's readings."""
-    heard = scan.winners >= 0
-    winners = scan.winners[heard]
+    """Return the columns of a scan."""
+    echo = scan.winners >= 0
+    winners = scan.winners[echo]
 
-    def where_heard(values: FloatArray) -> FloatArray:
-        filled = np.full(len(heard), np.nan)
-        filled[heard] = values
+    def at_echoes(values: FloatArray) -> FloatArray:
+        filled = np.full(len(echo), np.nan)
+        filled[echo] = values
         return filled
 
     return ScanColumns(
-        # rounded as every command writes them
+        # rounded as in the output of all commands
         np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
         scan.ranges,
-        where_heard(scan.paths.lengths[winners]),
-        where_heard(_levels(scan, heard)),
-        where_heard(scan.paths.bounces[winners].astype(np.float64)),
-        where_heard((scan.paths.edges[winners] >= 0).astype(np.float64)),
+        at_echoes(scan.paths.lengths[winners]),
+        at_echoes(_levels(scan, echo)),
+        at_echoes(scan.paths.bounces[winners].astype(np.float64)),
+        at_echoes((scan.paths.edges[winners] >= 0).astype(np.float64)),
         _axis_distances(scan),
     )
 
 
-def _levels(scan: PredictedScan, heard: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
-    """Level of the winning path at each heading at which there is one, dB relative to a perfect wall straight ahead."""
-    winners, headings = scan.winners[heard], scan.headings[heard]
+def _levels(scan: PredictedScan, echo: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+    """Return the level of the winning path at each heading with one, dB relative to a perfect wall straight ahead."""
+    winners, headings = scan.winners[echo], scan.headings[echo]
     paths = scan.paths.select(winners)
     senders = headings if scan.sender_headings is None else scan.sender_headings[winners]
     ka = scan.board.wavenumber(scan.room.air) * scan.board.aperture_radius
@@ -119,7 +119,7 @@ def _axis_distances(scan: PredictedScan) -> FloatArray:
 
 
 def figures_of(columns: ScanColumns) -> dict[str, float]:
-    """The figures of one scan; shares are of its echoes, NaN where it has none."""
+    """Return the figures of one scan; shares are of its echoes, NaN without echoes."""
     echo = ~np.isnan(columns.range_m)
     count = int(echo.sum())
     several = columns.bounces[echo] + columns.bent[echo] > 1
@@ -136,20 +136,20 @@ def figures_of(columns: ScanColumns) -> dict[str, float]:
 
 
 def predict_scans(study: Study, first: int, last: int) -> tuple[pa.Table, pa.Table]:
-    """Scans `first` up to, not including, `last`: a row a scan, and a row a heading.
+    """Return the tables of scans and of headings for scans `first` to `last` (excluded).
 
-    Raises InputError where what is drawn for one of them does not go together.
+    Raises InputError where drawn values of a scan do not fit together.
     """
-    cases, at_hand = cases_of(study), PathsAtHand()
-    told, readings, numbers = [], [], []
+    cases, cache = cases_of(study), PathCache()
+    rows, readings, numbers = [], [], []
     for number in range(first, last):
         case = cases.case(number)
-        columns = columns_of(predict_case(case, at_hand))
-        told.append(_description(case) | figures_of(columns))
+        columns = columns_of(predict_case(case, cache))
+        rows.append(_description(case) | figures_of(columns))
         if study.rows == "headings":
             readings.append(columns)
             numbers.append(np.full(len(columns.range_m), number))
-    return _scan_table(told), _reading_table(numbers, readings)
+    return _scan_table(rows), _reading_table(numbers, readings)
 
 
 def _description(case: Case) -> dict[str, object]:

@@ -1,7 +1,6 @@
-"""The first moments of a worker process.
+"""Start of a worker process: it ignores Ctrl-C and ends with its parent process.
 
-Takes one end of a pipe; the process that began this one holds the other open. Not part of a package that computes, so
-that a worker can be told to end while it still loads that.
+This module imports nothing that computes, so that a worker can end while it still loads those modules.
 """
 
 import os
@@ -11,12 +10,12 @@ from multiprocessing.connection import Connection, wait
 
 
 def begin_worker(listener: Connection) -> None:
-    """Leave Ctrl-C to the process that began this one, and end when that closes its end of the pipe or is gone."""
+    """Leave Ctrl-C to the parent process, and end when the parent closes its end of the pipe or no longer exists."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(listener,), daemon=True).start()
 
 
 def _end_with(listener: Connection) -> None:
-    # nothing is ever sent: it is ready when the other end is closed
+    # nothing is ever sent, so this returns when the other end is closed
     wait([listener])
     os._exit(1)

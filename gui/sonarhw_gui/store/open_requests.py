@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from sonarhw_compare.imports.foreign_csv import Columns, guess_columns, likely_silence, read_foreign_scan
+from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, likely_silence, read_foreign_scan
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import load_room
 
@@ -77,7 +77,7 @@ class OpenCsvRequest:
         names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
         return next(name for name in names if not name.exists())
 
-    def _doubt(self, columns: Columns, log_path: Path) -> Notice | None:
+    def _doubt(self, columns: CsvColumns, log_path: Path) -> Notice | None:
         likely = None if self.no_echo is not None else likely_silence(self.path, columns)
         if likely is None:
             return None

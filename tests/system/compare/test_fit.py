@@ -55,7 +55,7 @@ def test_a_pose_is_found_in_the_whole_room(pose: FitResult) -> None:
 def test_a_room_that_explains_few_of_the_echoes_is_doubted(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
-    assert "is it this room, and this board?" in result.warnings[0]
+    assert "check the room and the board" in result.warnings[0]
 
 
 def test_how_readings_err_is_found_along_the_way(pose: FitResult) -> None:
@@ -100,7 +100,7 @@ def test_what_the_scan_does_not_tell_is_warned_of() -> None:
     scan = synthetic_scan(ARENA, TRUTH, deaf, 6, readings=40)
     free = free_parameters(("wall:north-west",), [""], ARENA, deaf)
     result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, deaf, free, options=QUICKLY)
-    assert any("hardly tells wall:north-west" in warning for warning in result.warnings)
+    assert any("hardly constrains wall:north-west" in warning for warning in result.warnings)
 
 
 def near_the_truth(*free: str) -> list[Parameter]:
@@ -196,7 +196,7 @@ def test_readings_rounded_alike_do_not_tell_one_answer_from_another_by_their_num
     x, y = result.places[0].position
     assert math.dist((x, y), ARENA.place("p1").position) < 0.01
     assert [(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes[1:]] == [(1.38, 1.8)]
-    assert "2 answers explain the scan about equally well" in result.warnings[0]
+    assert "2 solutions explain the scan about equally well" in result.warnings[0]
 
 
 def test_a_thermometer_that_errs_makes_no_offset() -> None:
@@ -266,7 +266,7 @@ def test_what_cannot_be_fitted_is_refused(readings: list[Reading]) -> None:
     for word, complaint in (("wind", "expected some of x, y"), ("wall:roof", "has west"), ("x:1", "write x")):
         with pytest.raises(InputError, match=complaint):
             free_parameters((word,), [""], ARENA, BOARD)
-    with pytest.raises(InputError, match="one tells the other"):
+    with pytest.raises(InputError, match="each determines the other"):
         free_parameters(("temperature", "speed"), [""], ARENA, BOARD)
 
 

@@ -62,7 +62,7 @@ def test_what_is_said_three_times_is_no_more_evidence(arena: Room) -> None:
     scan = scan_from(arena, (1.8, 0.3), 0.0)
     once, thrice = (locate_scan(readings, arena, BOARD) for readings in (scan, [one for one in scan for _ in range(3)]))
     assert once.poses[1].probability > 0.1
-    assert thrice.readings_alike == pytest.approx(3 * once.readings_alike)
+    assert thrice.redundancy == pytest.approx(3 * once.redundancy)
     assert thrice.poses[0].probability == pytest.approx(once.poses[0].probability, abs=0.1)
 
 

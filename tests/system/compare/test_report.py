@@ -177,7 +177,7 @@ def test_of_very_many_readings_the_newest_are_told(report: Report, log: Path, mo
 
 def test_without_readings_there_is_no_report(report: Report) -> None:
     prediction = report.comparison.prediction
-    with pytest.raises(InputError, match=r"a\.mcap: holds no readings"):
+    with pytest.raises(InputError, match=r"a\.mcap: no readings"):
         report_of("a.mcap", [], prediction.room, prediction.place, prediction.board, PredictionOptions())
 
 

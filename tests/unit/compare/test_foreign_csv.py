@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from sonarhw_compare.imports.foreign_csv import Columns, guess_columns, read_foreign_scan
+from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, read_foreign_scan
 
 from sonarhw.errors import InputError
 
@@ -17,15 +17,15 @@ def written(folder: Path, header: str) -> Path:
 @pytest.mark.parametrize(
     ("header", "columns", "scale"),
     [
-        ("turret_deg,x,range_cm", Columns("turret_deg", "range_cm"), 0.01),
-        ("time_s,heading_deg,range_m", Columns("heading_deg", "range_m", "time_s"), 1.0),
-        ("t,Angle,Distance (mm)", Columns("Angle", "Distance (mm)", "t"), 0.001),
-        ("n,deg,cm", Columns("deg", "cm"), 0.01),
-        ("n,bearing,range", Columns("bearing", "range"), 1.0),
+        ("turret_deg,x,range_cm", CsvColumns("turret_deg", "range_cm"), 0.01),
+        ("time_s,heading_deg,range_m", CsvColumns("heading_deg", "range_m", "time_s"), 1.0),
+        ("t,Angle,Distance (mm)", CsvColumns("Angle", "Distance (mm)", "t"), 0.001),
+        ("n,deg,cm", CsvColumns("deg", "cm"), 0.01),
+        ("n,bearing,range", CsvColumns("bearing", "range"), 1.0),
     ],
 )
 def test_columns_are_guessed_by_name_and_the_unit_by_the_end_of_it(
-    tmp_path: Path, header: str, columns: Columns, scale: float
+    tmp_path: Path, header: str, columns: CsvColumns, scale: float
 ) -> None:
     guessed, meaning = guess_columns(written(tmp_path, header))
     assert (guessed, meaning.scale, meaning.sign) == (columns, scale, 1.0)
@@ -41,9 +41,9 @@ def test_a_file_whose_columns_are_known_is_read_without_being_asked_about(tmp_pa
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("a,b,range", "called like a heading"),
-        ("heading,b,c", "called like a range"),
-        ("heading_left,heading_right,range", "called like a heading"),
+        ("a,b,range", "a name for a heading"),
+        ("heading,b,c", "a name for a range"),
+        ("heading_left,heading_right,range", "a name for a heading"),
     ],
 )
 def test_a_file_in_which_nothing_or_more_than_one_can_be_meant_is_refused(

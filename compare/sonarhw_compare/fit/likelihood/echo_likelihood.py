@@ -1,14 +1,14 @@
-"""How likely readings are, given the paths of a place: every echo heard, every echo not heard, and silence.
+"""The log-likelihood of readings for given paths: detected echoes, undetected echoes, and no echo.
 
-Takes readings as arrays, paths, what the board hears and how it errs; hands on one log-likelihood. Path k is heard with
-chance d = (1 - missed) Φ((level - threshold) / σ_level), at its range ± σ_range; strays come anywhere. While the board
-listens, until its first echo or, where it tells several, through all the gaps between them, the likelihood is
+Path k is detected with probability d = (1 - missed) Φ((level - threshold) / σ_level), at its range ± σ_range. False
+echoes (strays) are uniform in range. The board listens until its first echo or, if it reports several, in all intervals
+between them. The log-likelihood is
 
     Σ over echoes  ln(stray + Σ over paths  d N(r - ρ) / (1 - d m))  +  Σ over paths  ln(1 - d m)  -  stray · listened
 
-with N the normal density and m the share of a path's normal that falls into the time of listening. For one echo that
-is exactly the density of the first of independent arrivals. With chance `lost` a ping hears nothing of the room, and
-what is told of it are strays, if anything. docs/how_to/fit.md derives it.
+with N the normal density and m the share of a path's normal distribution inside the intervals of listening. For one
+echo, this is exactly the density of the first of independent arrivals. With probability `lost`, a ping receives nothing
+from the room and reports only strays, if anything. docs/how_to/fit.md derives this.
 """
 
 import math
@@ -22,52 +22,52 @@ from sonarhw_sim.compiled import compiled
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, displaced
 
-LATENESS_STEP = 0.5  # dB
-_FAR = 6.0  # standard deviations beyond which a normal is over
-_ASIDE = 0.05  # cosine of the angle from the axis beyond which nothing is heard
+LATENESS_STEP = 0.5  # dB, between nodes of a lateness table
+_FAR = 6.0  # standard deviations beyond which a normal distribution is 0
+_ASIDE = 0.05  # cosine of the largest angle from the axis at which echoes are detected
 _ROOT_2 = math.sqrt(2.0)
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
-class Heard(NamedTuple):
-    """A scan as the kernel wants it; n readings."""
+class ScanArrays(NamedTuple):
+    """The n readings of a scan, as arrays for the kernel."""
 
-    angles: FloatArray  # (n,), rad: turntable angle, home angle added
-    ranges: FloatArray  # (n, e), m: of the echoes, NaN behind
-    counts: NDArray[np.int64]  # (n,): echoes that count
-    ends: NDArray[np.bool_]  # (n,): whether listening ended with the last of them
+    angles: FloatArray  # (n,) rad, turntable angle plus home angle
+    ranges: FloatArray  # (n, e) m, of the echoes, padded with NaN
+    counts: NDArray[np.int64]  # (n,), number of echoes
+    ends: NDArray[np.bool_]  # (n,), whether the board stopped listening at the last of them
 
 
-class Ear(NamedTuple):
-    """What the board hears, and how."""
+class BoardValues(NamedTuple):
+    """Heading, detection and geometry of the board, for the kernel."""
 
     heading: float  # rad, of the turntable's step 0
-    ka: float
+    ka: float  # wavenumber times aperture radius
     threshold_db: float
-    opens: float  # m: ranges between these are listened to
-    closes: float
-    dead: float  # m, after an echo
-    stretch: float  # told range by true range
-    offset: float  # m, told range beyond that
-    sender: tuple[float, float]  # m, ahead and aside of the turning axis
+    opens: float  # m, shortest reported range
+    closes: float  # m, longest reported range
+    dead: float  # m, dead zone after an echo
+    stretch: float  # reported range by true range
+    offset: float  # m, added to the stretched range
+    sender: tuple[float, float]  # m, ahead and to the left of the turning axis
     listener: tuple[float, float]
 
 
-class Noise(NamedTuple):
-    """How readings err."""
+class ReadingNoise(NamedTuple):
+    """Errors of readings."""
 
     range: float  # m
     level: float  # dB
-    missed: float  # chance that a loud echo is not heard
-    lost: float  # chance that a ping hears nothing of the room
-    stray: float  # echoes of nothing, for every metre of range
-    stretch: float = 1.0  # told ranges by true ones: the speed of sound by which they were told is never quite right
+    missed: float  # probability that a loud echo is not detected
+    lost: float  # probability that a ping receives nothing from the room
+    stray: float  # false echoes per metre of range
+    stretch: float = 1.0  # reported range by true range; differs from 1 if the assumed speed of sound is wrong
 
 
-class Known(NamedTuple):
-    """The paths of a scan's place, k of them, about shortest first."""
+class PathArrays(NamedTuple):
+    """The k paths of a place, about shortest first."""
 
-    out: FloatArray  # (k, 2), as in `EchoPaths`, and so
+    out: FloatArray  # this and the next four as in `EchoPaths`
     back: FloatArray
     rise: FloatArray
     turn: FloatArray
@@ -77,62 +77,67 @@ class Known(NamedTuple):
 
 @compiled
 def log_likelihoods(
-    heard: Heard, known: Known, ear: Ear, noise: Noise, table: FloatArray, lateness: FloatArray
+    scan: ScanArrays,
+    paths: PathArrays,
+    board: BoardValues,
+    noise: ReadingNoise,
+    table: FloatArray,
+    lateness: FloatArray,
 ) -> FloatArray:
-    """Log-likelihood of every reading, (n,); `table` is the beam's (`sonarhw_sim.board.weighing`).
+    """Return the log-likelihood of each reading, (n,); `table` is the beam table (`sonarhw_sim.board.weighing`).
 
-    `lateness` (l,) m is by how much an echo so many half decibels over the threshold is found late; empty: by nothing.
+    `lateness` (l,) m is the error in range of late detection at 0, 0.5, 1, ... dB over the threshold; empty for none.
     """
-    angles, echoes, counts, ended = heard.angles, heard.ranges, heard.counts, heard.ends
-    known_out, back, rise, turn = known.out, known.back, known.rise, known.turn
-    kinds, levels = known.kind, known.level_db
-    told, nearest, leaving, arriving = _on_axis(known_out, back, rise, turn, kinds, ear)
-    aside = ear.sender != (0.0, 0.0) or ear.listener != (0.0, 0.0)
-    reach = _reach(ear) * ear.stretch
-    needed = 10.0 ** ((ear.threshold_db - _FAR * noise.level - levels) / 20.0)
+    angles, echoes, counts, ended = scan.angles, scan.ranges, scan.counts, scan.ends
+    out, back, rise, turn = paths.out, paths.back, paths.rise, paths.turn
+    kinds, levels = paths.kind, paths.level_db
+    reported, nearest, leaving, arriving = _on_axis(out, back, rise, turn, kinds, board)
+    aside = board.sender != (0.0, 0.0) or board.listener != (0.0, 0.0)
+    reach = _reach(board) * board.stretch
+    needed = 10.0 ** ((board.threshold_db - _FAR * noise.level - levels) / 20.0)
     likelihoods, densities = np.empty(angles.shape[0]), np.empty(echoes.shape[1])
     for i in range(angles.shape[0]):
         count, ranges = counts[i], echoes[i]
         ends = ended[i] and count > 0
-        last = ranges[count - 1] if ends else ear.closes
+        last = ranges[count - 1] if ends else board.closes
         farthest = last + _FAR * noise.range + reach
-        hx, hy = math.cos(ear.heading + angles[i]), math.sin(ear.heading + angles[i])
-        sender, listener = _turned(ear.sender, hx, hy), _turned(ear.listener, hx, hy)
+        hx, hy = math.cos(board.heading + angles[i]), math.sin(board.heading + angles[i])
+        sender, listener = _turned(board.sender, hx, hy), _turned(board.listener, hx, hy)
         densities[:] = noise.stray
-        unheard = 0.0
-        for k in range(told.shape[0]):
-            if told[k] > farthest or needed[k] > 1.0:
+        undetected = 0.0
+        for k in range(reported.shape[0]):
+            if reported[k] > farthest or needed[k] > 1.0:
                 if nearest[k] > farthest:
                     break
                 continue
             ahead, home = leaving[k, 0] * hx + leaving[k, 1] * hy, arriving[k, 0] * hx + arriving[k, 1] * hy
             if ahead < _ASIDE or home < _ASIDE:
                 continue
-            found = told[k]
+            found = reported[k]
             if aside:
-                one = displaced(known_out[k], back[k], turn[k], kinds[k], sender, listener)
+                one = displaced(out[k], back[k], turn[k], kinds[k], sender, listener)
                 there, on, bx, by = _legs(one, rise[k], turn[k], kinds[k])
                 ahead, home = (one[0] * hx + one[1] * hy) / there, bx * hx + by * hy
-                found = (there + on) / 2 * ear.stretch + ear.offset
-            amplitude = beam(ahead, ear.ka, table)
+                found = (there + on) / 2 * board.stretch + board.offset
+            amplitude = beam(ahead, board.ka, table)
             if amplitude < needed[k]:
                 continue
-            amplitude *= beam(home, ear.ka, table)
+            amplitude *= beam(home, board.ka, table)
             if amplitude < needed[k]:
                 continue
 
-            over = levels[k] + 20.0 * math.log10(amplitude) - ear.threshold_db
+            over = levels[k] + 20.0 * math.log10(amplitude) - board.threshold_db
             found += _late(over, lateness)
             chance = (1.0 - noise.missed) * _normal(over / noise.level)
-            silence = 1.0 - chance * _mass(found, ranges, count, ends, ear, noise.range)
-            unheard += math.log(silence)
+            silence = 1.0 - chance * _mass(found, ranges, count, ends, board, noise.range)
+            undetected += math.log(silence)
             for e in range(count):
                 away = (ranges[e] - found) / noise.range
                 if abs(away) < _FAR:
                     densities[e] += chance / silence * math.exp(-0.5 * away * away) / (noise.range * _ROOT_2PI)
 
-        strays = -noise.stray * max(0.0, last - ear.opens)
-        likelihood = unheard + strays
+        strays = -noise.stray * max(0.0, last - board.opens)
+        likelihood = undetected + strays
         for e in range(count):
             likelihood += math.log(densities[e])
         strays += count * math.log(noise.stray)
@@ -142,31 +147,31 @@ def log_likelihoods(
 
 @compiled
 def _on_axis(
-    out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], ear: Ear
+    out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], board: BoardValues
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Of paths from and to the turning axis: told range (k,), the least that it or a later one has (k,), directions.
+    """Return reported ranges (k,), least ranges from each row on (k,), and directions, for a sensor on the axis.
 
-    Directions (k, 2), of departure and of where each comes back from, are the horizontal parts of unit vectors.
+    The directions of departure and to where the sound comes from, (k, 2) each, are horizontal parts of unit vectors.
     """
     count = out.shape[0]
-    told, nearest, leaving, arriving = np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2))
+    reported, nearest, leaving, arriving = np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2))
     for k in range(count):
         one = (out[k, 0], out[k, 1], back[k, 0], back[k, 1])
         there, on, arriving[k, 0], arriving[k, 1] = _legs(one, rise[k], turn[k], kinds[k])
         leaving[k, 0], leaving[k, 1] = one[0] / there, one[1] / there
-        told[k] = (there + on) / 2 * ear.stretch + ear.offset
+        reported[k] = (there + on) / 2 * board.stretch + board.offset
     least = np.inf
     for k in range(count - 1, -1, -1):
-        least = min(least, told[k])
+        least = min(least, reported[k])
         nearest[k] = least
-    return told, nearest, leaving, arriving
+    return reported, nearest, leaving, arriving
 
 
 @compiled
 def _legs(
     one: tuple[float, float, float, float], rise: FloatArray, turn: FloatArray, kind: int
 ) -> tuple[float, float, float, float]:
-    """Lengths of `out` and `back` of a path, m, and the unit vector, x and y, from where it comes back."""
+    """Return the lengths of `out` and `back` of a path, m, and x and y of the unit vector to where it comes from."""
     ox, oy, bx, by = one
     there = max(math.sqrt(ox * ox + oy * oy + rise[0] ** 2), 1e-12)
     if kind == BENT:
@@ -179,19 +184,19 @@ def _legs(
 
 @compiled
 def _turned(from_axis: tuple[float, float], x: float, y: float) -> tuple[float, float]:
-    """A point ahead and aside of the axis, m, in the room, where the head points along x, y."""
+    """Return a point given ahead and to the left of the axis, m, in room coordinates; the head points along x, y."""
     return from_axis[0] * x - from_axis[1] * y, from_axis[0] * y + from_axis[1] * x
 
 
 @compiled
-def _reach(ear: Ear) -> float:
-    """How far sender or listener are from the axis, m."""
-    return max(math.hypot(ear.sender[0], ear.sender[1]), math.hypot(ear.listener[0], ear.listener[1]))
+def _reach(board: BoardValues) -> float:
+    """Return the larger distance of sender and listener from the axis, m."""
+    return max(math.hypot(board.sender[0], board.sender[1]), math.hypot(board.listener[0], board.listener[1]))
 
 
 @compiled
 def _normal(x: float) -> float:
-    """Share of a normal distribution below x standard deviations."""
+    """Return the share of a normal distribution below x standard deviations."""
     if abs(x) > _FAR:
         return 1.0 if x > 0.0 else 0.0
     share: float = 0.5 * math.erfc(-x / _ROOT_2)
@@ -199,21 +204,21 @@ def _normal(x: float) -> float:
 
 
 @compiled
-def _mass(told: float, ranges: FloatArray, count: int, ends: bool, ear: Ear, spread: float) -> float:
-    """Share of an echo's normal, about `told`, that falls into the time of listening."""
-    mass, begin = 0.0, ear.opens
+def _mass(reported: float, ranges: FloatArray, count: int, ends: bool, board: BoardValues, spread: float) -> float:
+    """Return the share of an echo's normal distribution about `reported` inside the intervals of listening."""
+    mass, begin = 0.0, board.opens
     for e in range(count):
         if ranges[e] > begin:
-            mass += _normal((ranges[e] - told) / spread) - _normal((begin - told) / spread)
-        begin = ranges[e] + ear.dead
-    if not ends and ear.closes > begin:
-        mass += _normal((ear.closes - told) / spread) - _normal((begin - told) / spread)
+            mass += _normal((ranges[e] - reported) / spread) - _normal((begin - reported) / spread)
+        begin = ranges[e] + board.dead
+    if not ends and board.closes > begin:
+        mass += _normal((board.closes - reported) / spread) - _normal((begin - reported) / spread)
     return mass
 
 
 @compiled
 def _late(over: float, lateness: FloatArray) -> float:
-    """By how much an echo `over` dB above the threshold is found late, m."""
+    """Return the error in range, m, of the late detection of an echo `over` dB over the threshold."""
     if lateness.shape[0] == 0:
         return 0.0
     at = min(max(over / LATENESS_STEP, 0.0), lateness.shape[0] - 1.001)

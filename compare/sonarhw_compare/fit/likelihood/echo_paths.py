@@ -1,11 +1,10 @@
-"""How the paths of a place change as the place, the room and the board change a little, without another search.
+"""Paths of sound as functions of position, walls and mount, so that a small change needs no new search.
 
-Takes `Paths` found at one position; hands on `EchoPaths`, which know what every path would be from a few centimetres
-away. Sound that leaves by walls alone runs in the unfolded room straight to the listener's image, and that image moves
-as the listener does, turned or mirrored: with departure u and arrival direction a, known from the path itself, the
-mirrored or turned a is -u. So a path's length and directions at another position are exact as long as it meets
-the same walls; its gradient there is -(u + a). A wall that moves takes the images behind it along by twice as much.
-Past a post all this is right to first order.
+Sound that reflects off walls only runs straight to the image source of the listener in the unfolded room. This image
+moves with the listener, rotated or mirrored. With departure direction u and arrival direction a, the rotated or
+mirrored a is -u. Length and directions at another position are therefore exact as long as the path meets the same
+walls, and the gradient of the length is -(u + a). An image behind a moving wall moves twice as far as the wall. With
+posts, all this holds to first order.
 """
 
 from typing import NamedTuple
@@ -21,25 +20,25 @@ from sonarhw_compare.fit.values.free_walls import corner_moves, left_normals
 
 Point = tuple[float, float]
 
-EVEN, ODD, BENT = 0, 1, 2  # reflections, or an edge on the way
+EVEN, ODD, BENT = 0, 1, 2  # number of reflections, or diffraction at an edge
 
 
 class EchoPaths(NamedTuple):
-    """Paths of one place, shortest first; one row each."""
+    """Paths of one place, one row each, shortest first."""
 
-    out: FloatArray  # (k, 2), m: from the sender to the listener's image, or to the edge's image
-    back: FloatArray  # (k, 2), m: from the listener to the edge's image; 0 where no edge bends the path
-    rise: FloatArray  # (k, 2), m: how far either climbs out of the plane
-    turn: FloatArray  # (k, 2): complex factor by which the listener's image moves
+    out: FloatArray  # (k, 2) m, from the sender to the image of the listener or of the edge
+    back: FloatArray  # (k, 2) m, from the listener to the image of the edge; 0 without diffraction
+    rise: FloatArray  # (k, 2) m, vertical extent of both
+    turn: FloatArray  # (k, 2), complex factor from a move of the listener to that of its image
     kind: NDArray[np.int8]  # (k,): EVEN, ODD or BENT
     gain_db: FloatArray  # (k,)
-    touches: FloatArray  # (k, materials): how often each material reflects it
-    out_by_wall: FloatArray  # (k, 2, walls): by how much `out` changes for every metre that a wall moves to its left
-    back_by_wall: FloatArray  # (k, 2, walls): and `back`
+    touches: FloatArray  # (k, materials), number of reflections off each material
+    out_by_wall: FloatArray  # (k, 2, walls), derivative of `out` by the shift of each wall to its left
+    back_by_wall: FloatArray  # (k, 2, walls), derivative of `back`
 
 
 def echo_paths(paths: Paths, room: Room, materials: list[str], walls: list[str]) -> EchoPaths:
-    """Those paths of a room, ready to be moved; `materials` and `walls` are those that a fit may change."""
+    """Return the paths of a room in this form; `materials` and `walls` are those that a fit can change."""
     kind = np.where(paths.edges >= 0, BENT, paths.bounces % 2).astype(np.int8)
     bent = kind == BENT
     to_edge = np.where(bent, _length_to_edge(paths), paths.lengths)
@@ -64,7 +63,7 @@ def _complex(angles: FloatArray) -> NDArray[np.complex128]:
 
 
 def _length_to_edge(paths: Paths) -> FloatArray:
-    """How far each path has come at its edge, (k,) m, by its corners in the plan."""
+    """Return the length of each path up to its edge, (k,) m, in proportion to the plan."""
     legs = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), 2, 0))
     whole = np.maximum(np.nansum(legs, axis=1), 1e-300)
     before = np.where(np.arange(legs.shape[1]) <= paths.bends[:, None], np.nan_to_num(legs), 0.0).sum(axis=1)
@@ -73,13 +72,13 @@ def _length_to_edge(paths: Paths) -> FloatArray:
 
 def _touches(paths: Paths, room: Room, materials: list[str]) -> FloatArray:
     of_surface = np.array([[name == material for material in materials] for name in room.materials], dtype=np.float64)
-    # row -1, "no surface", picks what is appended
+    # row -1, "no surface", selects the appended zeros
     rows = np.vstack((of_surface.reshape(len(room.materials), -1), np.zeros((1, len(materials)))))
     return np.ascontiguousarray(rows[paths.surfaces].sum(axis=1))
 
 
 def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray, FloatArray]:
-    """By how much `out` and `back` change for every metre that a wall moves to its left, both (k, 2, walls)."""
+    """Return the derivatives of `out` and `back` by the shift of each wall to its left, both (k, 2, walls)."""
     out, back = np.zeros((2, len(paths), 2, len(walls)))
     if not walls:
         return out, back
@@ -96,7 +95,7 @@ def _image_moves(paths: Paths, room: Room, walls: list[str]) -> tuple[FloatArray
 
 
 def _mirrors(paths: Paths, path: int, normals: FloatArray) -> list[tuple[int, FloatArray]]:
-    """The surfaces that a path reflects off, in order, each with its normal there."""
+    """Return the surfaces that a path reflects off, in order, each with its normal at that point."""
     surfaces, bent = paths.surfaces[path][paths.surfaces[path] >= 0].tolist(), paths.edges[path] >= 0
     mirrors = []
     for touch, surface in enumerate(surfaces):
@@ -107,13 +106,13 @@ def _mirrors(paths: Paths, path: int, normals: FloatArray) -> list[tuple[int, Fl
 
 
 def _halving(points: FloatArray) -> FloatArray:
-    """The unit normal at the second of three points (3, 2) of a reflection."""
+    """Return the unit normal at the second of three points (3, 2) of a reflection."""
     come, go = np.diff(points, axis=0) / np.hypot(*np.diff(points, axis=0).T)[:, None]
     return np.asarray((go - come) / np.hypot(*(go - come)))
 
 
 def _image_move(mirrors: list[tuple[int, FloatArray]], columns: dict[int, int], end: FloatArray) -> FloatArray:
-    """How a point's image behind mirrors moves, first to last, where the point moves by `end`; both (2, walls)."""
+    """Return how the image of a point behind mirrors moves if the point moves by `end`; both (2, walls)."""
     moves, unfolded = np.zeros(end.shape), np.eye(2)
     for surface, normal in mirrors:
         if surface in columns:
@@ -123,7 +122,7 @@ def _image_move(mirrors: list[tuple[int, FloatArray]], columns: dict[int, int], 
 
 
 def growth_by_wall(paths: EchoPaths) -> FloatArray:
-    """By how much paths grow for every metre that a wall moves to its left, (k, walls)."""
+    """Return the derivative of path lengths by the shift of each wall to its left, (k, walls)."""
     return np.asarray(
         sum(
             np.einsum("ki,kiw->kw", _unit(vectors, rise), moves)
@@ -143,7 +142,7 @@ def _unit(vectors: FloatArray, rise: FloatArray) -> FloatArray:
 def displaced(
     out: FloatArray, back: FloatArray, turn: FloatArray, kind: int, sender: Point, listener: Point
 ) -> tuple[float, float, float, float]:
-    """`out` and `back` of one path, as x, y, x, y, when sender and listener have moved by so many m."""
+    """Return `out` and `back` of one path, as x, y, x, y, after sender and listener have moved by these vectors, m."""
     if kind == BENT:
         return out[0] - sender[0], out[1] - sender[1], back[0] - listener[0], back[1] - listener[1]
     y = -listener[1] if kind == ODD else listener[1]
@@ -155,7 +154,7 @@ def displaced(
 def moved(
     out: FloatArray, back: FloatArray, turn: FloatArray, kind: NDArray[np.int8], by: Point
 ) -> tuple[FloatArray, FloatArray]:
-    """`out` and `back` (k, 2) of paths from a place `by` m away."""
+    """Return `out` and `back` (k, 2) of paths after the place has moved by the vector `by`, m."""
     new_out, new_back = np.empty_like(out), np.empty_like(back)
     for k in range(out.shape[0]):
         new_out[k, 0], new_out[k, 1], new_back[k, 0], new_back[k, 1] = displaced(

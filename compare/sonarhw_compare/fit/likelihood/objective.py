@@ -1,8 +1,7 @@
-"""The objective of a fit: log-likelihood of all scans and what is known beforehand, as a function of plain numbers.
+"""The objective of a fit: log-likelihood of all scans plus log-prior, as a function of a vector.
 
-Takes scans, room, board and free parameters; hands on `Problem`, and near any values an `Objective`: paths are searched
-there once and then moved (`echo_paths`), so that it costs a fraction of a millisecond. Its argument is one
-vector: the parameters, and behind them the numbers that say how readings err (`NOISES`).
+A `Problem` returns an `Objective` near any values. Paths are searched there once and then moved (`echo_paths`), so one
+call takes a fraction of a millisecond. The vector holds the parameters, then the logarithms of the noise (`NOISES`).
 """
 
 import math
@@ -22,7 +21,13 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
 from sonarhw.readings import FloatArray, Reading
-from sonarhw_compare.fit.likelihood.echo_likelihood import Ear, Heard, Known, Noise, log_likelihoods
+from sonarhw_compare.fit.likelihood.echo_likelihood import (
+    BoardValues,
+    PathArrays,
+    ReadingNoise,
+    ScanArrays,
+    log_likelihoods,
+)
 from sonarhw_compare.fit.likelihood.echo_paths import EchoPaths, echo_paths, moved
 from sonarhw_compare.fit.likelihood.lateness import lateness_by_level, level_offset_db
 from sonarhw_compare.fit.values.fit_result import PlacedScan
@@ -37,23 +42,23 @@ from sonarhw_compare.fit.values.quantities import (
     reflectance_of,
 )
 
-MOST_ECHOES = 5  # of a ping, that scanners tell
-_ROUNDED = 1 / math.sqrt(12)  # standard deviation of what is rounded to 1
-# A path 10 dB under the threshold at its best heading is heard by no fit's board; `loud_enough` asks for 20. dB
+MOST_ECHOES = 5  # of a ping, that scanners report
+_ROUNDED = 1 / math.sqrt(12)  # standard deviation of the error of rounding to 1
+# dB. `loud_enough` keeps paths down to 20 dB under the threshold; in a fit, paths 10 dB under it are never detected.
 _LESS_NOTICED = 10.0
-_OVERLAPPING = 1.0  # dB, by which levels err at least where echoes that overlap are taken for lone ones
+_OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
 
 @dataclass(frozen=True)
 class NoisePrior:
-    """What is known of one number that says how readings err: its logarithm is normal between bounds."""
+    """Prior of one kind of noise: its logarithm is normal between bounds."""
 
     name: str
     median: float
     spread: float  # standard deviation of the logarithm
     lower: float
     upper: float
-    step: float = 0.15  # of the logarithm, by which it changes the likelihood noticeably
+    step: float = 0.15  # of the logarithm, a change that the likelihood shows
 
 
 NOISES = (
@@ -62,46 +67,46 @@ NOISES = (
     NoisePrior("missed", 0.02, 1.0, 1e-3, 0.4),
     NoisePrior("lost", 0.02, 1.0, 1e-3, 0.4),
     NoisePrior("stray_per_m", 0.02, 1.2, 1e-3, 1.0),
-    # thermometers err by half a degree, and the air of a room differs by as much: 0.6 K
+    # a thermometer has an error of half a degree, and the air of a room varies by as much: 0.6 K
     NoisePrior("stretch", 1.0, 1e-3, 0.99, 1.01, 2e-4),
 )
-COARSE = Noise(0.03, 3.0, 0.15, 0.05, 0.1)  # with which the likelihood is smooth over centimetres and degrees
-MIDDLING = Noise(0.01, 1.5, 0.08, 0.03, 0.05)
+COARSE = ReadingNoise(0.03, 3.0, 0.15, 0.05, 0.1)  # makes the likelihood smooth over centimetres and degrees
+MIDDLING = ReadingNoise(0.01, 1.5, 0.08, 0.03, 0.05)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted to what."""
+    """Scans, model and free parameters of a fit."""
 
-    scans: tuple[Heard, ...]
+    scans: tuple[ScanArrays, ...]
     room: Room
     places: tuple[Place, ...]
     board: Board
     parameters: tuple[Parameter, ...]
     prediction: PredictionOptions
-    told_speed: float | None  # m/s, that echo times were made ranges with; None where the air is not free
+    reported_speed: float | None  # m/s, for ranges from echo times; None where the air is not free
     rounding: float  # m, of the board
-    alike: tuple[float, ...] = ()  # of each scan, how many readings there are to one that says something new; empty: 1
+    redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
 
     @property
     def size(self) -> int:
-        """How many numbers the objective takes."""
+        """The length of the vector."""
         return len(self.parameters) + len(self.noises)
 
     @property
     def noises(self) -> tuple[NoisePrior, ...]:
-        """What is found of how readings err; where the air is free, that is what stretches ranges."""
-        return NOISES if self.told_speed is None else tuple(noise for noise in NOISES if noise.name != "stretch")
+        """The kinds of noise that are fitted. A free speed of sound replaces `stretch`."""
+        return NOISES if self.reported_speed is None else tuple(noise for noise in NOISES if noise.name != "stretch")
 
     @cached_property
     def steps(self) -> FloatArray:
-        """By how much each number changes the objective noticeably, (size,)."""
+        """A change of each value that the objective shows, (size,)."""
         own = [parameter.quantity.step for parameter in self.parameters]
         return np.array([*own, *(noise.step for noise in self.noises)], dtype=np.float64)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper end of each number, (size,)."""
+        """Lower and upper bound of each value, (size,) each."""
         lower = [*(parameter.lower for parameter in self.parameters), *(math.log(n.lower) for n in self.noises)]
         upper = [*(parameter.upper for parameter in self.parameters), *(math.log(n.upper) for n in self.noises)]
         lower[len(self.parameters)] = math.log(max(NOISES[0].lower, self.rounding * _ROUNDED))
@@ -110,22 +115,22 @@ class Problem:
         return np.array(lower), np.array(upper)
 
     def start(self) -> FloatArray:
-        """Where room, places and board say that it is, with middling noise, (size,)."""
+        """Return the values of the given room, places and board, with `MIDDLING` noise, (size,)."""
         values = [start_of(parameter, self.places, self.room, self.board) for parameter in self.parameters]
         return self.with_noise(np.array(values), MIDDLING)
 
-    def with_noise(self, values: FloatArray, noise: Noise) -> FloatArray:
-        """The first numbers of `values`, with that noise behind them."""
+    def with_noise(self, values: FloatArray, noise: ReadingNoise) -> FloatArray:
+        """Return the parameters in `values` followed by this noise, (size,)."""
         vector = np.concatenate((values[: len(self.parameters)], np.log(np.array(noise))[: len(self.noises)]))
         return np.asarray(np.clip(vector, *self.bounds))
 
     def setting(self, values: FloatArray) -> tuple[Room, tuple[Place, ...], Board]:
-        """Room, places and board as those numbers make them."""
+        """Return room, places and board for these values."""
         chosen = dict(zip(self.parameters, values.tolist(), strict=False))
         return applied(chosen, self.room, self.places, self.board)
 
     def near(self, values: FloatArray, prediction: PredictionOptions | None = None) -> "Objective":
-        """The objective for values near these; paths are searched for with `prediction`, or the problem's own."""
+        """Return the objective near these values. Paths are searched with `prediction` or the problem's own options."""
         room, places, board = self.setting(values)
         search = search_for(room, self.board, prediction or self.prediction)
         materials = [parameter.of for parameter in self.parameters if parameter.quantity is REFLECTANCE]
@@ -142,7 +147,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Objective:
-    """Log-likelihood and prior near the values at which paths were searched."""
+    """Log-likelihood plus log-prior near the values at which paths were searched."""
 
     problem: Problem
     values: FloatArray
@@ -151,20 +156,21 @@ class Objective:
     paths: tuple[EchoPaths, ...]
 
     def __call__(self, values: FloatArray) -> float:
-        """Log-likelihood and prior of those numbers, (size,); -inf outside their bounds."""
+        """Return log-likelihood plus log-prior of a vector, (size,); -inf outside the bounds."""
         prior = self._log_prior(values)
         if prior == -math.inf:
             return prior
-        alike = self.problem.alike or (1.0,) * len(self.paths)
-        total = sum(float(self.by_reading(values, k).sum()) / alike[k] for k in range(len(self.paths)))
+        redundancies = self.problem.redundancies or (1.0,) * len(self.paths)
+        total = sum(float(self.by_reading(values, k).sum()) / redundancies[k] for k in range(len(self.paths)))
         return prior + total if math.isfinite(total) else -math.inf
 
     def by_reading(self, values: FloatArray, scan: int) -> FloatArray:
-        """Log-likelihood of every reading of a scan, (n,)."""
-        noise = Noise(*np.exp(values[len(self.problem.parameters) :]).tolist())
+        """Return the log-likelihood of each reading of a scan, (n,)."""
+        noise = ReadingNoise(*np.exp(values[len(self.problem.parameters) :]).tolist())
         place = self._place(values, scan)
-        ear, known = self._ear(values, place.heading, noise.stretch), self._known(values, scan, place.position)
-        return np.asarray(log_likelihoods(self.problem.scans[scan], known, ear, noise, self._table, self._lateness))
+        board = self._board_values(values, place.heading, noise.stretch)
+        paths = self._path_arrays(values, scan, place.position)
+        return np.asarray(log_likelihoods(self.problem.scans[scan], paths, board, noise, self._table, self._lateness))
 
     def _log_prior(self, values: FloatArray) -> float:
         lower, upper = self.problem.bounds
@@ -221,13 +227,13 @@ class Objective:
                 air = parameter.quantity.put(air, float(values[row]))
         return air
 
-    def _ear(self, values: FloatArray, heading: float, stretch: float) -> Ear:
+    def _board_values(self, values: FloatArray, heading: float, stretch: float) -> BoardValues:
         board, speed = self._board(values), self.room.air.speed_of_sound
-        if self.problem.told_speed is not None:
+        if self.problem.reported_speed is not None:
             speed = self._air(values).speed_of_sound
-            stretch = self.problem.told_speed / speed
+            stretch = self.problem.reported_speed / speed
         ahead, aside, half = board.mount.ahead, board.mount.aside, board.mount.separation / 2
-        return Ear(
+        return BoardValues(
             heading=heading,
             ka=math.tau * board.frequency / speed * board.aperture_radius,
             threshold_db=board.threshold_db,
@@ -240,14 +246,14 @@ class Objective:
             listener=(ahead, aside - half),
         )
 
-    def _known(self, values: FloatArray, scan: int, position: tuple[float, float]) -> Known:
+    def _path_arrays(self, values: FloatArray, scan: int, position: tuple[float, float]) -> PathArrays:
         paths, (x, y) = self.paths[scan], self.places[scan].position
         by = position[0] - x, position[1] - y
         out, back = moved(*self._images(values, scan), paths.turn, paths.kind, by)
-        return Known(out, back, paths.rise, paths.turn, paths.kind, self._levels(values, scan))
+        return PathArrays(out, back, paths.rise, paths.turn, paths.kind, self._levels(values, scan))
 
     def _images(self, values: FloatArray, scan: int) -> tuple[FloatArray, FloatArray]:
-        """`out` and `back` of paths, where walls have moved."""
+        """Return `out` and `back` of paths after the walls have moved."""
         paths = self.paths[scan]
         if not self._wall_rows:
             return paths.out, paths.back
@@ -255,10 +261,10 @@ class Objective:
         return paths.out + paths.out_by_wall @ shifts, paths.back + paths.back_by_wall @ shifts
 
     def _levels(self, values: FloatArray, scan: int) -> FloatArray:
-        """Level of each path before the beam, dB, (k,)."""
+        """Return the level of each path without the beam, dB, (k,)."""
         paths, lengths = self.paths[scan], self._lengths[scan]
         level = paths.gain_db + self._gained[scan] - self._lost[scan]
-        if self.problem.told_speed is not None:
+        if self.problem.reported_speed is not None:
             level += self._lost[scan] - uncompensated_db(lengths, self.problem.board, self._air(values))
         if len(self._reflectance_rows):
             ratio = values[self._reflectance_rows] / self._reflectances
@@ -273,12 +279,12 @@ class Objective:
 
     @cached_property
     def _lost(self) -> tuple[FloatArray, ...]:
-        """What the way takes of each path that the gain does not give back, dB."""
+        """Transmission loss of each path that the gain does not compensate, dB."""
         return tuple(uncompensated_db(lengths, self.problem.board, self.room.air) for lengths in self._lengths)
 
     @cached_property
     def _gained(self) -> tuple[FloatArray, ...]:
-        """What the board's own gain gives each path beyond the ideal one, dB."""
+        """Gain of the board relative to the ideal gain, for each path, dB."""
         board, speed = self.problem.board, self.room.air.speed_of_sound
         if self.problem.prediction.receiver is Receiver.FIRST_ECHO:
             return tuple(np.zeros(len(lengths)) for lengths in self._lengths)
@@ -309,13 +315,13 @@ def make_problem(
     prediction: PredictionOptions,
     all_echoes: bool,
 ) -> Problem:
-    """Scans, room, board and parameters as one problem. Raises InputError where a scan is given twice."""
+    """Return scans, room, board and parameters as a problem. Raises InputError where a scan is given twice."""
     check_given_once(scans)
     air_is_free = any(isinstance(parameter.quantity, AirQuantity) for parameter in parameters)
-    told = [reading.speed_of_sound for scan in scans for reading in scan.readings]
-    speed = float(np.median(told)) if air_is_free else None
+    speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]
+    speed = float(np.median(speeds)) if air_is_free else None
     return Problem(
-        tuple(heard(scan.readings, board, speed, all_echoes) for scan in scans),
+        tuple(scan_arrays(scan.readings, board, speed, all_echoes) for scan in scans),
         room,
         tuple(scan.place for scan in scans),
         board,
@@ -326,10 +332,10 @@ def make_problem(
     )
 
 
-def heard(readings: Sequence[Reading], board: Board, speed: float | None, all_echoes: bool) -> Heard:
-    """Readings as the kernel wants them; where none has a second echo, none was listened for.
+def scan_arrays(readings: Sequence[Reading], board: Board, speed: float | None, all_echoes: bool) -> ScanArrays:
+    """Return readings as arrays for the kernel. If none has a second echo, the board is assumed to report one only.
 
-    `speed` (m/s) makes ranges of echo times; None: what each reading itself says.
+    `speed` (m/s) converts echo times to ranges; None: the speed of sound of each reading.
     """
     several = all_echoes and any(len(reading.echo_times) > 1 for reading in readings)
     most = MOST_ECHOES if several else 1
@@ -340,4 +346,4 @@ def heard(readings: Sequence[Reading], board: Board, speed: float | None, all_ec
         counts[row] = len(times)
         ranges[row, : len(times)] = np.array(times) * (speed or reading.speed_of_sound) / 2
     angles = np.array([board.heading_at(reading.angle, 0.0) for reading in readings])
-    return Heard(angles, ranges, counts, counts == most)
+    return ScanArrays(angles, ranges, counts, counts == most)

@@ -1,1 +1,1 @@
-"""Search for the best parameters, and samples of their posterior."""
+"""Search for the best parameters, and samples of the posterior."""

@@ -1,7 +1,6 @@
-"""Beginnings: the poses from which a fit is worth climbing, for each scan by itself.
+"""Starting poses of a fit, for each scan separately.
 
-Takes a `Problem`; hands on, for each scan, its best poses as values of its parameters. Where the place is free the
-lattice of `search` is laid over what is known of it beforehand.
+Where the position is free, `pose_search` scores a lattice over the region that the prior and the bounds allow.
 """
 
 import math
@@ -17,55 +16,62 @@ from sonarhw_compare.fit.search.refine import refined
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.fit.values.quantities import HEADING, PlaceQuantity, Quantity, X, Y
 
-_ROUGH = 16  # maxima of the lattice that are looked at
-_CLIMBED = 6  # of these, that are climbed from
-_SURE = 4.0  # standard deviations of what is known beforehand, beyond which nothing is sought
-_SAME = 0.02  # m, and
+_ROUGH = 16  # maxima of the lattice that are scored again
+_CLIMBED = 6  # of these, that are refined
+_SURE = 4.0  # standard deviations of the prior that are searched
+_SAME = 0.02  # m between positions that count as the same
 _SAME_HEADING = math.radians(3)
 
 Tick = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Beginning:
-    """A pose of one scan to climb from."""
+class Candidate:
+    """Values of a problem and their score."""
 
-    values: FloatArray  # (size,) of the whole problem; other scans' as they were
-    score: float  # log-likelihood of this scan, its readings taken to err coarsely
+    values: FloatArray  # (size,) of the whole problem
+    score: float  # log-likelihood and prior, natural logarithm
 
 
-def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Beginning]:
-    """The best poses of a scan, the best first; one where its pose is not free. `tick` gets the share done."""
+def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
+    """Return the best poses of a scan, best first; a single one if its pose is not free.
+
+    Their scores are those of this scan alone with coarse noise. `tick` receives the completed share, 0..1.
+    """
     rows = [
         row
         for row, parameter in enumerate(problem.parameters)
         if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
     ]
     if not rows:
-        return [Beginning(problem.start(), 0.0)]
-    # ranges that are all off would drag the place along
-    rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.drags]
+        return [Candidate(problem.start(), 0.0)]
+    # a wrong offset would shift the place
+    rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.shifts_place]
     alone = _alone(problem, scan, rows)
     begun = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
     scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(begun)), reverse=True)
-    found: list[Beginning] = []
+    found: list[Candidate] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
         top = refined(alone, begun[k], QUICK, (COARSE,), searches=2, iterations=3)
         if not any(is_same(alone, top, one.values) for one in found):
-            found.append(Beginning(top, alone.near(top, QUICK)(top)))
+            found.append(Candidate(top, alone.near(top, QUICK)(top)))
     found.sort(key=lambda one: -one.score)
     return [replace(one, values=_in_whole(problem, rows, one.values)) for one in found]
 
 
 def _alone(problem: Problem, scan: int, rows: list[int]) -> Problem:
-    """The problem of one scan's pose, everything else as it is believed to be."""
+    """Return the problem of the pose of one scan, with all other values at their start."""
     parameters = tuple(
         replace(one, scan=0) if isinstance(one.quantity, PlaceQuantity) else one
         for one in (problem.parameters[row] for row in rows)
     )
     return replace(
-        problem, scans=(problem.scans[scan],), places=(problem.places[scan],), parameters=parameters, told_speed=None
+        problem,
+        scans=(problem.scans[scan],),
+        places=(problem.places[scan],),
+        parameters=parameters,
+        reported_speed=None,
     )
 
 
@@ -76,7 +82,7 @@ def _in_whole(problem: Problem, rows: list[int], values: FloatArray) -> FloatArr
 
 
 def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
-    """Values of the parameters at the maxima of the lattice."""
+    """Return values of the parameters at the maxima of the lattice."""
     place, free = problem.places[0], {parameter.quantity: parameter for parameter in problem.parameters}
     spans = [
         _span(free[quantity]) if quantity in free else (at, at)
@@ -106,7 +112,7 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
 
 
 def _span(parameter: Parameter) -> tuple[float, float]:
-    """Between which values a parameter is sought."""
+    """Return the lower and upper value of a parameter that are searched."""
     if parameter.expected is None or parameter.deviation is None:
         return parameter.lower, parameter.upper
     reach = _SURE * parameter.deviation
@@ -114,7 +120,7 @@ def _span(parameter: Parameter) -> tuple[float, float]:
 
 
 def _within(scores: Scores, heading: Parameter | None, given: float) -> Scores:
-    """The scores of headings that may be, as values of the parameter: turned by whole circles until they are."""
+    """Return the scores of the allowed headings, shifted by whole turns into the range of the parameter."""
     lower, upper = (given, given) if heading is None else _span(heading)
     middle = (lower + upper) / 2
     if not math.isfinite(upper - lower):
@@ -130,7 +136,7 @@ def _within(scores: Scores, heading: Parameter | None, given: float) -> Scores:
 
 
 def is_same(problem: Problem, one: FloatArray, other: FloatArray) -> bool:
-    """Whether two answers are one: all their poses within 2 cm and 3°."""
+    """Report whether all poses of two solutions agree within 2 cm and 3°."""
     for row, parameter in enumerate(problem.parameters):
         apart = float(one[row] - other[row])
         if parameter.quantity.is_angle and abs(math.remainder(apart, math.tau)) > _SAME_HEADING:

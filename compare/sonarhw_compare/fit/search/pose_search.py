@@ -1,8 +1,7 @@
-"""Where to begin: every position of a lattice and every heading, scored roughly, the best ones handed on.
+"""Rough log-likelihood of a scan at every position of a lattice and every heading, and its best maxima.
 
-Takes a scan, a room and a board; hands on log-likelihoods (positions, headings), and their best maxima. At each
-position a few hundred rays find the paths of few reflections, once; from those comes what the first echo would be at
-each of 180 headings, and against that table the scan is laid in all its turns.
+At each position, a few hundred rays find the paths with few reflections. These paths give the candidates for the first
+echo at each of 180 headings. The scan is compared with this table in all 180 rotations.
 """
 
 import math
@@ -20,32 +19,32 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.echo_likelihood import Heard
+from sonarhw_compare.fit.likelihood.echo_likelihood import ScanArrays
 
-HEADINGS = 180  # tried all round: 2° apart
+HEADINGS = 180  # 2° apart
 QUICK = PredictionOptions(rays=720, max_bounces=3)
-_POSITIONS = 600  # of a lattice, about
-_FINEST = 0.06  # m, from one to the next
-_CANDIDATES = 4  # echoes a heading may have
-_SOFT = 4.0  # dB: how sharp the threshold is in a rough score
-_HARDLY = 0.02  # chance under which an echo is no candidate
-_STRAY = 0.05  # likelihood of a reading that no candidate explains, where a perfect one has 1
-_LOST = 0.05
-_APART = math.radians(15)
+_POSITIONS = 600  # in a lattice, about
+_FINEST = 0.06  # m, smallest spacing
+_CANDIDATES = 4  # echoes of one heading, at most
+_SOFT = 4.0  # dB, width of the detection threshold
+_HARDLY = 0.02  # smallest detection probability of a candidate
+_STRAY = 0.05  # likelihood of a reading without a matching candidate; an exact match has 1
+_LOST = 0.05  # likelihood of no echo where one is certain
+_APART = math.radians(15)  # between maxima
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a scan agrees with a room from each position and heading."""
+    """Log-likelihoods of a scan by position and heading."""
 
     positions: FloatArray  # (p, 2), m
     headings: FloatArray  # (h,), rad
-    scores: FloatArray  # (p, h), natural logarithms; -inf where no sound comes back
-    spacing: float  # m, from one position to the next
+    scores: FloatArray  # (p, h), natural logarithms; -inf without any path
+    spacing: float  # m, between positions
 
 
 def lattice(lower: tuple[float, float], upper: tuple[float, float]) -> tuple[FloatArray, float]:
-    """Positions (p, 2) all over a rectangle, some 600 and no nearer than 6 cm, and their spacing, m."""
+    """Return a lattice in a rectangle, (p, 2) m, and its spacing, m: about 600 positions, at least 6 cm apart."""
     sides = np.array(upper) - lower
     spacing = max(
         _FINEST, math.sqrt(max(float(sides[0] * sides[1]), 0.0) / _POSITIONS), float(sides.max()) / _POSITIONS
@@ -58,7 +57,7 @@ def lattice(lower: tuple[float, float], upper: tuple[float, float]) -> tuple[Flo
 
 
 def score_positions(
-    scan: Heard,
+    scan: ScanArrays,
     room: Room,
     board: Board,
     positions: FloatArray,
@@ -66,9 +65,9 @@ def score_positions(
     height: float | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Scores:
-    """The scan held against the room from each of `positions` (p, 2); `tick` is called for each that is done.
+    """Return the scores of a scan at each of `positions` (p, 2); `tick` is called once for each.
 
-    An error of half the spacing costs little. Positions from which no sound comes back score -inf.
+    An error of half the spacing lowers the score little. Positions without any path score -inf.
     """
     headings = np.arange(HEADINGS, dtype=np.float64) * (math.tau / HEADINGS)
     scores = np.full((len(positions), HEADINGS), -math.inf)
@@ -84,9 +83,9 @@ def score_positions(
         paths = paths.select(np.flatnonzero(~is_blanked(paths.lengths, board, room)))
         if len(paths):
             level = 20 * np.log10(np.maximum(strengths(room, board, paths), 1e-12)) - board.threshold_db
-            told = paths.lengths / 2 + board.range_offset
+            reported = paths.lengths / 2 + board.range_offset
             table = _candidates(headings, paths.leaving, paths.arriving, level, ka, beam_table(ka))
-            scores[row] = _score(first, bins, told, *table, width)
+            scores[row] = _score(first, bins, reported, *table, width)
     return Scores(positions, headings, scores, spacing)
 
 
@@ -94,7 +93,7 @@ def score_positions(
 def _candidates(
     headings: FloatArray, leaving: FloatArray, arriving: FloatArray, level: FloatArray, ka: float, table: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-    """The paths that may be heard first at each heading (h, c), -1 behind; the chance of each (h, c); of none (h,)."""
+    """Return candidates for the first echo (h, c), padded with -1, their probabilities, and those of no echo (h,)."""
     chosen = np.full((headings.shape[0], _CANDIDATES), -1, np.int64)
     chances, silent = np.zeros((headings.shape[0], _CANDIDATES)), np.ones(headings.shape[0])
     for h in range(headings.shape[0]):
@@ -123,13 +122,13 @@ def _candidates(
 def _score(
     ranges: FloatArray,
     bins: NDArray[np.int64],
-    told: FloatArray,
+    reported: FloatArray,
     chosen: NDArray[np.int64],
     chances: FloatArray,
     silent: FloatArray,
     width: float,
 ) -> FloatArray:
-    """Log-likelihood of a scan in each of its turns, (h,)."""
+    """Return the log-likelihood of a scan in each rotation, (h,)."""
     count = chosen.shape[0]
     scores = np.zeros(count)
     for i in range(ranges.shape[0]):
@@ -138,14 +137,14 @@ def _score(
             for c in range(_CANDIDATES):
                 if chosen[h, c] < 0 or math.isnan(ranges[i]):
                     break
-                away = (ranges[i] - told[chosen[h, c]]) / width
+                away = (ranges[i] - reported[chosen[h, c]]) / width
                 likelihood += chances[h, c] / (1.0 + away * away)
             scores[(h - bins[i]) % count] += math.log(likelihood)
     return scores
 
 
 def maxima(scores: Scores, most: int) -> list[tuple[float, float, float]]:
-    """The best positions and headings (x, y, rad), none within 2.5 spacings and 15° of a better one, at most `most`."""
+    """Return up to `most` maxima (x, y, heading rad), best first, none within 2.5 spacings and 15° of a better one."""
     order = np.argsort(scores.scores, axis=None)[::-1]
     chosen: list[tuple[float, float, float]] = []
     for row, column in zip(*np.unravel_index(order[: 400 * most], scores.scores.shape), strict=True):

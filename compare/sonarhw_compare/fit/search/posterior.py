@@ -1,9 +1,8 @@
-"""How sure a fit is: samples of the posterior, from which come standard deviations, regions and correlations.
+"""Samples of the posterior, for standard deviations, credible intervals and correlations.
 
-Takes an `Objective` at its top; hands on samples. They are drawn by emcee's ensemble (Foreman-Mackey et al. 2013) that
-moves by differences of its own members (ter Braak 2006): where an echo comes or goes the likelihood has steps, and its
-curvature at the top says too little. Members forget where they were within some 25 steps, a third of what Goodman and
-Weare's stretches need here.
+The curvature at the maximum is not enough, because the likelihood has a step wherever an echo appears or disappears.
+The sampler is emcee's ensemble (Foreman-Mackey et al. 2013) with differential evolution moves (ter Braak 2006). Its
+autocorrelation time here is about 25 steps, a third of that of Goodman and Weare's stretch move.
 """
 
 import math
@@ -19,37 +18,39 @@ from sonarhw_compare.cores import core_count
 from sonarhw_compare.fit.likelihood.objective import Objective
 from sonarhw_compare.fit.search.refine import directions_of
 
-_WALKERS = 48  # at least: with fewer, differences span too little
-_WIDER = 1.2  # than the curvature at the top says: a narrow ensemble widens more slowly than a wide one narrows
-_FORGOTTEN = 80  # steps after which members no longer know where they began
-_LONGER = 1  # times at most that twice as many are drawn anew, where they have not settled
-_TELLING = 50  # steps: fewer do not tell whether they have settled
-_DRIFT = 0.4  # standard deviations from the mean of one half to that of the other, of draws that have settled
-_GROWTH = 1.5  # of the deviation, from one half to the other
+_WALKERS = 48  # at least; fewer have too few independent differences
+_WIDER = 1.2  # initial width by that of the curvature; a wide ensemble converges faster than a narrow one
+_BURN_IN = 80  # steps, at least
+_LONGER = 1  # most repetitions with twice as many samples, if the chain has not converged
+_TESTABLE = 50  # steps; fewer are too few to test for convergence
+_DRIFT = 0.4  # standard deviations, largest difference between the means of both halves of a converged chain
+_GROWTH = 1.5  # largest ratio of the deviations of both halves
 REGION = (2.5, 97.5)  # percent
 
 
 def samples_of(
     objective: Objective, top: FloatArray, count: int, seed: int, tick: Callable[[float], None] = lambda _: None
 ) -> FloatArray:
-    """About `count` draws (m, size) from the posterior, the ensemble begun round `top` (size,).
+    """Return about `count` samples (m, size) of the posterior; the ensemble starts around `top` (size,).
 
-    Half as many are thrown away before; where it has not settled then, twice as many are drawn anew.
-    `tick` is called with the share that is done.
+    Half as many are discarded first. If the chain has not converged, twice as many are drawn again. `tick` receives the
+    completed share, 0..1.
     """
-    import emcee  # here, for it takes half a second to load: the window offers a fit, few starts of it make one
+    import emcee  # loads in half a second, and most runs of the window need no fit
 
     random = RandomState(seed)
     walkers = max(_WALKERS, 2 * (len(top) + 2))
     begin = _ensemble(objective, top, walkers, random)
     state = emcee.State(begin, random_state=random.get_state())
     steps = math.ceil(count / walkers)
-    most = _LONGER if steps >= _TELLING else 0
-    # the first is thrown away in any case
-    parts = [min(steps, max(steps // 2, _FORGOTTEN)), *(steps * 2**longer for longer in range(most + 1))]
-    with _at_once(objective, core_count()) as several:
-        # not its snooker move: what that draws in emcee 3.1.6 is 6 % too narrow or more
-        sampler = emcee.EnsembleSampler(walkers, len(top), several, moves=emcee.moves.DEMove(), vectorize=True)
+    most = _LONGER if steps >= _TESTABLE else 0
+    # the first part is always discarded
+    parts = [min(steps, max(steps // 2, _BURN_IN)), *(steps * 2**longer for longer in range(most + 1))]
+    with _parallel(objective, core_count()) as log_probabilities:
+        # no snooker move: its samples in emcee 3.1.6 are at least 6 % too narrow
+        sampler = emcee.EnsembleSampler(
+            walkers, len(top), log_probabilities, moves=emcee.moves.DEMove(), vectorize=True
+        )
         for part, iterations in enumerate(parts):
             sampler.reset()
             for done, _ in enumerate(sampler.sample(state, iterations=iterations)):
@@ -61,8 +62,8 @@ def samples_of(
 
 
 @contextmanager
-def _at_once(objective: Objective, threads: int) -> Iterator[Callable[[FloatArray], FloatArray]]:
-    """The objective of many values (m, size) at once, (m,): kernels do not hold Python's lock."""
+def _parallel(objective: Objective, threads: int) -> Iterator[Callable[[FloatArray], FloatArray]]:
+    """Yield the objective for many values (m, size), computed in threads. Kernels release Python's lock."""
 
     def share(values: FloatArray) -> list[float]:
         return [objective(one) for one in values]
@@ -72,7 +73,7 @@ def _at_once(objective: Objective, threads: int) -> Iterator[Callable[[FloatArra
 
 
 def _settled(chain: FloatArray) -> bool:
-    """Whether both halves of a chain (steps, walkers, size) are about the same distribution."""
+    """Report whether both halves of a chain (steps, walkers, size) have about the same distribution."""
     halves = [half.reshape(-1, chain.shape[2]) for half in np.array_split(chain, 2)]
     (early, late), (narrow, wide) = ([of(half, axis=0) for half in halves] for of in (np.mean, np.std))
     drift = np.abs(late - early) / np.maximum(np.maximum(narrow, wide), 1e-300)
@@ -81,10 +82,10 @@ def _settled(chain: FloatArray) -> bool:
 
 
 def _ensemble(objective: Objective, top: FloatArray, walkers: int, random: RandomState) -> FloatArray:
-    """Where the ensemble begins, (walkers, size): about as wide as the posterior in each direction."""
+    """Return the initial ensemble, (walkers, size), about as wide as the posterior in each direction."""
     lower, upper = objective.problem.bounds
     spread = directions_of(objective, top)
     begin = top + _WIDER * random.standard_normal((walkers, len(top))) @ spread
-    # walkers on one bound would span nothing
+    # walkers on a bound would all have the same value
     inside = np.minimum(np.hypot.reduce(spread, axis=0), upper - lower) * random.uniform(1e-4, 1e-2, begin.shape)
     return np.asarray(np.clip(begin, lower + inside, upper - inside))

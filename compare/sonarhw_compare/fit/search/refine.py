@@ -1,8 +1,8 @@
-"""How to get to the top: from a place to begin to the values that explain the scans best.
+"""Maximization of the likelihood from a starting point, and the curvature at the maximum.
 
-Takes a `Problem` and values near an answer; hands on better ones. The likelihood is rough: at every threshold an echo
-comes or goes. So it is climbed three times, each time with readings taken to err less (`objective.COARSE`, then
-`MIDDLING`, then as they do), and paths are searched anew wherever the sensor has moved.
+The likelihood has steps wherever an echo crosses the detection threshold. It is therefore maximized three times, with
+less noise each time: `objective.COARSE`, then `MIDDLING`, then the fitted noise. Paths are searched again wherever the
+sensor has moved.
 """
 
 from collections.abc import Callable
@@ -13,17 +13,17 @@ from scipy.optimize import minimize
 from sonarhw_sim.predict.prediction import PredictionOptions
 
 from sonarhw.readings import FloatArray
-from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem
 
-MOST_SEARCHES = 6  # of paths, for one climb
+MOST_SEARCHES = 6  # of paths, in one stage
 MOST_ITERATIONS = 8
-_SETTLED = 0.5  # steps within which paths need no new search
-_ENOUGH = 1e-4  # of the likelihood's logarithm: less is no gain
-_NARROW = 0.05  # of a number's width: finer is no gain
-_WORST = -1e12  # what stands for no chance at all
-_FLATTEST = 0.01  # curvature over a width, where a normal distribution has 1
-_WIDEST = 30.0  # steps: where the likelihood is flat, a width is no more
+_SETTLED = 0.5  # steps; a smaller change needs no new search of paths
+_ENOUGH = 1e-4  # tolerance of the log-likelihood
+_NARROW = 0.05  # tolerance of a parameter, in widths
+_WORST = -1e12  # stands for -inf
+_FLATTEST = 0.01  # smallest curvature over a width; a normal distribution has 1
+_WIDEST = 30.0  # steps, largest width, for a flat likelihood
 
 BoolArray = NDArray[np.bool_]
 
@@ -32,15 +32,16 @@ def refined(
     problem: Problem,
     values: FloatArray,
     prediction: PredictionOptions | None = None,
-    stages: tuple[Noise | None, ...] = (COARSE, MIDDLING, None),
+    stages: tuple[ReadingNoise | None, ...] = (COARSE, MIDDLING, None),
     free: BoolArray | None = None,
     tick: Callable[[], None] = lambda: None,
     searches: int = MOST_SEARCHES,
     iterations: int = MOST_ITERATIONS,
 ) -> FloatArray:
-    """Values (size,) at the top near `values`, climbed to once for each of `stages`; None: noise is found, too.
+    """Return the values (size,) at the maximum near `values`, after one stage for each noise in `stages`.
 
-    Where `free` (parameters,) is given, only those parameters change. `tick` is called now and then.
+    None as a stage also fits the noise. With `free` (parameters,), only those parameters change. `tick` is called
+    before each search of paths.
     """
     parameters = len(problem.parameters)
     rows = [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.moves_paths]
@@ -60,9 +61,9 @@ def refined(
 def climb(
     objective: Objective, values: FloatArray, movable: BoolArray, iterations: int = MOST_ITERATIONS
 ) -> FloatArray:
-    """Values at the top of one objective, from `values` on; only those `movable` (size,) change.
+    """Return the values at the maximum of an objective near `values`; only those `movable` (size,) change.
 
-    By Powell's rule, which takes no slopes: searches along lines step over what is rough.
+    Powell's method needs no derivatives, and its line searches pass over small steps of the likelihood.
     """
     rows = np.flatnonzero(movable)
     if not len(rows):
@@ -86,7 +87,7 @@ def climb(
 
 
 def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """By how much each number may change alone until the likelihood has lost half a unit of its logarithm, (size,)."""
+    """Return the change of each value alone that lowers the log-likelihood by 0.5, (size,)."""
     best, steps = objective(top), objective.problem.steps
     widths = np.empty(len(top))
     for row in range(len(top)):
@@ -98,7 +99,7 @@ def widths_of(objective: Objective, top: FloatArray) -> FloatArray:
 
 
 def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: float) -> float:
-    """What the better-known side loses at `by` from the top; past a bound there is one side only."""
+    """Return the larger loss of log-likelihood at `by` to either side of the maximum, ignoring sides out of bounds."""
     above, below = top.copy(), top.copy()
     above[row] += by
     below[row] -= by
@@ -107,16 +108,16 @@ def _lost(objective: Objective, top: FloatArray, row: int, by: float, best: floa
 
 
 def covariance_of(objective: Objective, top: FloatArray) -> FloatArray:
-    """Covariance (size, size) by the curvature at the top."""
+    """Return the covariance (size, size) from the curvature at the maximum."""
     directions = directions_of(objective, top)
     return np.asarray(directions.T @ directions)
 
 
 def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.intp] | None = None) -> FloatArray:
-    """Principal directions of the posterior, (k, size), each as long as its standard deviation by the curvature.
+    """Return the principal directions of the posterior, (k, size), each one standard deviation long.
 
-    Only the numbers in `rows` (k,) change; None: all. Slopes of neither side are taken for more than they are: the
-    curvature is that over as far as half a unit of the logarithm goes.
+    Only the values in `rows` (k,) change; None: all. The curvature is measured over the distance at which the
+    log-likelihood is lower by 0.5.
     """
     size = len(values)
     rows = np.arange(size) if rows is None else rows
@@ -125,7 +126,7 @@ def directions_of(objective: Objective, values: FloatArray, rows: NDArray[np.int
 
     def bent(step: FloatArray) -> float:
         ends = objective(values + step), objective(values - step)
-        # past a bound there is one end only
+        # outside a bound there is one end only
         finite = [end for end in ends if np.isfinite(end)]
         return 2 * (sum(finite) / len(finite) - best) if finite else -1.0
 

@@ -1,9 +1,8 @@
-"""Whether numbers that change together may change by more than their deviations say: the ensemble, begun round the top,
-follows a long and narrow ridge too slowly to come to its end.
+"""Detection of parameters whose deviations are too small because the posterior has a long, narrow ridge.
 
-Takes a `Problem`, its top and the covariance that was found; hands on the parameters whose deviations are too small.
-One number is held several deviations from the top and the others are climbed with: a normal distribution loses half
-the square of that, and along a ridge that goes on nothing is lost.
+The sampler starts around the maximum and follows such a ridge too slowly to reach its end. As a test, one parameter is
+fixed several deviations from the maximum, and the others are optimized. A normal distribution loses half the square of
+that distance in log-likelihood; a long ridge loses almost nothing.
 """
 
 import numpy as np
@@ -13,15 +12,15 @@ from sonarhw_compare.fit.likelihood.objective import Problem
 from sonarhw_compare.fit.search.refine import climb
 from sonarhw_compare.fit.values.parameters import Parameter
 
-_TOGETHER = 1.9  # of the correlations' principal values, from which on numbers are looked at: 1 where none go together
-_FAR = 6.0  # standard deviations, where a normal distribution has lost 18
-_LITTLE = 4.5  # of the logarithm, as is lost at 3
-_TAKES_PART = 0.5  # of the largest share of a principal direction
+_TOGETHER = 1.9  # smallest eigenvalue of the correlations that is tested; 1 without correlation
+_FAR = 6.0  # standard deviations; a normal distribution loses 18 there
+_LITTLE = 4.5  # of the logarithm; a normal distribution loses this at 3 standard deviations
+_TAKES_PART = 0.5  # of the largest component of an eigenvector
 _CLIMBS = 2
 
 
-def unending(problem: Problem, top: FloatArray, covariance: FloatArray) -> tuple[Parameter, ...]:
-    """The parameters that may change together by more than the covariance (size, size) says."""
+def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) -> tuple[Parameter, ...]:
+    """Return the parameters that can change together by more than the covariance (size, size) states."""
     count = len(problem.parameters)
     deviations = np.sqrt(np.diag(covariance)[:count])
     if not (deviations > 0).all():
@@ -38,7 +37,7 @@ def unending(problem: Problem, top: FloatArray, covariance: FloatArray) -> tuple
 
 
 def _held(problem: Problem, top: FloatArray, vector: FloatArray, deviations: FloatArray) -> float:
-    """The best there is with the first number of the direction held so far away; -inf beyond its bounds."""
+    """Return the maximum with the main parameter of `vector` fixed 6 deviations away; -inf outside its bounds."""
     row = int(np.abs(vector).argmax())
     moved = top.copy()
     moved[: len(vector)] += _FAR * deviations * vector / abs(vector[row])

@@ -1,1 +1,1 @@
-"""The parameters of a fit, and its result."""
+"""The quantities, parameters and results of a fit."""

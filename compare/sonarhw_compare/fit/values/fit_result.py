@@ -1,4 +1,4 @@
-"""What goes into a fit and what comes out of it: plain frozen values, no Qt and no printing."""
+"""Input and result of a fit, as frozen values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -11,12 +11,12 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.matching.match import Summary
 
-Progress = Callable[[float, str], None]  # share that is done, 0..1, and what is being done
+Progress = Callable[[float, str], None]  # completed share, 0..1, and name of the present step
 
 
 @dataclass(frozen=True)
 class PlacedScan:
-    """A measured scan and the place where it is believed to have been taken."""
+    """A measured scan and its assumed place."""
 
     readings: Sequence[Reading]
     place: Place
@@ -25,13 +25,13 @@ class PlacedScan:
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to fit."""
+    """Settings of a fit."""
 
     prediction: PredictionOptions = field(default_factory=PredictionOptions)
-    seed: int = 0  # of the sampler that finds the uncertainties; same seed, same result
-    samples: int = 8000  # from the posterior, some 300 of them independent; 0: curvature tells it
-    all_echoes: bool = True  # False: only the first echo of each reading
-    global_search: bool = True  # False: begin where places, room and board say
+    seed: int = 0  # of the sampler; the same seed gives the same result
+    samples: int = 8000  # from the posterior, about 300 of them independent; 0: intervals from the curvature
+    all_echoes: bool = True  # False: use the first echo of each reading only
+    global_search: bool = True  # False: start at the given places, room and board
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class Estimate:
 
     value: float
     deviation: float  # standard deviation
-    lower: float  # of the region that holds the truth with 95 %
+    lower: float  # of the 95 % credible interval
     upper: float
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One of several answers between which the data hardly tell."""
+    """One of several solutions that explain the data about equally well."""
 
     values: dict[str, float]  # by parameter name
     score: float  # log-likelihood and prior, natural logarithm, relative to the best
@@ -54,17 +54,17 @@ class Mode:
 
 @dataclass(frozen=True)
 class FitResult:
-    """What explains the scans best."""
+    """The result of a fit."""
 
     parameters: tuple[Parameter, ...]
     estimates: dict[str, Estimate]  # by parameter name, in the order of `parameters`
     correlations: FloatArray  # (p, p), in that order
-    noise: dict[str, float]  # of the readings, found along the way: range_m, level_db, missed, stray_per_m
+    noise: dict[str, float]  # fitted errors of the readings: range_m, level_db, missed, lost, stray_per_m, stretch
     warnings: tuple[str, ...]
     modes: tuple[Mode, ...]  # the best first
-    room: Room  # as fitted, and so
-    places: tuple[Place, ...]  # one for each scan
-    board: Board
-    score: float  # log-likelihood and prior at the best, natural logarithm
-    samples: FloatArray  # (m, p): drawn from the posterior; m may be 0
-    agreement: tuple[Summary, ...] = ()  # of each scan over the prediction from what was found
+    room: Room  # fitted
+    places: tuple[Place, ...]  # fitted, one for each scan
+    board: Board  # fitted
+    score: float  # log-likelihood and prior of the best solution, natural logarithm
+    samples: FloatArray  # (m, p), from the posterior; m may be 0
+    agreement: tuple[Summary, ...] = ()  # of each scan with the fitted prediction

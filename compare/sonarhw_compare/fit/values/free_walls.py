@@ -1,7 +1,4 @@
-"""Walls moved by a fit: each along its normal, its neighbours stretched so that corners stay corners.
-
-Takes a room and by how much named walls move; hands on the room with walls and edges as they then are.
-"""
+"""Walls moved along their normals by a fit. Neighbouring walls are stretched, so corners remain closed."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,17 +9,17 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw.readings import FloatArray
 
-_PARALLEL = 1e-3  # sine of the angle below which two lines have no corner worth the name
+_PARALLEL = 1e-3  # sine of the angle between two lines that count as parallel
 
 
 def left_normals(walls: FloatArray) -> FloatArray:
-    """Unit normals to the left of walls (n, 4) seen from start to end, (n, 2) float."""
+    """Return unit normals of walls (n, 4), to the left seen from start to end, (n, 2) float."""
     along = walls[:, 2:] - walls[:, :2]
     return np.asarray(np.column_stack((-along[:, 1], along[:, 0])) / np.hypot(*along.T)[:, None])
 
 
 def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
-    """The room with walls moved to their left (m, by name); a corner of two walls is where their lines now meet."""
+    """Return the room with walls moved to their left (m, by name). A corner moves to where its walls now meet."""
     by = np.array([shifts.get(name, 0.0) for name in room.names[: len(room.walls)]])
     normals = left_normals(room.walls)
     ends = room.walls.reshape(-1, 2, 2) + (by[:, None] * normals)[:, None, :]
@@ -36,9 +33,9 @@ def with_shifted_walls(room: Room, shifts: Mapping[str, float]) -> Room:
 
 
 def corner_moves(room: Room, point: FloatArray, columns: Mapping[int, int]) -> FloatArray:
-    """By how much a corner (2,) moves for every metre that each wall moves to its left, (2, columns) float.
+    """Return the derivative of a corner (2,) by the shift of each wall to its left, (2, columns) float.
 
-    `columns`: those of the walls, by number, that move.
+    `columns` maps the number of each movable wall to its column.
     """
     meeting = np.flatnonzero((room.walls.reshape(-1, 2, 2) == point).all(axis=2).any(axis=1))
     normals, moves = left_normals(room.walls[meeting]), np.zeros((2, len(columns)))
@@ -48,7 +45,7 @@ def corner_moves(room: Room, point: FloatArray, columns: Mapping[int, int]) -> F
 
 
 def _corner(point: FloatArray, normals: FloatArray, by: FloatArray) -> FloatArray:
-    """Where lines through `point` with normals (k, 2) meet once each has moved by `by` (k,); the least move does."""
+    """Return where lines through `point` with normals (k, 2) meet after a shift by `by` (k,): the nearest solution."""
     if abs(np.linalg.det(normals[[0, -1]])) < _PARALLEL:
         return np.asarray(point + normals[0] * by[0])
     return np.asarray(point + np.linalg.lstsq(normals, by, rcond=None)[0])

@@ -1,7 +1,4 @@
-"""Whether one recording was given twice: a fit would take it for two, and tell half of how unsure it is.
-
-Takes scans; raises InputError where two hold the same readings. Other scans from the same place are welcome.
-"""
+"""Check for recordings that are given twice. They would count as independent, and intervals would be too narrow."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,14 +10,17 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 
 
 def check_given_once(scans: Sequence[PlacedScan]) -> None:
-    """Raises InputError where a scan's readings are another's, or their beginning as in a torn copy."""
+    """Raise InputError where two scans have the same readings, or one starts with those of the other (a torn copy).
+
+    Different scans from the same place are allowed.
+    """
     for one, other in combinations(scans, 2):
         alike = (_same(here, there) for here, there in zip(one.readings, other.readings, strict=False))
         if one.readings and other.readings and all(alike):
             names = f"{one.name or 'one scan'} and {other.name or 'another'}"
-            raise InputError(f"{names} hold the same readings, one recording given twice; give each log once")
+            raise InputError(f"{names} contain the same readings: one recording given twice; give each log once")
 
 
 def _same(one: Reading, other: Reading) -> bool:
-    """Whether all but the traces, which are arrays, is equal."""
+    """Report whether two readings are equal apart from their traces, which are arrays."""
     return replace(one, trace=None) == replace(other, trace=None)

@@ -1,6 +1,6 @@
-"""Parameters of a fit: the quantities that are free, of which scan, material or wall, and what is known of them.
+"""Parameters of a fit: a free quantity, the scan, material or wall that it belongs to, its bounds and its prior.
 
-Words that a person types become frozen `Parameter`s; values of them become room, places and board.
+Words of `--free` are parsed into `Parameter`s, and values of parameters are applied to room, places and board.
 """
 
 import math
@@ -26,30 +26,30 @@ from sonarhw_compare.fit.values.quantities import (
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that a fit may choose."""
+    """One number that a fit determines."""
 
     quantity: Quantity
-    of: str = ""  # the material or the wall, where the kind has several
-    scan: int | None = None  # the only scan it belongs to; None: all share it
+    of: str = ""  # material or wall; empty for other quantities
+    scan: int | None = None  # number of its scan; None: shared by all scans
     lower: float = -math.inf
     upper: float = math.inf
-    expected: float | None = None  # what is known of it beforehand, with a normal error of
-    deviation: float | None = None
-    label: str = ""  # of the scan, where there are several
+    expected: float | None = None  # mean of a normal prior; None: uniform between the bounds
+    deviation: float | None = None  # standard deviation of the prior
+    label: str = ""  # name of the scan, if there are several
 
     @property
     def name(self) -> str:
-        """Its name in results: `x`, `reflectance:shelving`, `heading@B01`."""
+        """The name in results: `x`, `reflectance:shelving`, `heading@B01`."""
         return self.quantity.name + (f":{self.of}" if self.of else "") + (f"@{self.label}" if self.label else "")
 
 
 def free_parameters(
     free: Sequence[str], scans: Sequence[str], room: Room, board: Board, place: Place | None = None
 ) -> tuple[Parameter, ...]:
-    """The parameters that words such as `position`, `offset` or `reflectance:shelving` stand for.
+    """Return the parameters of words such as `position`, `offset` or `reflectance:shelving`.
 
-    `scans` are the names of the scans: each has a position and a heading of its own, everything else is shared. Bounds
-    are the widest that make sense; a position is sought in the whole room. Raises InputError for any other word.
+    `scans` are the names of the scans. Each scan has its own position and heading; all other parameters are shared. The
+    bounds are those of the quantity; for a position, the whole room. Raises InputError for unknown words.
     """
     found: dict[str, Parameter] = {}
     for word in free:
@@ -58,15 +58,15 @@ def free_parameters(
             for parameter in _of_quantity(quantity, of, scans, room, board):
                 found[parameter.name] = parameter
     if {TEMPERATURE, SPEED} <= {parameter.quantity for parameter in found.values()}:
-        raise InputError("--free temperature,speed: one tells the other; free only one of them")
+        raise InputError("--free temperature,speed: each determines the other; free only one of them")
     return tuple(found.values())
 
 
 def quantities_of(word: str) -> tuple[Quantity, ...]:
-    """The quantities that a word such as `position` or `wall:east` stands for. Raises InputError for any other word."""
+    """Return the quantities of a word such as `position` or `wall:east`. Raises InputError for unknown words."""
     head = word.strip().partition(":")[0]
     if head not in WORDS:
-        raise InputError(f"--free {word}: expected some of {', '.join(WORDS)}")
+        raise InputError(f"--free {word}: unknown quantity; expected some of {', '.join(WORDS)}")
     return WORDS[head]
 
 
@@ -74,7 +74,9 @@ def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, 
     bounds = quantity.bounds(room, board)
     if isinstance(quantity, PlaceQuantity):
         if of:
-            raise InputError(f"--free {quantity}:{of}: every scan has its own; write {quantity}")
+            raise InputError(
+                f"--free {quantity}:{of}: {quantity} belongs to a scan, not to a part of the room; write {quantity}"
+            )
         labels = scans if len(scans) > 1 else [""]
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
     known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
@@ -85,7 +87,7 @@ def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, 
 
 
 def start_of(parameter: Parameter, places: Sequence[Place], room: Room, board: Board) -> float:
-    """The value that room, place and board have now, within the parameter's bounds; what is expected where given."""
+    """Return the mean of the prior, or else the present value in room, place or board, clipped to the bounds."""
     value = parameter.expected
     if value is None:
         value = _present(parameter, places[parameter.scan or 0], room, board)
@@ -102,13 +104,13 @@ def _present(parameter: Parameter, place: Place, room: Room, board: Board) -> fl
             return quantity.value(room.air)
         case PartQuantity() as quantity:
             return quantity.value(room, parameter.of)
-    raise TypeError(f"{parameter.quantity!r} belongs to neither place, board, air nor parts of the room")
+    raise TypeError(f"{parameter.quantity!r}: unknown kind of quantity; expected place, board, air or part of the room")
 
 
 def applied(
     values: Mapping[Parameter, float], room: Room, places: Sequence[Place], board: Board
 ) -> tuple[Room, tuple[Place, ...], Board]:
-    """Room, places and board with those values."""
+    """Return room, places and board with these values."""
     moved = list(places)
     for parameter, value in values.items():
         match parameter.quantity:
@@ -125,7 +127,7 @@ def applied(
 
 
 def values_by_part(values: Mapping[Parameter, float]) -> dict[PartQuantity, dict[str, float]]:
-    """The values of materials and walls, by the name of each; all of a quantity belong together."""
+    """Return the values of materials and walls by name, grouped by quantity."""
     found: dict[PartQuantity, dict[str, float]] = {}
     for quantity in QUANTITIES:
         by_part = {parameter.of: value for parameter, value in values.items() if parameter.quantity is quantity}

@@ -1,7 +1,7 @@
-"""The quantities that a fit can choose, each defined once: name, unit, bounds, effect on room, place or board, texts.
+"""The quantities that a fit can determine, each defined once: name, unit, bounds, texts, effect on the model.
 
-To add one, add its definition here and list it in `QUANTITIES`; command line, window, result files and likelihood take
-it from there. This module imports nothing heavy, so that a command line can list the quantities in its help.
+To add one, add its definition here and list it in `QUANTITIES`; command line, window, result files and likelihood use
+that list. This module loads quickly, because the help of the command line lists the quantities.
 """
 
 import math
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
-_COLDEST, _WARMEST = -40.0, 60.0  # °C, as room files have it
-_REACH = 0.06  # m, by which a length of the board may differ from the profile
+_COLDEST, _WARMEST = -40.0, 60.0  # °C, limits of a room file
+_REACH = 0.06  # m, largest difference of a length from the board profile
 
 Bounds = Callable[["Room", "Board"], tuple[float, float]]
 
@@ -33,33 +33,33 @@ class Offer:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Quantity:
-    """What one number of a fit changes; values are in SI units, headings in rad, temperatures in °C."""
+    """A quantity that a fit can determine. Values are in SI units, headings in rad, temperatures in °C."""
 
-    name: str  # as a person types it and results show it
+    name: str  # in --free and in results
     unit: str  # as printed
-    step: float  # changes the likelihood noticeably
-    bounds: Bounds  # the widest that make sense
-    digits: int  # behind the point, in files, in the printed unit
+    step: float  # a change that the likelihood shows
+    bounds: Bounds  # widest plausible values
+    digits: int  # decimals in files, in the printed unit
     label: str  # in the window's table of results
-    group: str = ""  # a word for this and others together
+    group: str = ""  # word that frees this and other quantities together
     offer: Offer | None = None  # None: not offered in the window
-    moves_paths: bool = False  # whether paths change with it
-    drags: bool = False  # whether a wrong value shifts the fitted place
-    by_levels: bool = False  # whether the data determine it by which echoes come and go, and when each is found
+    moves_paths: bool = False  # whether it changes the paths of sound
+    shifts_place: bool = False  # whether a wrong value shifts the fitted place
+    by_levels: bool = False  # whether it is determined by which echoes are detected, and when
 
     @property
     def word(self) -> str:
-        """The word for it and what belongs with it."""
+        """The word that frees it: its group, or else its name."""
         return self.group or self.name
 
     @property
     def is_angle(self) -> bool:
-        """Whether it goes all round and is printed in degrees."""
+        """Whether it is an angle over the full circle, printed in degrees."""
         return self.unit == "°"
 
     @property
     def per_unit(self) -> float:
-        """How many printed units its own unit has."""
+        """The number of printed units in one unit of its values."""
         return math.degrees(1.0) if self.is_angle else 1.0
 
     def __str__(self) -> str:
@@ -72,7 +72,7 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlaceQuantity(Quantity):
-    """A quantity of the place; each scan has its own."""
+    """A quantity of the place. Each scan has its own."""
 
     value: Callable[["Place"], float]
     put: Callable[["Place", float], "Place"]
@@ -82,24 +82,24 @@ class PlaceQuantity(Quantity):
 class BoardQuantity(Quantity):
     """A quantity of the board profile."""
 
-    key: str  # of the profile, as `mount.ahead`
-    is_correction: bool = False  # whether it is subtracted from what the profile says
+    key: str  # in the profile, such as `mount.ahead`
+    is_correction: bool = False  # whether it is subtracted from the value in the profile
 
     def read(self, board: "Board") -> float:
-        """Return what the profile says under its key."""
+        """Return the number under its key in the profile."""
         section, _, key = self.key.rpartition(".")
         return float(getattr(getattr(board, section) if section else board, key))
 
     def value(self, board: "Board") -> float:
-        """Return the value that the board has now."""
+        """Return the present value of the board."""
         return 0.0 if self.is_correction else self.read(board)
 
     def put(self, board: "Board", value: float) -> "Board":
-        """Return the board with that value."""
+        """Return the board with this value."""
         return self.write(board, self.read(board) - value if self.is_correction else value)
 
     def write(self, board: "Board", new: float) -> "Board":
-        """Return the board with another number under the key."""
+        """Return the board with another number under its key."""
         section, _, key = self.key.rpartition(".")
         if section:
             return replace(board, **{section: getattr(board, section).model_copy(update={key: new})})
@@ -111,24 +111,24 @@ class BoardQuantity(Quantity):
 class AirQuantity(Quantity):
     """A quantity of the air."""
 
-    key: str  # of the room file's [air]
+    key: str  # in [air] of the room file
     value: Callable[[Air], float]
     put: Callable[[Air, float], Air]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PartQuantity(Quantity):
-    """A quantity that each material or each wall of the room has."""
+    """A quantity of each material or each wall of the room."""
 
-    part: str  # what follows the colon, as `reflectance:MATERIAL`
+    part: str  # placeholder after the colon, such as MATERIAL in `reflectance:MATERIAL`
     parts: Callable[["Room"], Sequence[str]]
     value: Callable[["Room", str], float]
     put: Callable[["Room", Mapping[str, float]], "Room"]  # values by part
-    write: Callable[["Room", Mapping[str, float]], "Room"]  # the same, in the text of the room file too
+    write: Callable[["Room", Mapping[str, float]], "Room"]  # as `put`, and also in the text of the room file
 
 
 def temperature_at(speed: float, air: Air) -> float:
-    """The temperature (°C) at which that air has that speed of sound (m/s); its bounds where none has."""
+    """Return the temperature (°C) at which the air has this speed of sound (m/s), from -40 to 60 °C."""
     from scipy.optimize import brentq
 
     def excess(temperature: float) -> float:
@@ -140,13 +140,13 @@ def temperature_at(speed: float, air: Air) -> float:
 
 
 def reflectance_of(room: "Room", material: str) -> float:
-    """The reflectance of a material, mirrored and scattered together."""
+    """Return the reflectance of a material, specular and diffuse together."""
     row = room.materials.index(material)
     return math.hypot(room.reflectances[row], room.scattered[row])
 
 
 def _span(axis: int) -> Bounds:
-    """The bounds of the room along x (0) or y (1)."""
+    """Return a function that returns the bounds of a room along x (0) or y (1)."""
 
     def bounds(room: "Room", _board: "Board") -> tuple[float, float]:
         ends = [*room.walls.reshape(-1, 2)[:, axis].tolist(), *room.posts[:, axis].tolist()]
@@ -200,7 +200,7 @@ X = PlaceQuantity(
     digits=5,
     label="x",
     group="position",
-    offer=Offer("Position", "Where the sensor stands", True),
+    offer=Offer("Position", "Position of the sensor in the room", True),
     moves_paths=True,
     value=lambda place: place.position[0],
     put=lambda place, value: replace(place, position=(value, place.position[1])),
@@ -224,20 +224,20 @@ HEADING = PlaceQuantity(
     bounds=lambda _room, _board: (-math.inf, math.inf),
     digits=3,
     label="step 0 at",
-    offer=Offer("Heading", "Where step 0 of the turntable points", True),
+    offer=Offer("Heading", "Direction of step 0 of the turntable", True),
     by_levels=True,
     value=lambda place: place.heading,
     put=lambda place, value: replace(place, heading=value),
 )
-OFFSET = BoardQuantity(  # added to every measured range, as `compare` has it
+OFFSET = BoardQuantity(  # added to every measured range, as in `compare`
     name="offset",
     unit="m",
     step=2e-3,
     bounds=lambda _room, _board: (-_REACH, _REACH),
     digits=5,
     label="range offset",
-    offer=Offer("Range offset", "By how much the board's ranges exceed the true ones", True),
-    drags=True,
+    offer=Offer("Range offset", "Correction that is added to each measured range", True),
+    shifts_place=True,
     by_levels=True,
     key="range_offset",
     is_correction=True,
@@ -250,7 +250,7 @@ AHEAD = BoardQuantity(
     digits=5,
     label="face ahead of the axis",
     group="axis",
-    drags=True,
+    shifts_place=True,
     key="mount.ahead",
 )
 ASIDE = BoardQuantity(
@@ -270,7 +270,7 @@ TEMPERATURE = AirQuantity(
     bounds=lambda _room, _board: (-10.0, 45.0),
     digits=2,
     label="air",
-    offer=Offer("Air temperature", "It sets the speed of sound; ranges alone seldom separate it from an offset", False),
+    offer=Offer("Air temperature", "Sets the speed of sound; ranges alone rarely separate it from an offset", False),
     key="temperature_c",
     value=lambda air: air.temperature_c,
     put=lambda air, value: replace(air, temperature_c=value),
@@ -314,7 +314,7 @@ REFLECTANCE = PartQuantity(
     digits=4,
     label="reflectance",
     group="reflectances",
-    offer=Offer("Reflectances", "How much of an echo every material leaves", False),
+    offer=Offer("Reflectances", "Amplitude ratio of an echo off each material, 0 to 1", False),
     by_levels=True,
     part="MATERIAL",
     parts=lambda room: room.materials,
@@ -322,7 +322,7 @@ REFLECTANCE = PartQuantity(
     put=_with_reflectances,
     write=_write_reflectances,
 )
-WALL = PartQuantity(  # m by which a wall moves to its left, seen along its points
+WALL = PartQuantity(  # shift of a wall to its left, seen along its points, m
     name="wall",
     unit="m",
     step=2e-3,
@@ -345,18 +345,18 @@ QUANTITIES: tuple[Quantity, ...] = (
     *(THRESHOLD, APERTURE),
     *(REFLECTANCE, WALL),
 )
-# What a person types, and which quantities that is
+# each word of --free, and its quantities
 WORDS: dict[str, tuple[Quantity, ...]] = {one.name: (one,) for one in QUANTITIES}
 WORDS |= {word: tuple(one for one in QUANTITIES if one.group == word) for word in (q.group for q in QUANTITIES) if word}
 
 
 def quantity_named(name: str) -> Quantity:
-    """Return the quantity of that name."""
+    """Return the quantity with this name."""
     return WORDS[name][0]
 
 
 def words_of(kind: type[Quantity] = Quantity) -> str:
-    """Return the words for all quantities of a kind, as a help text lists them."""
+    """Return the words for all quantities of a kind, for a help text."""
     several: dict[str, list[str]] = {}
     for one in QUANTITIES:
         if isinstance(one, kind):

@@ -53,7 +53,7 @@ def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[
     assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
     figures = json.loads(capsys.readouterr().out)
     assert 1.30 <= figures["estimates"]["x"]["value"] <= 1.37
-    assert any("end of its range" in warning for warning in figures["warnings"])
+    assert any("is at its bound" in warning for warning in figures["warnings"])
 
 
 def test_two_logs_share_an_offset_and_have_places_of_their_own(
@@ -113,7 +113,7 @@ def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.Capt
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--free", "wind"], "--free wind: expected some of x, y"),
+        (["--free", "wind"], "--free wind: unknown quantity; expected some of x, y"),
         (["--free", ""], "nothing is free"),
         (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
         (["--prior", "wind=1..2"], "a quantity of --free: x, y, heading"),
@@ -184,7 +184,7 @@ def test_one_recording_given_twice_is_refused_whatever_the_file_is_called(
     assert told.out == ""
     *warnings, refused = told.err.splitlines()
     assert len(warnings) == (how == "torn")
-    assert refused == f"sonarhw: p3 and {how} hold the same readings, one recording given twice; give each log once"
+    assert refused == f"sonarhw: p3 and {how} contain the same readings: one recording given twice; give each log once"
 
 
 def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:
@@ -200,7 +200,7 @@ def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
     quoted = [line for line in text.splitlines() if line.startswith("#   ")]
     own = [line for line in text.splitlines() if line not in quoted]
     assert own[0] == "# Fitted by `sonarhw fit` on north, south, beginning with profile 'lego-nxt': threshold, offset."
-    assert own[1] == "# What 'lego-nxt' says of itself, true of its own values alone:"
+    assert own[1] == "# Header of profile 'lego-nxt', for its own values only:"
     assert [line.removeprefix("#   ") for line in quoted] == [
         line.removeprefix("# ") for line in nxt.text.splitlines() if line.startswith("# ")
     ]

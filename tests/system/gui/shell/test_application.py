@@ -138,7 +138,7 @@ def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
 ) -> None:
     (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
     assert run(["gui", str(tmp_path / "odd.csv")]) == 2
-    assert "no one column is called like a heading" in capsys.readouterr().err
+    assert "exactly one column with a name for a heading" in capsys.readouterr().err
     assert not starts
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sonarhw_compare.fit import PlacedScan, free_parameters
-from sonarhw_compare.fit.likelihood.echo_likelihood import Noise
+from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.echo_paths import displaced, echo_paths, growth_by_wall, moved
 from sonarhw_compare.fit.likelihood.objective import Objective, make_problem
 from sonarhw_compare.fit.values.free_walls import with_shifted_walls
@@ -97,7 +97,7 @@ def objective_of(room: Room, ranges: list[float | None], headings: FloatArray, b
     return problem.near(problem.start())
 
 
-NOISE = Noise(0.004, 1.0, 0.05, 0.02, 0.05)
+NOISE = ReadingNoise(0.004, 1.0, 0.05, 0.02, 0.05)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.3, 1.9, 4.0])

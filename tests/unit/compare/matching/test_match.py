@@ -88,7 +88,7 @@ def test_figures_are_null_where_nothing_was_measured() -> None:
 def test_a_sensor_outside_the_walls_is_said_to_stand_there() -> None:
     outside = replace(PLACE, position=(-1.0, 0.3))
     said = explain_reading(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
-    assert said.endswith("no path of the model is heard here; the sensor stands outside the walls")
+    assert said.endswith("the model predicts no echo here; the sensor is outside the walls")
 
 
 def sentence(angle_deg: float, distance: float | None) -> str:
@@ -111,7 +111,7 @@ def test_other_classes_are_explained() -> None:
 def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
     (echo,) = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2])).echoes(0)[:1]
     for threshold, measured, told in (
-        (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold, then comes silence"),
+        (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold; a higher threshold gives silence"),
         (echo.level_db - 2.5, 0.657, "top"),
         (echo.level_db - 0.4, None, "; a threshold 0.4 dB higher would make the model agree"),
         (min(0.0, echo.level_db + 0.3), 0.657, "; a threshold 0.3 dB lower would make the model agree"),
@@ -120,7 +120,7 @@ def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
         readings = [reading(0, math.pi / 2, measured)]
         sentence = explain_reading(compare_readings(readings, ROOM, PLACE, board), 0)
         assert sentence.endswith(told)
-        assert not told or ("accounts for it" not in sentence and "may stand in the room" not in sentence)
+        assert not told or ("accounts for it" not in sentence and "may be missing in the room" not in sentence)
 
 
 @pytest.mark.parametrize(("heading_deg", "offset"), [(0.0, 0.0), (37.5, 0.02), (200.0, -0.03)])
