@@ -67,4 +67,4 @@ def test_a_fitted_heading_that_rounds_to_360_stands_in_the_table_as_0_with_its_r
     )
     table = list(fit_lines(result))
     assert table[1].split() == ["heading", "0.00", "°", "0.14", "°", "-0.30", "to", "0.30"]
-    assert any("ranges +0.00% by" in line for line in table)
+    assert any("ranges +0.00% from" in line for line in table)
