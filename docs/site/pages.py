@@ -1,6 +1,6 @@
-"""Pages of the documentation site that are written elsewhere: README, protocol, CONTRIBUTING, CHANGELOG, commands.
+"""Pages of the documentation site from outside docs/: README, protocol, CONTRIBUTING, CHANGELOG, command reference.
 
-MkDocs reads this file as a hook (see mkdocs.yml). Files outside docs/ become pages, and links to them are adapted.
+MkDocs runs this file as a hook (see mkdocs.yml). Links to these files are changed to links to their pages.
 """
 
 import re
@@ -20,12 +20,12 @@ PAGES = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
 }
-# no page: the file itself, for the reader of a checkout
+# links to files that are not pages of the site; only their text is kept
 _NO_PAGE = re.compile(r"\[([^\]]+)\]\((?:\.\./)?[^)#:]*(?:firmware|\.ipynb|\.py|LICENSE|rooms/?)\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Return the site's files with the pages that are written elsewhere."""
+    """Return the files of the site with the pages from outside docs/."""
     for source, page in PAGES.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         files.append(File.generated(config, page, content=text.replace("](docs/", "](")))
@@ -34,7 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Return a page whose links lead to pages of the site."""
+    """Return the text of a page with links to pages of the site."""
     for source, target in PAGES.items():
         markdown = re.sub(rf"\]\((?:\.\./)*{re.escape(source)}", f"]({_up(page)}{target}", markdown)
     return _NO_PAGE.sub(r"\1", markdown)
