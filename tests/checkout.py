@@ -1,4 +1,4 @@
-"""Where the checkout is, for tests that read its rooms, documents and firmware."""
+"""The folder of the checkout, for tests that read its rooms, documents and firmware."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Options of the whole suite: how long the long tests run, and a scanner of one's own."""
+"""Options of all tests: `--soak` for long runs, `--url` for your own scanner."""
 
 from collections.abc import Callable
 
@@ -10,13 +10,13 @@ Count = Callable[[int, int], int]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--soak` and `--url`."""
-    parser.addoption("--soak", action="store_true", help="run the long tests in full: hours instead of minutes")
-    parser.addoption("--url", help="hold the contract suite against the scanner at this URL, and no other")
+    """Add `--soak` and `--url`."""
+    parser.addoption("--soak", action="store_true", help="run the long tests completely: hours instead of minutes")
+    parser.addoption("--url", help="run the contract tests with the scanner at this URL only")
 
 
 @pytest.fixture(scope="session")
 def count(request: pytest.FixtureRequest) -> Count:
-    """Of two counts, the one for every day and the one for a soak, the one asked for."""
+    """Return a function that selects the second of two counts with --soak, and else the first."""
     soak = request.config.getoption("--soak")
     return lambda everyday, full: full if soak else everyday

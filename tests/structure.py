@@ -1,6 +1,6 @@
-"""Report how the repository is built: files per folder, import and include circles, repeated names, disallowed words.
+"""Report how the repository is built: files per folder, import and include cycles, repeated names, disallowed words.
 
-Run `python -m tests.structure`. `tests/unit/test_structure.py` holds the limits.
+Run `python -m tests.structure`. `tests/unit/test_structure.py` checks the limits.
 """
 
 import ast
@@ -31,7 +31,7 @@ WORDS = {
     "minds": r"minds",
 }
 
-Circle = list[str]
+Cycle = list[str]
 Edges = dict[str, set[str]]
 
 
@@ -62,25 +62,25 @@ def import_graph() -> ImportGraph:
     return grimp.build_graph(*code, *OTHER_PACKAGES, cache_dir=None)
 
 
-def module_circles(graph: ImportGraph) -> list[Circle]:
+def module_cycles(graph: ImportGraph) -> list[Cycle]:
     """Return the groups of modules that import each other."""
-    return circles({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
+    return cycles({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
 
 
-def folder_circles(graph: ImportGraph) -> list[Circle]:
+def folder_cycles(graph: ImportGraph) -> list[Cycle]:
     """Return the groups of neighbours, folders or modules within one folder, that import each other."""
     neighbours: dict[str, Edges] = defaultdict(lambda: defaultdict(set))
     for importer in graph.modules:
         for imported in graph.find_modules_directly_imported_by(importer):
             here, there = importer.split("."), imported.split(".")
             shared = next((i for i, (a, b) in enumerate(zip(here, there, strict=False)) if a != b), None)
-            if shared:  # None: one is the package of the other; 0: import-linter holds the order of the packages
+            if shared:  # None: one is the package of the other; 0: import-linter checks the order of the packages
                 folder = ".".join(here[:shared])
                 neighbours[folder][".".join(here[: shared + 1])].add(".".join(there[: shared + 1]))
-    return [circle for edges in neighbours.values() for circle in circles(edges)]
+    return [cycle for edges in neighbours.values() for cycle in cycles(edges)]
 
 
-def include_circles() -> list[Circle]:
+def include_cycles() -> list[Cycle]:
     """Return the groups of firmware units, a source file with its header, that include each other."""
     units: Edges = defaultdict(set)
     files = list(files_below("firmware", suffixes=(".c", ".h")))
@@ -89,14 +89,14 @@ def include_circles() -> list[Circle]:
             homes = [file for file in files if file.name == Path(included).name]
             beside = [file for file in homes if file.parent == path.parent]
             units[_unit(path)] |= {_unit(file) for file in beside or homes} - {_unit(path)}
-    return circles(units)
+    return cycles(units)
 
 
 def _unit(path: Path) -> str:
     return str(path.relative_to(CHECKOUT).with_suffix(""))
 
 
-def circles(edges: Edges) -> list[Circle]:
+def cycles(edges: Edges) -> list[Cycle]:
     """Return the strongly connected groups of two or more."""
 
     def reached(start: str) -> set[str]:
@@ -181,12 +181,12 @@ def report() -> Iterator[str]:
     yield from (f"  {count:3}  {folder}" for folder, count in counts.most_common() if count > 12)
     graph = import_graph()
     for title, found in (
-        ("import circles between modules", module_circles(graph)),
-        ("import circles between folders", folder_circles(graph)),
-        ("include circles of the firmware", include_circles()),
+        ("import cycles between modules", module_cycles(graph)),
+        ("import cycles between folders", folder_cycles(graph)),
+        ("include cycles of the firmware", include_cycles()),
     ):
         yield f"{title}: {len(found)}"
-        yield from (f"  {' '.join(circle)}" for circle in found)
+        yield from (f"  {' '.join(cycle)}" for cycle in found)
     for title, repeated in (("module names", repeated_modules()), ("public class names", repeated_classes())):
         yield f"{title} used twice in the installed packages: {len(repeated)}"
         yield from (f"  {name}: {' '.join(places)}" for name, places in repeated.items())

@@ -1,4 +1,4 @@
-"""A working folder full of files named like ours, each of which raises at import, and what a user does in it."""
+"""A working folder with files named like our modules, each of which raises at import, and a user's work in it."""
 
 import os
 import subprocess
@@ -63,7 +63,7 @@ COMMANDS = (
 
 
 def fill(folder: Path) -> None:
-    """Write the hostile files, and a room to work on."""
+    """Write the hostile files, and a room file to work with."""
     for name in FILES:
         path = folder / name
         path.parent.mkdir(exist_ok=True)

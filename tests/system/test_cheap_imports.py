@@ -1,4 +1,4 @@
-"""What a command line imports before it knows its command loads no kernel: choices, quantities of a fit, packages."""
+"""Modules that the command line imports before it runs a command do not load slow packages."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ import pytest
         ("sonarhw_cli.app", "numba scipy matplotlib PySide6"),
     ],
 )
-def test_what_is_imported_early_is_cheap(modules: str, heavy: str) -> None:
+def test_early_imports_load_no_slow_package(modules: str, heavy: str) -> None:
     program = f"import sys, {modules}; print(sys.modules.keys() & {set(heavy.split())})"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

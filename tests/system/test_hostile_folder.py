@@ -1,4 +1,4 @@
-"""A user's own `sim.py`, `gui/` or `rooms/` beside a script breaks neither the Python API nor a command."""
+"""A user's own `sim.py`, `gui/` or `rooms/` beside a script does not break the Python API or a command."""
 
 import os
 import subprocess
@@ -9,18 +9,18 @@ import pytest
 
 from tests.system import hostile
 
-SEARCH = os.environ.get("PYTHONPATH", "")  # where a checkout that is not installed is found
+SEARCH = os.environ.get("PYTHONPATH", "")  # path of a checkout that is not installed
 
 
 @pytest.mark.timeout(600)  # twenty commands, one after another
-def test_files_named_like_ours_in_the_working_folder_break_nothing(tmp_path: Path) -> None:
+def test_files_named_like_our_modules_in_the_working_folder_break_nothing(tmp_path: Path) -> None:
     hostile.fill(tmp_path)
     command = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
     hostile.use_everything([sys.executable], command, tmp_path, SEARCH)
 
 
 @pytest.mark.parametrize("name", ["sim", "gui", "cli", "compare", "rooms", "tests"])
-def test_those_files_are_what_python_would_import(tmp_path: Path, name: str) -> None:
+def test_python_imports_those_files_by_their_names(tmp_path: Path, name: str) -> None:
     hostile.fill(tmp_path)
     done = subprocess.run([sys.executable, "-c", f"import {name}"], cwd=tmp_path, capture_output=True, check=False)
     assert b"a file of the user" in done.stderr

@@ -1,4 +1,4 @@
-"""The wheel works in a clean environment and another folder, also beside files named like its packages."""
+"""The wheel works in a clean environment and in another folder, also beside files named like its packages."""
 
 import json
 import os

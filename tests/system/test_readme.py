@@ -1,4 +1,4 @@
-"""README and tutorial are true: examples print what they show, pictures exist, no command is missing."""
+"""README and tutorial: examples print what the pages show, pictures exist, all commands are listed."""
 
 import re
 import shlex
@@ -29,7 +29,7 @@ def test_example_prints_what_the_page_shows(command: str, printed: str, capsys: 
     assert capsys.readouterr().out == printed
 
 
-def test_the_question_it_asks_is_answered_as_it_says(
+def test_compare_prints_the_sentence_that_the_readme_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     simulate, compare, answer = re.findall(
@@ -42,36 +42,36 @@ def test_the_question_it_asks_is_answered_as_it_says(
     assert [line for line in capsys.readouterr().out.splitlines() if "270.0°" in line] == [answer]
 
 
-def test_other_peoples_scans_come_in_as_it_says(
+def test_import_and_locate_work_as_in_the_readme(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands = re.findall(r"\$ sonarhw (import .*)\n\$ sonarhw (locate .*)\n", README)[0]
     assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--step", "6"]) == 0
     rows = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
-    told = [f"{-float(heading):g},{float(distance) * 100 if distance else 255:g}" for heading, distance, *_ in rows]
+    lines = [f"{-float(heading):g},{float(distance) * 100 if distance else 255:g}" for heading, distance, *_ in rows]
     shutil.copytree("rooms", tmp_path / "rooms")
     monkeypatch.chdir(tmp_path)
-    Path("turret.csv").write_text("\n".join(["turret_deg,range_cm", *told]) + "\n")
+    Path("turret.csv").write_text("\n".join(["turret_deg,range_cm", *lines]) + "\n")
     assert [run(shlex.split(command)) for command in commands] == [0, 0]
     last = capsys.readouterr()
     assert last.err == ""
     assert last.out.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
 
 
-def test_pictures_are_there() -> None:
+def test_pictures_exist() -> None:
     pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
     assert len(pictures) == 3
     assert all(Path(picture).is_file() for picture in pictures)
 
 
-def test_every_command_is_told_and_has_help() -> None:
+def test_every_command_is_listed_and_has_help() -> None:
     known = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     commands = {name: command for name, command in known.items() if not command.hidden}
     assert [name for name in commands if f"`sonarhw {name}`" not in README] == []
     assert [name for name, command in commands.items() if not command.help] == []
 
 
-def test_the_board_profile_it_shows_is_one() -> None:
+def test_the_board_profile_in_the_readme_is_valid() -> None:
     profile = next(block for block in re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL) if "my board" in block)
     board = parse_board(profile, "README.md")
     assert (board.name, len(board.gain_steps), len(board.chirp)) == ("my board", 3, 2)

@@ -5,8 +5,8 @@ import pytest
 from tests import structure
 
 
-def test_firmware_includes_run_in_no_circle() -> None:
-    assert structure.include_circles() == []
+def test_firmware_includes_have_no_cycle() -> None:
+    assert structure.include_cycles() == []
 
 
 def test_no_two_modules_share_a_name() -> None:
@@ -25,5 +25,5 @@ def test_all_installed_names_begin_with_the_name_of_the_project() -> None:
         ({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}, [["a", "b", "c"]]),
     ],
 )
-def test_circles_are_found(edges: structure.Edges, expected: list[structure.Circle]) -> None:
-    assert structure.circles(edges) == expected
+def test_cycles_are_found(edges: structure.Edges, expected: list[structure.Cycle]) -> None:
+    assert structure.cycles(edges) == expected

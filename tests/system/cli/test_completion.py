@@ -1,4 +1,4 @@
-"""`sonarhw --install-completion`: what it installs, what the shells are answered, and that the answer stays quick."""
+"""`sonarhw --install-completion`: the installed scripts, the completions, and their speed."""
 
 import os
 import shlex
@@ -15,7 +15,7 @@ SLOW_TO_IMPORT = {"numba", "scipy", "matplotlib", "PySide6", "mcap", "rich", "py
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty home, and the command on the PATH."""
+    """Return an empty home folder, with the command on the PATH."""
     script = tmp_path / "bin" / "sonarhw"
     script.parent.mkdir()
     script.write_text(f'#!/bin/sh\nexec {shlex.join(COMMAND)} "$@"\n')
@@ -25,8 +25,8 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def said(arguments: list[str], **environment: str) -> str:
-    """What a command writes to standard output."""
+def output(arguments: list[str], **environment: str) -> str:
+    """Return the standard output of a command."""
     done = subprocess.run(
         arguments, env=os.environ | environment, capture_output=True, text=True, check=False, timeout=60
     )
@@ -34,9 +34,9 @@ def said(arguments: list[str], **environment: str) -> str:
     return done.stdout
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
 def test_bash_completes_commands_options_and_choices_after_installation(home: Path) -> None:
-    assert "bash completion installed" in said(["bash", "-c", "sonarhw --install-completion; true"])
+    assert "bash completion installed" in output(["bash", "-c", "sonarhw --install-completion; true"])
     ask = 'source ~/.bashrc; COMP_WORDS=($1); COMP_CWORD=$2; _sonarhw_completion sonarhw; echo "${COMPREPLY[@]}"'
     for words, index, wanted in [
         ("sonarhw simu", 1, "simulate"),
@@ -44,23 +44,23 @@ def test_bash_completes_commands_options_and_choices_after_installation(home: Pa
         ("sonarhw simulate --rece", 2, "--receiver"),
         ("sonarhw simulate --receiver b", 3, "board"),
     ]:
-        assert said(["bash", "-c", ask, "bash", words, str(index)]).strip() == wanted
+        assert output(["bash", "-c", ask, "bash", words, str(index)]).strip() == wanted
 
 
 @pytest.mark.parametrize(
     ("shell", "installed", "wanted"),
     [("zsh", ".zfunc/_sonarhw", '"simulate":'), ("fish", ".config/fish/completions/sonarhw.fish", "simulate\t")],
 )
-def test_other_shells_get_a_script_and_answers(home: Path, shell: str, installed: str, wanted: str) -> None:
-    told = said(["sonarhw", "--install-completion", shell], _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
-    assert f"{shell} completion installed in {home / installed}" in told
+def test_other_shells_get_a_script_and_completions(home: Path, shell: str, installed: str, wanted: str) -> None:
+    printed = output(["sonarhw", "--install-completion", shell], _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
+    assert f"{shell} completion installed in {home / installed}" in printed
     assert f"_SONARHW_COMPLETE=complete_{shell}" in (home / installed).read_text()
     asked = {"_SONARHW_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": "sonarhw simu"}
-    assert wanted in said(["sonarhw"], _TYPER_COMPLETE_FISH_ACTION="get-args", **asked)
+    assert wanted in output(["sonarhw"], _TYPER_COMPLETE_FISH_ACTION="get-args", **asked)
 
 
-def test_completion_and_help_import_nothing_slow() -> None:
+def test_completion_and_help_do_not_import_slow_packages() -> None:
     code = "import sys; from sonarhw_cli.app import run; import contextlib, io\n"
     code += "with contextlib.redirect_stdout(io.StringIO()): run(['--help'])\nsys.stdout.write(' '.join(sys.modules))"
-    loaded = {name.partition(".")[0] for name in said([sys.executable, "-c", code]).split()}
+    loaded = {name.partition(".")[0] for name in output([sys.executable, "-c", code]).split()}
     assert not loaded & SLOW_TO_IMPORT

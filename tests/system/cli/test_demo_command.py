@@ -1,4 +1,4 @@
-"""The demo without a window does the whole job, and what it leaves can be used."""
+"""`sonarhw demo` without a window: its files, and their use by other commands."""
 
 import json
 from pathlib import Path
@@ -9,13 +9,13 @@ from sonarhw_cli.app import run
 from sonarhw.log import read_log
 
 
-def test_headless_demo_leaves_scan_picture_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_headless_demo_writes_scan_picture_and_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "result"
     assert run(["demo", "--headless", str(folder)]) == 0
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["n"] == len(read_log(folder / "scan.mcap").readings) == 120
     assert summary["within_5cm"] > 0.8
-    assert summary["within_5cm"] < 1.0  # the truth differs from the prediction the way rooms do
+    assert summary["within_5cm"] < 1.0  # the fake's room deliberately differs from its file
     assert (folder / "overlay.png").read_bytes().startswith(b"\x89PNG")
     assert str(folder / "overlay.png") in capsys.readouterr().out
     capsys.readouterr()
@@ -24,7 +24,7 @@ def test_headless_demo_leaves_scan_picture_and_figures(tmp_path: Path, capsys: p
     assert run(["demo", "--headless", str(folder)]) == 0
 
 
-def test_demo_without_a_display_says_where_the_picture_lies(
+def test_demo_without_a_display_prints_the_path_of_the_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)

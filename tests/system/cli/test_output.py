@@ -1,4 +1,4 @@
-"""Files that commands write: under the right name, never over what they read, whole or not at all."""
+"""Files that commands write: with a known suffix, never over their input, completely or not at all."""
 
 import os
 import shlex
@@ -24,10 +24,10 @@ IMPORT = ["--heading", "deg", "--range", "m"]
 
 @pytest.mark.parametrize("by", ["its name", "a link", "a hard link"])
 @pytest.mark.parametrize("command", ["import", "simulate", "paths", "compare", "export", "recover"])
-def test_no_command_overwrites_what_it_reads(
+def test_no_command_overwrites_its_input(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, by: str
 ) -> None:
-    # formats are told by the ending, so that most commands only meet their own input under a second name
+    # the suffix selects the format, so most commands reach their own input only under a second name
     ending = {"import": ".mcap", "recover": ".mcap", "export": ".mcap", "compare": ".png"}.get(command, ".csv")
     read, out = tmp_path / f"own{ending}", tmp_path / f"out{ending}"
     log = command in ("compare", "export", "recover")
@@ -75,7 +75,7 @@ def test_no_command_overwrites_what_it_reads(
         ("compare", "x.csv", ".png"),
     ],
 )
-def test_a_name_must_end_as_what_is_written(
+def test_an_output_name_must_have_a_known_suffix(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -100,13 +100,13 @@ def test_a_name_must_end_as_what_is_written(
     assert [*folder.iterdir()] == []
 
 
-def test_an_ending_may_be_in_capitals(tmp_path: Path) -> None:
+def test_a_suffix_may_be_in_capitals(tmp_path: Path) -> None:
     assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(tmp_path / "SCAN.NPZ")]) == 0
     assert (tmp_path / "SCAN.NPZ").read_bytes().startswith(b"PK")
 
 
 @pytest.mark.parametrize("ending", [".csv", ".npz", ".mcap"])
-def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
+def test_a_folder_as_output_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
     out = tmp_path / f"d{ending}"
     out.mkdir()
     assert run(["simulate", str(ROOM), "--place", "figure9", "--out", str(out), "--force"]) == 2
@@ -115,7 +115,7 @@ def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str],
 
 @contextmanager
 def full_disk() -> Iterator[None]:
-    """Files that may grow no further fail as they do on a full disk."""
+    """Limit the size of files, so that writing fails as on a full disk."""
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -138,7 +138,7 @@ def full_disk() -> Iterator[None]:
         ("compare", "plot.png"),
     ],
 )
-def test_a_full_disk_leaves_no_half_file(
+def test_a_full_disk_leaves_no_incomplete_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, name: str, there: bool
 ) -> None:
     log, folder = tmp_path / "scan.mcap", tmp_path / "results"
@@ -149,7 +149,7 @@ def test_a_full_disk_leaves_no_half_file(
         "export": ["log", "export", str(log), "--force", "--out"],
         "compare": ["compare", str(log), "--room", str(ROOM), "--force", "--plot"],
     }[command]
-    # once with room enough: what compiles or lists fonts writes files of its own
+    # first without a limit: compiling and listing fonts write files of their own
     assert run([*arguments, str(tmp_path / name)]) == 0
     capsys.readouterr()
     out = folder / name
@@ -157,12 +157,12 @@ def test_a_full_disk_leaves_no_half_file(
         out.write_text("older")
     with full_disk():
         status = run([*arguments, str(out)])
-    told = f"sonarhw: {out}: File too large; choose another {arguments[-1]}\n"
-    assert (status, *capsys.readouterr()) == (1, "", told)
+    message = f"sonarhw: {out}: File too large; choose another {arguments[-1]}\n"
+    assert (status, *capsys.readouterr()) == (1, "", message)
     assert [path.read_text() for path in folder.iterdir()] == ["older"] * there
 
 
-def test_a_file_that_fails_half_way_leaves_the_older_one(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     out = tmp_path / "scan.csv"
     out.write_text("older")
     with suppress(KeyboardInterrupt), atomic_file(out) as file:
@@ -172,7 +172,7 @@ def test_a_file_that_fails_half_way_leaves_the_older_one(tmp_path: Path) -> None
     assert [path.read_text() for path in tmp_path.iterdir()] == ["older"]
 
 
-def test_a_file_written_anew_keeps_its_permissions_and_the_links_to_it(tmp_path: Path) -> None:
+def test_an_overwritten_file_keeps_its_permissions_and_links(tmp_path: Path) -> None:
     out, link = tmp_path / "scan.csv", tmp_path / "newest.csv"
     out.write_text("older")
     out.chmod(0o640)
@@ -184,23 +184,23 @@ def test_a_file_written_anew_keeps_its_permissions_and_the_links_to_it(tmp_path:
     assert out.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_new_file_has_the_permissions_that_new_files_have(tmp_path: Path) -> None:
+def test_a_new_file_has_default_permissions(tmp_path: Path) -> None:
     with text_output(str(tmp_path / "scan.csv")) as file:
         file.write("new")
     (tmp_path / "other").touch()
     assert (tmp_path / "scan.csv").stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
-def test_devices_are_written_into_and_never_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["simulate", str(ROOM), "--place", "figure9", "--out"]
     assert run([*command, "/dev/full"]) == 1
-    told = "sonarhw: /dev/full: No space left on device; free disk space or choose another --out\n"
-    assert capsys.readouterr().err == told
+    message = "sonarhw: /dev/full: No space left on device; free disk space or choose another --out\n"
+    assert capsys.readouterr().err == message
     assert run([*command, "/dev/null"]) == 0
     assert Path("/dev/null").is_char_device()
 
 
-def test_a_pipe_takes_what_a_file_would(tmp_path: Path) -> None:
+def test_a_pipe_receives_the_same_output_as_a_file(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE, text=True) as cat:
@@ -220,47 +220,47 @@ def test_a_pipe_takes_what_a_file_would(tmp_path: Path) -> None:
     ids=["simulate", "paths", "export"],
 )
 @pytest.mark.parametrize(
-    ("redirection", "told"),
+    ("redirection", "message"),
     [
         (">&-", "standard output: is closed; leave it open, or name a file with --out"),
         (">/dev/full", "standard output: No space left on device; name a file with --out"),
     ],
 )
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
-def test_standard_output_that_takes_nothing_is_one_line(
+def test_standard_output_that_cannot_be_written_gives_an_error_of_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     arguments: list[str | Path],
     redirection: str,
-    told: str,
+    message: str,
     unbuffered: str,
 ) -> None:
-    # a buffer that could not be written is flushed once more when Python ends
+    # Python flushes a buffer that could not be written again at exit
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     write_example(tmp_path / "scan.mcap", 4)
     command = shlex.join([sys.executable, "-c", "from sonarhw_cli.entry import main; main()", *map(str, arguments)])
     done = subprocess.run(
         f"{command} {redirection}", shell=True, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False
     )
-    assert (done.returncode, done.stderr) == (1, f"sonarhw: {told}\n")
+    assert (done.returncode, done.stderr) == (1, f"sonarhw: {message}\n")
 
 
 @pytest.mark.parametrize("given", ["{}", "fake:{}", "fake:{}?place=figure9&seed=1"])
-def test_a_url_that_reads_a_file_is_known_to(tmp_path: Path, given: str) -> None:
+def test_the_room_file_of_a_url_is_an_input_file(tmp_path: Path, given: str) -> None:
     room = tmp_path / "own.mcap"
     room.write_text("name = 'own'")
     with pytest.raises(InputError, match="is the input file"):
         checked_out(room, (LOG,), True, None, "paper", "socket://127.0.0.1:4000", given.format(room))
 
 
-def test_a_file_with_a_question_mark_is_known_to_be_read(tmp_path: Path) -> None:
+def test_a_file_name_with_a_question_mark_is_an_input_file(tmp_path: Path) -> None:
     log = tmp_path / "why?.mcap"
     log.write_text("mine")
     with pytest.raises(InputError, match="is the input file"):
         checked_out(log, (LOG,), True, log)
 
 
-def test_a_folder_among_the_devices_is_a_folder() -> None:
+def test_a_folder_in_dev_is_not_a_device() -> None:
     with pytest.raises(InputError, match="expected a name ending in"):
         checked_out("/dev/fd", (LOG,), True)
     with pytest.raises(InputError, match="expected a name ending in"):

@@ -1,4 +1,4 @@
-"""The bar of long work: a person at a terminal sees how far it is, and nothing of it is left; a program sees none."""
+"""The progress bar of long work: shown on a terminal and removed at the end, not written to a pipe."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ from tests.checkout import CHECKOUT
 from tests.hang_guard import HANG
 
 ROOT = CHECKOUT
-# its standard error is the terminal that Ctrl-C comes from
+# standard error is the controlling terminal, from which Ctrl-C comes
 AT_TERMINAL = """
 import fcntl, os, termios
 os.setsid()
@@ -24,7 +24,7 @@ sonarhw_cli.entry.main()
 """
 BAR = "━"
 PLAIN = "\x1b[0m"
-LINE_GONE = "\x1b[?25h\r\x1b[1A\x1b[2K"  # the cursor shows again, one line up, that line empty
+LINE_GONE = "\x1b[?25h\r\x1b[1A\x1b[2K"  # show the cursor, move up one line, clear it
 COMMANDS = {
     "fit": ("searching", ["fit", "--place", "figure9", "--free", "heading", "--samples", "0", "--json"]),
     "locate": ("locating", ["locate", "--json"]),
@@ -43,7 +43,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @contextmanager
 def at_terminal(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """The command with a terminal as its standard error, and the end of that terminal where a person sits."""
+    """Yield a command with a terminal as standard error, and the other end of that terminal."""
     person, terminal = os.openpty()
     environment = {**os.environ, "TERM": "xterm"}
     command = [sys.executable, "-c", AT_TERMINAL, *arguments]
@@ -61,12 +61,12 @@ def at_terminal(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 
 def seen(person: int, until: str = "") -> str:
-    """What comes on the terminal until it says that, or the command has ended."""
+    """Return the text on the terminal up to `until`, or to the end of the command."""
     came = b""
     while not until or until not in came.decode(errors="ignore"):
         try:
             more = os.read(person, 4096)
-        except OSError:  # how Linux says that nobody holds the other end
+        except OSError:  # Linux reports a closed terminal in this way
             more = b""
         if not more:
             break
@@ -75,7 +75,7 @@ def seen(person: int, until: str = "") -> str:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_terminal_shows_how_far_the_work_is_and_what_is_printed_is_what_a_pipe_gets(
+def test_progress_is_shown_on_a_terminal_and_output_equals_that_to_a_pipe(
     name: str, log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     doing, (command, *options) = COMMANDS[name]
@@ -93,14 +93,14 @@ def test_a_terminal_shows_how_far_the_work_is_and_what_is_printed_is_what_a_pipe
     assert in_pipe.err == ""
 
 
-def test_ctrl_c_at_the_bar_takes_it_away_and_ends_with_130(log: str) -> None:
+def test_ctrl_c_removes_the_progress_bar_and_ends_with_130(log: str) -> None:
     doing, (command, *options) = COMMANDS["fit"]
     with at_terminal(command, log, *options) as (process, person):
         seen(person, until=doing)
         os.write(person, b"\x03")
-        told = seen(person)
+        shown = seen(person)
         printed, _ = process.communicate(timeout=HANG)
     assert process.returncode == INTERRUPTED
     assert printed == ""
-    assert told.removesuffix(PLAIN).endswith(LINE_GONE)
-    assert "Traceback" not in told
+    assert shown.removesuffix(PLAIN).endswith(LINE_GONE)
+    assert "Traceback" not in shown

@@ -1,4 +1,4 @@
-"""What the paper says of its figures is what the model shows; each claim fails where the scene is another."""
+"""The model shows what the paper says about its figures, and each claim fails for another scene."""
 
 import re
 from collections.abc import Callable
@@ -26,7 +26,7 @@ SLANTED = tuple(replace(scene, model=Model.CONE) for scene in corridor.WALK)
 TOO_CLOSE_TO_THE_PERSON = tuple(replace(scene, place="3.5,1.6") for scene in laboratory.SCANS)
 EMPTY_TABLE = tuple(replace(scene, room="simple", place="figure9") for scene in laboratory.SCANS)
 
-# each claim with a scene that the paper does not speak of: another unit, place, thing, model or transducer
+# each claim with a scene for which it is false: another unit, place, object, model or transducer
 BROKEN: list[Callable[[], Claim]] = [
     partial(plates.nothing_returns, plates.TILTED),
     partial(plates.one_echo, plates.PARALLEL),
@@ -76,29 +76,29 @@ def test_the_figure_shows_what_the_paper_says(figure: str, claim: Callable[[], C
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.func.__name__)
-def test_a_claim_fails_where_the_scene_is_another(broken: Callable[[], Claim]) -> None:
+def test_a_claim_fails_for_another_scene(broken: Callable[[], Claim]) -> None:
     shown = broken()
     assert not shown.holds, shown.measured
 
 
-def test_every_claim_has_been_broken() -> None:
+def test_every_claim_is_tested_with_another_scene() -> None:
     assert {broken.func for broken in BROKEN} == {claim for _, claim in CLAIMS}  # type: ignore[attr-defined]
 
 
-def test_robot_hears_the_false_wall_again_without_its_body() -> None:
+def test_robot_without_its_body_detects_the_false_wall_again() -> None:
     bare = replace(simple_room.ROBOT, place="0.574,0.085", board="paper")
     assert not simple_room.body_removes_the_false_wall(bare).holds
     assert simple_room.lower_wall_is_false(bare).holds
 
 
-def test_corridor_errors_are_no_accident_of_the_measure() -> None:
+def test_correlation_of_random_noise_is_small() -> None:
     noise = np.random.default_rng(0).normal(size=(41, 72))
     found, pairs = corridor.correlation(noise[:-1], noise[1:])
     assert pairs == 40 * 72
     assert abs(found) < 0.1
 
 
-def test_scene_tells_the_command_with_all_its_options() -> None:
+def test_scene_names_the_command_with_all_its_options() -> None:
     assert simple_room.FIGURE_7_BOARD.command == (
         "sonarhw simulate rooms/simple.toml --place figure7 --board polaroid-6500 --from 0 --to 360 --step 3 "
         "--unit reflect --receiver board"

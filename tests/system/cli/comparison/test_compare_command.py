@@ -1,4 +1,4 @@
-"""`compare --json --explain`: every reading for programs, beside the figures that were always there."""
+"""`sonarhw compare`: JSON with every reading, warnings, and scans from coordinates."""
 
 import json
 from pathlib import Path
@@ -18,15 +18,15 @@ def log(tmp_path: Path) -> str:
     return out
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
+def compared(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
     capsys.readouterr()
     assert run(["compare", *arguments, "--room", ROOM, "--place", "figure9", "--board", "paper", "--json"]) == 0
     answer: dict[str, object] = json.loads(capsys.readouterr().out)
     return answer
 
 
-def test_explained_json_adds_every_reading_to_the_figures(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    figures, explained = told(capsys, log), told(capsys, log, "--explain")
+def test_json_with_explain_adds_every_reading_to_the_summary(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+    figures, explained = compared(capsys, log), compared(capsys, log, "--explain")
     assert explained == figures | {key: explained[key] for key in ("echoes", "readings", "regions")}
     readings = explained["readings"]
     assert isinstance(readings, list)
@@ -51,7 +51,7 @@ HERE = ("--place", "figure9")
 @pytest.mark.parametrize(
     "command", [("compare", *HERE), ("map", *HERE), ("fit", *HERE, "--free", "heading", "--samples", "0")]
 )
-def test_a_log_that_names_no_board_is_not_silently_taken_for_one(
+def test_a_log_without_a_board_gives_a_warning(
     log: str, command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *options = command
@@ -63,7 +63,7 @@ def test_a_log_that_names_no_board_is_not_silently_taken_for_one(
     assert capsys.readouterr().err == ""
 
 
-def test_a_scan_from_coordinates_is_held_against_the_prediction_there(
+def test_a_scan_from_coordinates_is_compared_with_the_prediction_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan, page = str(tmp_path / "scan.mcap"), tmp_path / "scan.html"

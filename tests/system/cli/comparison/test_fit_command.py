@@ -1,4 +1,4 @@
-"""`sonarhw fit`: a table for a person, JSON for a program, one line for what is wrong."""
+"""`sonarhw fit`: the table, the JSON, written files, and errors of one line."""
 
 import json
 import re
@@ -24,7 +24,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(out)
 
 
-def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_contains_the_pose_its_interval_and_units(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", log, "--place", "1.4,0.5", "--json", *QUICKLY]) == 0
     figures = json.loads(capsys.readouterr().out)
     assert set(figures) == {"estimates", "correlations", "noise", "log_likelihood", "answers", "agreement", "warnings"}
@@ -39,7 +39,7 @@ def test_json_tells_the_pose_its_region_and_units(log: str, capsys: pytest.Captu
     assert abs((heading["value"] + 180) % 360 - 180) < 1
 
 
-def test_the_table_has_a_row_for_everything_free(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_has_a_row_for_each_free_parameter(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", log, "--place", "p3", "--free", "position,heading,offset", *QUICKLY]) == 0
     out = capsys.readouterr().out
     assert "95 % interval" in out
@@ -48,7 +48,7 @@ def test_the_table_has_a_row_for_everything_free(log: str, capsys: pytest.Captur
     assert "errors of readings" in out
 
 
-def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_prior_bounds_its_parameter(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     prior = ["--prior", "x=1.30..1.37", "--free", "x,heading"]
     assert run(["fit", log, "--place", "p3", "--json", *QUICKLY, *prior]) == 0
     figures = json.loads(capsys.readouterr().out)
@@ -56,7 +56,7 @@ def test_a_prior_holds_what_it_is_about(log: str, capsys: pytest.CaptureFixture[
     assert any("is at its bound" in warning for warning in figures["warnings"])
 
 
-def test_two_logs_share_an_offset_and_have_places_of_their_own(
+def test_two_logs_share_an_offset_and_have_separate_places(
     log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "p2.mcap"
@@ -68,9 +68,7 @@ def test_two_logs_share_an_offset_and_have_places_of_their_own(
     assert estimates["x@p2"]["value"] == pytest.approx(1.80, abs=0.003)
 
 
-def test_what_is_not_free_stays_where_the_log_says_it_was_recorded(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_fixed_coordinates_come_from_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "somewhere.mcap"
     command = ["simulate", "rooms/arena.toml", "--place", "0.5,0.3", "--step", "6", "--out", str(out)]
     assert run(command) == 0
@@ -79,7 +77,7 @@ def test_what_is_not_free_stays_where_the_log_says_it_was_recorded(
     assert estimate["value"] == pytest.approx(0.5, abs=0.003)
 
 
-def test_logs_of_different_rooms_or_boards_are_not_fitted_as_one(
+def test_logs_of_different_rooms_or_boards_are_refused(
     log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, room, board in (("room", "simple", "polaroid-6500"), ("board", "arena", "lego-nxt")):
@@ -87,31 +85,31 @@ def test_logs_of_different_rooms_or_boards_are_not_fitted_as_one(
         command = ["simulate", f"rooms/{room}.toml", "--place", "0.5,0.3", "--board", board, "--step", "20"]
         assert run([*command, "--out", str(other)]) == 0
         assert run(["fit", log, str(other)]) == 2
-        told = capsys.readouterr().err
-        assert "different" in told
-        assert f"--{name}" in told
-        assert told.count("\n") == 1
+        printed = capsys.readouterr().err
+        assert "different" in printed
+        assert f"--{name}" in printed
+        assert printed.count("\n") == 1
 
 
-def test_a_place_beyond_the_room_is_warned_of_and_no_heading_errs_by_more_than_half_a_circle(
+def test_a_place_outside_the_room_gives_a_warning_and_heading_intervals_span_at_most_a_circle(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["fit", log, "--place", "9,9", "--json", "--samples", "100"]) == 0
-    told = capsys.readouterr()
-    assert "9, 9 m is outside room 'Arena'" in told.err
-    heading = json.loads(told.out)["estimates"]["heading"]
+    printed = capsys.readouterr()
+    assert "9, 9 m is outside room 'Arena'" in printed.err
+    heading = json.loads(printed.out)["estimates"]["heading"]
     assert heading["deviation"] <= 180
     assert heading["value"] - 180 <= heading["lower"] <= heading["upper"] <= heading["value"] + 180
 
 
-def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused_before_a_log_is_read(capsys: pytest.CaptureFixture[str]) -> None:
     for wrong in (["--free", "wind"], ["--prior", "offset=1..2"], ["--prior", "x=1"], ["--place", "q9"]):
         assert run(["fit", "there-is-none.mcap", "--room", "rooms/arena.toml", *wrong]) == 2
         assert wrong[1] in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         (["--free", "wind"], "--free wind: unknown quantity; expected some of x, y"),
         (["--free", ""], "nothing is free"),
@@ -123,17 +121,17 @@ def test_what_is_typed_wrong_is_refused_before_a_log_is_read(capsys: pytest.Capt
         (["--place", "p3", "--place", "p2"], "expected one for each of 1 log, got 2"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(
-    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+def test_wrong_options_give_an_error_of_one_line(
+    log: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["fit", log, *arguments]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("sonarhw: ")
-    assert told.count("\n") == 1
-    assert complaint in told
+    printed = capsys.readouterr().err
+    assert printed.startswith("sonarhw: ")
+    assert printed.count("\n") == 1
+    assert message in printed
 
 
-def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp_path: Path) -> None:
+def test_fitted_room_and_board_are_written_and_comments_kept(log: str, tmp_path: Path) -> None:
     text = Path("rooms/arena.toml").read_text(encoding="utf-8")
     room, found, board = (tmp_path / f"{name}.toml" for name in ("room", "found", "mine"))
     room.write_text("# as measured in spring\n" + text.replace("1.38, 0.54", "1.36, 0.55"), encoding="utf-8")
@@ -153,13 +151,13 @@ def test_what_was_found_is_written_as_room_and_board_comments_kept(log: str, tmp
     assert profile.name == "mine"
     assert profile.range_offset == pytest.approx(0, abs=0.002)
     assert profile.threshold_db == pytest.approx(load_board("polaroid-6500").threshold_db, abs=3)
-    # and both are what the next command takes
+    # other commands accept both files
     assert run(["simulate", str(found), "--place", "p3", "--board", str(board), "--out", str(tmp_path / "a.csv")]) == 0
 
 
 @pytest.fixture(scope="module")
 def others(log: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The recording of `log` once more, as other files, and two that are scans of their own."""
+    """Copies of the recording `log` in other files, and one other scan."""
     folder = tmp_path_factory.mktemp("others")
     whole = Path(log).read_bytes()
     files = {name: folder / f"{name}.mcap" for name in ("copy", "torn", "linked", "exported", "again")}
@@ -174,15 +172,15 @@ def others(log: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]
 
 @pytest.mark.parametrize("how", ["copy", "torn", "linked", "exported"])
 @pytest.mark.parametrize("command", [["fit", "--samples", "0", "--room", "rooms/arena.toml"], ["map"]])
-def test_one_recording_given_twice_is_refused_whatever_the_file_is_called(
+def test_the_same_recording_in_two_files_is_refused(
     how: str, command: list[str], log: str, others: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *options = command
     capsys.readouterr()
     assert run([name, log, others[how], "--place", "p3", "--place", "p3", *options]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    *warnings, refused = told.err.splitlines()
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    *warnings, refused = printed.err.splitlines()
     assert len(warnings) == (how == "torn")
     assert refused == f"sonarhw: p3 and {how} contain the same readings: one recording given twice; give each log once"
 
@@ -192,7 +190,7 @@ def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -
     assert run(["map", log, others["again"], "--place", "p3", "--place", "p3", *boards, "--json"]) == 0
 
 
-def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
+def test_a_fitted_profile_does_not_call_fitted_values_tuned() -> None:
     threshold, offset = Parameter(THRESHOLD), Parameter(OFFSET)
     deviations = {threshold: 0.31, offset: 0.002}
     nxt = load_board("lego-nxt")
@@ -207,12 +205,12 @@ def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
     changed = {line.split(" = ")[0]: line for line in own if "fitted ±" in line}
     assert changed["threshold_db"].startswith("threshold_db = -15.55  # fitted ± 0.31; before: -17.5 (tuned: ")
     assert changed["range_offset"] == "range_offset = 0.01  # fitted ± 0.00200; before: 0"
-    # what the fit left alone is still what it was tuned to
+    # values that were not fitted keep their tuned values
     assert "aperture_radius = 0.00375    # m, tuned" in own
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "message"),
     [
         (["--out", "found.txt"], "--out found.txt: expected a name ending in .toml"),
         (["--board-out", "mine.toml"], "would contain no fitted value; add one of these to --free: offset"),
@@ -223,8 +221,8 @@ def test_a_fitted_profile_claims_no_tuning_for_what_the_fit_changed() -> None:
         (["--free", "x,offset", "--out", "a.toml", "--board-out", "a.toml"], "give each a file of its own"),
     ],
 )
-def test_a_file_that_would_hold_nothing_found_is_refused(
-    log: str, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+def test_a_file_that_would_contain_no_fitted_value_is_refused(
+    log: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["fit", log, *arguments]) == 2
-    assert complaint in capsys.readouterr().err
+    assert message in capsys.readouterr().err

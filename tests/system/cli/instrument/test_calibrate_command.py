@@ -1,4 +1,4 @@
-"""`sonarhw calibrate` against a served board: the profile it writes is one that loads and says what was put in."""
+"""`sonarhw calibrate` with a served board: the written profile is valid and has the simulated offset and angle."""
 
 import json
 import math
@@ -18,17 +18,19 @@ DISTANCE = 1.25
 
 
 def calibrated(out: Path, *options: str) -> int:
-    """Calibrate against a plate 2 degrees to the left of where it should be, told 8 mm too far."""
+    """Calibrate with a plate 2 degrees to the left of its stated angle, whose ranges are 8 mm too long."""
     board = FakeBoard(Plate(DISTANCE, math.radians(2.0), 0.008, speed_of_sound(20.0)))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         return run(["calibrate", endpoint.url, "--distance", str(DISTANCE), "--out", str(out), *options])
 
 
-def test_the_profile_says_what_the_plate_has_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_profile_contains_offset_and_home_angle_of_the_plate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "bench.toml"
     assert calibrated(out) == 0
-    told = capsys.readouterr().out
-    assert "range offset +8." in told
+    printed = capsys.readouterr().out
+    assert "range offset +8." in printed
     profile, shipped = load_board(str(out)), load_board("polaroid-6500")
     assert profile.name == "bench"
     assert profile.range_offset == pytest.approx(0.008, abs=0.001)
@@ -38,7 +40,7 @@ def test_the_profile_says_what_the_plate_has_shown(tmp_path: Path, capsys: pytes
         shipped.blanking,
         shipped.threshold_db,
     )
-    # once more, from its own profile: the keys are replaced, not added
+    # again, with the written profile: its keys are replaced, not added
     assert calibrated(out, "--board", str(out), "--force") == 2
     again = tmp_path / "again.toml"
     assert calibrated(again, "--board", str(out)) == 0
@@ -58,29 +60,29 @@ def test_bad_usage_is_one_line_and_leaves_no_profile(
     assert not out.exists()
 
 
-def test_a_sector_of_too_few_headings_is_refused_before_anything_turns(
+def test_a_sector_of_too_few_headings_is_refused_before_the_turntable_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert calibrated(tmp_path / "bench.toml", "--width", "2", "--step", "2") == 2
     assert "--width 2, --step 2: 1 heading; expected at least 7" in capsys.readouterr().err
 
 
-def test_a_missing_plate_is_told_and_leaves_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_plate_gives_an_error_and_no_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.toml"
     assert calibrated(out, "--distance", "3.0") == 1
     assert "the plate is detected at 0 headings" in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_what_was_found_is_used_by_the_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_offset_and_home_angle_are_used_by_the_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     room = str(CHECKOUT / "rooms" / "simple.toml")
     profile, log = tmp_path / "bench.toml", tmp_path / "scan.mcap"
     profile.write_text(f"{load_board('polaroid-6500').text}\nrange_offset = 0.01\nhome_angle_deg = 30.0\n")
-    told = []
+    ranges = []
     for board in ("polaroid-6500", str(profile)):
         assert run(["simulate", room, "--place", "figure7", "--step", "90", "--board", board]) == 0
-        told.append([float(line.split(",")[1]) for line in capsys.readouterr().out.splitlines()[1:]])
-    assert told[1] == pytest.approx([value + 0.01 for value in told[0]], abs=1e-8)
+        ranges.append([float(line.split(",")[1]) for line in capsys.readouterr().out.splitlines()[1:]])
+    assert ranges[1] == pytest.approx([value + 0.01 for value in ranges[0]], abs=1e-8)
     assert run(["simulate", room, "--place", "figure7", "--out", str(log)]) == 0
     capsys.readouterr()
     for board, heading in (("polaroid-6500", 0.0), (str(profile), 30.0)):
@@ -89,6 +91,8 @@ def test_what_was_found_is_used_by_the_prediction(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize("temperature", ["900", "nan"])
-def test_air_that_no_room_has_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], temperature: str) -> None:
+def test_an_impossible_air_temperature_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], temperature: str
+) -> None:
     assert calibrated(tmp_path / "bench.toml", "--temperature", temperature) == 2
     assert "--temperature" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`sonarhw fake` and the bench commands as processes: a scanner that is not there, and what can be asked of it."""
+"""`sonarhw fake`, `info`, `home`, `turn`, `stop`, `monitor` and `ports` as processes, with a fake scanner."""
 
 import re
 import signal
@@ -23,7 +23,7 @@ def url() -> Iterator[str]:
         yield endpoint.url
 
 
-def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -> None:
+def test_a_fake_on_a_pseudo_terminal_is_scanned_and_removes_its_link(tmp_path: Path) -> None:
     link, log = tmp_path / "scanner", tmp_path / "scan.mcap"
     with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, "--pace", "max") as fake:
         assert lines(fake, 1) == [f"{link}\n"]
@@ -40,11 +40,11 @@ def test_a_fake_on_a_pseudo_terminal_is_scanned_and_ends_clean(tmp_path: Path) -
 
 def test_the_help_of_the_fake_names_every_fault(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fake", "--help"]) == 0
-    said = capsys.readouterr().out
-    assert [name for name in KNOWN if name not in said] == []
+    printed = capsys.readouterr().out
+    assert [name for name in KNOWN if name not in printed] == []
 
 
-def test_a_fake_whose_cable_comes_back_under_another_name_says_which(tmp_path: Path) -> None:
+def test_a_fake_prints_its_new_url_after_a_move(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
     faults = ("--faults", "move=1@20,move=1@30", "--pace", "100")
     with started("fake", SIMPLE_ROOM, "--place", "figure9", "--pty", link, *faults) as fake:
@@ -52,7 +52,7 @@ def test_a_fake_whose_cable_comes_back_under_another_name_says_which(tmp_path: P
         assert sonarhw("info", f"{link}-2").returncode == 0
 
 
-def test_a_scan_of_a_fake_with_faults_is_whole_and_says_what_it_came_through(tmp_path: Path) -> None:
+def test_a_scan_of_a_fake_with_faults_is_complete_and_reports_the_losses(tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     faults = "drop=1/3000,reset=0.1@r3,move=0.5@r8"
     url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=2&faults={faults}"
@@ -69,16 +69,14 @@ def test_a_fake_url_is_a_scanner_in_the_same_process(tmp_path: Path) -> None:
         done = sonarhw("scan", f"fake:{SIMPLE_ROOM}?place=figure9&seed=3&pace=max", "--out", log, "--step", "45")
         assert (done.returncode, len(done.stderr.splitlines())) == (0, 1)
         again.append([reading.echo_times for reading in read_log(log).readings])
-    assert again[0] == again[1]  # its noise is a function of the seed
+    assert again[0] == again[1]  # the noise depends on the seed only
 
 
 @pytest.mark.parametrize(
     "query",
     ["?place=nowhere", "?pace=quick", "?seed=-1", "?colour=red", "?faults=drop=2", "?place=figure9&board=nonesuch"],
 )
-def test_a_fake_url_that_says_nonsense_is_bad_usage(
-    query: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_invalid_fake_url_is_bad_usage(query: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["scan", f"fake:{SIMPLE_ROOM}{query}", "--out", str(tmp_path / "scan.mcap")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -95,14 +93,14 @@ def test_a_fake_url_that_says_nonsense_is_bad_usage(
     ],
     ids=" ".join,
 )
-def test_a_fake_checks_at_the_door_and_announces_nothing(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fake_with_wrong_options_prints_no_url(wrong: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     place = [] if "--place" in wrong else ["--place", "figure9"]
     assert run(["fake", str(SIMPLE_ROOM), *place, *wrong]) == 2
-    said = capsys.readouterr()
-    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    printed = capsys.readouterr()
+    assert (printed.out, len(printed.err.splitlines())) == ("", 1)
 
 
-def test_info_tells_who_answers(url: str) -> None:
+def test_info_prints_identity_and_link_statistics(url: str) -> None:
     done = sonarhw("info", url)
     assert (done.returncode, done.stderr) == (0, "")
     facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
@@ -122,7 +120,7 @@ def test_info_tells_who_answers(url: str) -> None:
     assert int(frames[2]) >= 22
 
 
-def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: Path) -> None:
+def test_info_of_a_log_prints_the_recorded_scanner(url: str, tmp_path: Path) -> None:
     log = tmp_path / "scan.mcap"
     assert sonarhw("scan", url, "--out", log, "--step", "90").returncode == 0
     done = sonarhw("info", log)
@@ -130,20 +128,20 @@ def test_a_log_answers_as_the_scanner_it_was_recorded_from(url: str, tmp_path: P
     assert "FAKE-0002" in done.stdout
 
 
-def test_home_turn_and_stop_do_what_they_say(url: str) -> None:
+def test_home_turn_and_stop_succeed_and_a_turn_too_far_is_refused(url: str) -> None:
     for arguments in (("home",), ("turn", "90"), ("turn", "-90"), ("stop",)):
         done = sonarhw(arguments[0], url, *arguments[1:])
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     refused = sonarhw("turn", url, "1000")
     assert refused.returncode == 1
-    told = r"sonarhw: .*refused Turn: 1000 degrees; the cable winds from -720 to 720 degrees\n"
-    assert re.fullmatch(told, refused.stderr)
-    unspeakable = sonarhw("turn", url, "3000")
-    assert (unspeakable.returncode, len(unspeakable.stderr.splitlines())) == (2, 1)
-    assert "degrees" in unspeakable.stderr
+    message = r"sonarhw: .*refused Turn: 1000 degrees; the cable winds from -720 to 720 degrees\n"
+    assert re.fullmatch(message, refused.stderr)
+    impossible = sonarhw("turn", url, "3000")
+    assert (impossible.returncode, len(impossible.stderr.splitlines())) == (2, 1)
+    assert "degrees" in impossible.stderr
 
 
-def test_info_watches_the_link_until_it_is_interrupted(url: str) -> None:
+def test_info_watch_prints_link_statistics_until_it_is_interrupted(url: str) -> None:
     with started("info", url, "--watch") as info:
         shown = lines(info, 14)
         info.send_signal(signal.SIGINT)
@@ -163,12 +161,12 @@ def test_monitor_shows_frames_until_it_is_interrupted(url: str) -> None:
     assert "Info(command=0" in shown
 
 
-def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
+def test_ports_succeeds_on_this_computer() -> None:
     assert sonarhw("ports").returncode == 0
 
 
 @pytest.mark.parametrize(
-    ("url", "told"),
+    ("url", "message"),
     [
         ("", "no URL: expected a serial port"),
         ("socket://", "expected socket://HOST:PORT"),
@@ -180,30 +178,26 @@ def test_ports_lists_what_there_is_and_complains_of_nothing() -> None:
         (f"fake:{SIMPLE_ROOM.parent / 'laboratory.toml'}", "add ?place=NAME, one of bench, door"),
     ],
 )
-def test_a_url_that_leads_nowhere_is_bad_input_in_one_line(
-    url: str, told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_invalid_url_gives_an_error_of_one_line(url: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", url]) == 2
-    said = capsys.readouterr()
-    assert (said.out, len(said.err.splitlines())) == ("", 1)
-    assert told in said.err
+    printed = capsys.readouterr()
+    assert (printed.out, len(printed.err.splitlines())) == ("", 1)
+    assert message in printed.err
 
 
 @pytest.mark.parametrize("address", ["foo", "127.0.0.1:99999"])
-def test_a_fake_looks_at_its_address_before_it_asks_for_a_place(
-    address: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fake_checks_its_address_before_its_place(address: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fake", str(SIMPLE_ROOM.parent / "laboratory.toml"), "--tcp", address]) == 2
     assert capsys.readouterr().err.startswith(f"sonarhw: {address}: expected HOST:PORT")
 
 
-def test_errors_of_a_scan_name_the_url_as_it_was_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_of_a_scan_contain_the_given_url(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"fake:{SIMPLE_ROOM}?place=figure9&pace=max&faults=protocol=2.0"
     assert run(["scan", url, "--out", str(tmp_path / "scan.mcap")]) == 1
     assert capsys.readouterr().err.startswith(f"sonarhw: {url}: ")
 
 
-def test_a_fake_that_is_to_listen_at_no_address_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fake_at_an_address_that_is_not_local_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fake", str(SIMPLE_ROOM), "--place", "figure9", "--tcp", "256.1.1.1:0"]) == 2
-    told = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
-    assert capsys.readouterr().err == told
+    message = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
+    assert capsys.readouterr().err == message

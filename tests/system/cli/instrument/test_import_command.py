@@ -1,4 +1,4 @@
-"""`sonarhw import`: which way headings turn, what units mean, and what is refused before anything is written."""
+"""`sonarhw import`: direction of headings, units, warnings, and input that is refused before a file is written."""
 
 import math
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_the_turntable_angle_is_the_heading_zero_plus_or_minus_the_value(
     assert degrees(readings) == pytest.approx(angles, abs=1e-6)
 
 
-def test_ranges_are_scaled_and_no_echo_is_compared_before(tmp_path: Path) -> None:
+def test_ranges_are_scaled_after_the_comparison_with_no_echo(tmp_path: Path) -> None:
     readings = imported(tmp_path, "deg,cm\n0,122\n3,255\n6,\n9,2.55\n", "--scale", "0.01", "--no-echo", "255")
     assert readings[0].range == pytest.approx(1.22, abs=2e-7)
     assert readings[1].range is None
@@ -53,7 +53,7 @@ def test_ranges_are_scaled_and_no_echo_is_compared_before(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("value", ["0", "400"])
-def test_a_range_that_many_readings_have_is_warned_of_unless_it_is_said_what_it_means(
+def test_a_frequent_range_gives_a_warning_unless_no_echo_is_given(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], value: str
 ) -> None:
     text = "\n".join(["deg,cm", *(f"{k},{value if k % 4 == 0 else 100 + k}" for k in range(20))])
@@ -64,7 +64,7 @@ def test_a_range_that_many_readings_have_is_warned_of_unless_it_is_said_what_it_
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "nan", "-1"])
-def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) -> None:
+def test_no_echo_accepts_any_number(tmp_path: Path, value: str) -> None:
     readings = imported(tmp_path, f"deg,cm\n0,1\n5,{value}\n", "--no-echo", value)
     assert [reading.range is None for reading in readings] == [False, True]
 
@@ -82,7 +82,7 @@ def test_whatever_number_means_no_echo_can_be_named(tmp_path: Path, value: str) 
         ("deg,cm\n0,\n", [], ""),
     ],
 )
-def test_ranges_that_look_like_centimetres_are_a_warning(
+def test_ranges_that_look_like_centimetres_give_a_warning(
     text: str, options: list[str], warned: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     imported(tmp_path, text, *options)
@@ -102,12 +102,12 @@ def test_readings_without_a_time_are_a_tenth_of_a_second_apart(tmp_path: Path) -
     assert [reading.time for reading in readings] == pytest.approx([0, 0.1, 0.2])
 
 
-def test_the_time_column_counts_from_the_first_reading(tmp_path: Path) -> None:
+def test_times_are_relative_to_the_first_reading(tmp_path: Path) -> None:
     readings = imported(tmp_path, "s,deg,cm\n100.5,0,1\n101.25,1,1\n101.25,2,1\n", "--time", "s")
     assert [reading.time for reading in readings] == pytest.approx([0, 0.75, 0.75], abs=2e-6)
 
 
-def test_one_reading_is_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_reading_is_counted_in_the_singular(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     imported(tmp_path, "deg,cm\n0,1\n")
     assert capsys.readouterr().out == f"{tmp_path / 'out.mcap'}: 1 reading, 1 with an echo\n"
 
@@ -129,7 +129,7 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "options", "told"),
+    ("text", "options", "message"),
     [
         ("", [], "in.csv: the file is empty"),
         ("deg,cm\n", [], "in.csv: no readings"),
@@ -159,20 +159,20 @@ def test_an_export_can_be_imported_again(tmp_path: Path) -> None:
         ("deg,cm\n0,1\n", ["--turn", "left"], "left"),
     ],
 )
-def test_what_cannot_be_understood_is_one_line_and_leaves_no_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, options: list[str], told: str
+def test_invalid_input_gives_an_error_of_one_line_and_no_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, options: list[str], message: str
 ) -> None:
     (tmp_path / "in.csv").write_text(text)
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS, *options]) == 2
     out, err = capsys.readouterr()
-    assert told in err
+    assert message in err
     assert err.count("\n") == 1
     assert out == ""
     assert not (tmp_path / "out.mcap").exists()
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", b"deg,cm\n0,\x00\n" + b"\xe9"])
-def test_bytes_that_are_no_text_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes) -> None:
+def test_binary_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes) -> None:
     (tmp_path / "in.csv").write_bytes(content)
     assert run(["import", str(tmp_path / "in.csv"), "--out", str(tmp_path / "out.mcap"), *COLUMNS]) == 2
     assert "in.csv" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Ctrl-C ends any command quietly with 130, at whatever moment it comes and however loaded the machine is."""
+"""Ctrl-C ends any command with status 130 and without a traceback, at any time and under any load."""
 
 import os
 import random
@@ -17,10 +17,10 @@ from tests.conftest import Count
 from tests.hang_guard import HANG
 
 SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
-# says so when it has begun, so that no moment falls before our first line
-HEEDED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # also in the background
-BEGUN = HEEDED + "import sonarhw_cli.entry, os; os.write(1, b'begun\\n'); sonarhw_cli.entry.main()"
-LAST_MOMENT = 2.5  # s after its beginning
+# prints a line when it has started, so that Ctrl-C never comes before our first line of code
+HANDLED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # also in the background
+BEGUN = HANDLED + "import sonarhw_cli.entry, os; os.write(1, b'begun\\n'); sonarhw_cli.entry.main()"
+LAST_MOMENT = 2.5  # s after the start
 COMMANDS = {
     "simulate": ["simulate", str(SIMPLE_ROOM), "--place", "figure9", "--out", "scan.csv"],
     "scan": ["scan", f"fake:{SIMPLE_ROOM}?place=figure9", "--out", "scan.mcap"],
@@ -28,9 +28,9 @@ COMMANDS = {
     "figures": ["figures", "pictures"],
     "paths": ["paths", str(SIMPLE_ROOM), "--place", "figure9"],
 }
-# a command that does what stands on its command line
+# a command that executes the code in its first argument
 ANY = (
-    HEEDED
+    HANDLED
     + """
 import sys, time
 from sonarhw_cli import app, entry
@@ -44,7 +44,7 @@ app.run = run
 entry.main()
 """
 )
-# what libraries make of a KeyboardInterrupt
+# what libraries do with a KeyboardInterrupt
 LOST = """
 try:
     begin()
@@ -64,21 +64,21 @@ class Thing:
 Thing()
 raise TypeError("half made")
 """
-TIDYING = """
+CLEANUP = """
 entry.UNWINDING = 60
 try:
     begin()
 finally:
-    print("tidying", flush=True)
+    print("cleanup", flush=True)
     time.sleep(60)
 """
-# one long step of compiled code, amid which no handler is called
-BUSY = "import hashlib" + TIDYING.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
+# one long call of compiled code, during which Python calls no signal handler
+BUSY = "import hashlib" + CLEANUP.replace("time.sleep(60)", "hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)")
 
 
 @contextmanager
 def begun(code: str, *arguments: str, folder: Path, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """A Python program that has said that it has begun."""
+    """Yield a running Python program that has printed its first line."""
     command = [sys.executable, "-c", code, *arguments]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder, env=environment) as process:
@@ -92,7 +92,7 @@ def begun(code: str, *arguments: str, folder: Path, environment: dict[str, str])
 
 @contextmanager
 def load() -> Iterator[None]:
-    """As many busy processes as there are cores."""
+    """Run one busy process for each core."""
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
     try:
         yield
@@ -108,7 +108,7 @@ def environment() -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_ctrl_c_at_any_moment_under_load_ends_a_command_with_130_and_without_a_traceback(
+def test_ctrl_c_at_any_time_under_load_ends_a_command_with_130_and_without_a_traceback(
     name: str, count: Count, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     with load():
@@ -122,37 +122,37 @@ def test_ctrl_c_at_any_moment_under_load_ends_a_command_with_130_and_without_a_t
                 except subprocess.TimeoutExpired:
                     process.send_signal(signal.SIGINT)
                     out, errors = process.communicate(timeout=HANG)
-            told = f"after {moment:.3f} s: {out}{errors}"
-            # one that was over before is not interrupted, and has left or printed what it was asked for
+            context = f"after {moment:.3f} s: {out}{errors}"
+            # a command that ended before Ctrl-C has written its files or printed its output
             done = process.returncode == 0 and bool(out or any(folder.iterdir()))
-            assert done or process.returncode == INTERRUPTED, told
-            assert "Traceback" not in errors, told
-            assert "ignored" not in errors, told
-            assert all(any(left.iterdir()) for left in folder.iterdir() if left.is_dir()), told
+            assert done or process.returncode == INTERRUPTED, context
+            assert "Traceback" not in errors, context
+            assert "ignored" not in errors, context
+            assert all(any(left.iterdir()) for left in folder.iterdir() if left.is_dir()), context
 
 
-@pytest.mark.parametrize("made_of_it", [LOST, WRAPPED, PRINTED], ids=["lost", "wrapped", "printed"])
-def test_ctrl_c_ends_a_command_soon_and_quietly_whatever_a_library_makes_of_it(
-    made_of_it: str, tmp_path: Path, environment: dict[str, str]
+@pytest.mark.parametrize("reaction", [LOST, WRAPPED, PRINTED], ids=["lost", "wrapped", "printed"])
+def test_ctrl_c_ends_a_command_quietly_if_a_library_changes_the_exception(
+    reaction: str, tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    with begun(ANY, made_of_it, folder=tmp_path, environment=environment) as process:
+    with begun(ANY, reaction, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=HANG) == ("", "")
     assert process.returncode == INTERRUPTED
 
 
-@pytest.mark.parametrize("tidying", [TIDYING, BUSY], ids=["asleep", "busy"])
-def test_a_second_ctrl_c_ends_it_at_once(tidying: str, tmp_path: Path, environment: dict[str, str]) -> None:
-    with begun(ANY, tidying, folder=tmp_path, environment=environment) as process:
+@pytest.mark.parametrize("cleanup", [CLEANUP, BUSY], ids=["asleep", "busy"])
+def test_a_second_ctrl_c_ends_a_command_at_once(cleanup: str, tmp_path: Path, environment: dict[str, str]) -> None:
+    with begun(ANY, cleanup, folder=tmp_path, environment=environment) as process:
         process.send_signal(signal.SIGINT)
         assert process.stdout is not None
-        assert process.stdout.readline() == "tidying\n"
+        assert process.stdout.readline() == "cleanup\n"
         process.send_signal(signal.SIGINT)
         process.wait(timeout=HANG)
     assert process.returncode == INTERRUPTED
 
 
-def test_a_defect_is_still_told(tmp_path: Path, environment: dict[str, str]) -> None:
+def test_an_exception_without_ctrl_c_gives_a_traceback(tmp_path: Path, environment: dict[str, str]) -> None:
     with begun(ANY, "print('begun'); raise ZeroDivisionError", folder=tmp_path, environment=environment) as process:
         _, errors = process.communicate(timeout=HANG)
     assert process.returncode == 1

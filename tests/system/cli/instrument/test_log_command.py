@@ -1,4 +1,4 @@
-"""`sonarhw log` and `sonarhw replay`: what they write, say and refuse."""
+"""`sonarhw log` and `sonarhw replay`: output, messages and refused input."""
 
 import os
 import signal
@@ -45,14 +45,16 @@ def torn(log: Path, tmp_path: Path) -> Path:
     raise AssertionError
 
 
-def test_export_writes_csv_as_scan_prints_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_export_writes_the_same_csv_as_scan_prints(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["log", "export", str(log), "--out", "-"]) == 0
     assert capsys.readouterr() == (GOLDEN, "")
     assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.csv")]) == 0
     assert (tmp_path / "scan.csv").read_bytes() == GOLDEN.encode()
 
 
-def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
+def test_export_of_a_torn_log_gives_a_warning_and_all_whole_readings(
     torn: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["log", "export", str(torn), "--out", "-"]) == 0
@@ -60,8 +62,8 @@ def test_export_of_a_torn_log_warns_in_one_line_and_gives_what_is_whole(
     assert out == "".join(GOLDEN.splitlines(keepends=True)[:4])
     assert err.count("\n") == 1
     size = torn.stat().st_size
-    told = f"sonarhw: warning: {torn}: torn; 3 whole readings read; the file ends too early at byte {size}"
-    assert err.startswith(told)
+    warning = f"sonarhw: warning: {torn}: torn; 3 whole readings read; the file ends too early at byte {size}"
+    assert err.startswith(warning)
 
 
 def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:
@@ -77,7 +79,7 @@ def test_export_writes_arrays(log: Path, tmp_path: Path) -> None:
         assert arrays["trace_rate_hz"] == pytest.approx([50_000] * 4)
 
 
-def test_export_to_mcap_is_a_log_with_the_same_readings(log: Path, tmp_path: Path) -> None:
+def test_export_to_mcap_writes_a_log_with_the_same_readings(log: Path, tmp_path: Path) -> None:
     assert run(["log", "export", str(log), "--out", str(tmp_path / "copy.mcap")]) == 0
     copy, original = read_log(tmp_path / "copy.mcap"), read_log(log)
     assert copy.readings == original.readings
@@ -98,42 +100,46 @@ def test_an_existing_file_is_refused_without_force(
 
 
 @pytest.mark.parametrize("command", ["export", "recover"])
-def test_a_log_is_never_written_over_itself(log: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+def test_a_log_is_never_overwritten_by_its_own_copy(
+    log: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
     before = log.read_bytes()
     assert run(["log", command, str(log), "--out", str(log), "--force"]) == 2
     assert "is the input file" in capsys.readouterr().err
     assert log.read_bytes() == before
 
 
-def test_recover_mends_a_torn_log_and_says_what_was_lost(
+def test_recover_repairs_a_torn_log_and_prints_what_was_lost(
     torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mended = tmp_path / "mended.mcap"
-    assert run(["log", "recover", str(torn), "--out", str(mended)]) == 0
+    recovered = tmp_path / "recovered.mcap"
+    assert run(["log", "recover", str(torn), "--out", str(recovered)]) == 0
     out, err = capsys.readouterr()
-    told = f"{mended}: 3 readings in 1 scan; 1 of 4 readings is missing; {torn} was torn: the file ends too early at"
-    assert out.startswith(told)
+    message = (
+        f"{recovered}: 3 readings in 1 scan; 1 of 4 readings is missing; {torn} was torn: the file ends too early at"
+    )
+    assert out.startswith(message)
     assert err == ""
-    assert read_log(mended).torn is None
-    assert len(read_log(mended).readings) == 3
-    assert run(["log", "recover", str(mended), "--out", str(tmp_path / "again.mcap")]) == 0
-    assert f"; nothing was lost, {mended} was whole" in capsys.readouterr().out
+    assert read_log(recovered).torn is None
+    assert len(read_log(recovered).readings) == 3
+    assert run(["log", "recover", str(recovered), "--out", str(tmp_path / "again.mcap")]) == 0
+    assert f"; nothing was lost, {recovered} was whole" in capsys.readouterr().out
 
 
-def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    damaged, mended = tmp_path / "damaged.mcap", tmp_path / "mended.mcap"
+def test_recover_continues_after_a_damaged_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    damaged, recovered = tmp_path / "damaged.mcap", tmp_path / "recovered.mcap"
     write_example(damaged, 50, trace=True)
     with damaged.open("r+b") as file:
         file.seek(damaged.stat().st_size // 2)
         file.write(bytes(4096))
-    assert run(["log", "recover", str(damaged), "--out", str(mended)]) == 0
-    told = capsys.readouterr().out
-    kept = read_log(mended)
+    assert run(["log", "recover", str(damaged), "--out", str(recovered)]) == 0
+    printed = capsys.readouterr().out
+    kept = read_log(recovered)
     assert kept.torn is None
     missing = 50 - len(kept.readings)
     assert 1 <= missing <= 6
     assert {0, 49} < {reading.number for reading in kept.readings}
-    assert f"{missing} of 50 readings are missing; {damaged} was damaged: the record that begins at byte" in told
+    assert f"{missing} of 50 readings are missing; {damaged} was damaged: the record that begins at byte" in printed
     for reading in kept.readings:
         assert_readings_close(reading, example_reading(reading.number, trace=True))
     assert run(["log", "info", str(damaged)]) == 0
@@ -143,9 +149,9 @@ def test_recover_goes_on_past_a_damaged_part(tmp_path: Path, capsys: pytest.Capt
     assert err.startswith(f"sonarhw: warning: {damaged}: damaged; {50 - missing} whole readings read; ")
 
 
-def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_prints_origin_and_contents_of_a_log(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["log", "info", str(log)]) == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for text in (
         "simulate, sonarhw",
         "simple.toml",
@@ -154,38 +160,38 @@ def test_info_says_where_a_log_comes_from_and_what_it_holds(log: Path, capsys: p
         "4 of 4 readings, 3 with an echo",
         "0° to 15°",
     ):
-        assert text in told
+        assert text in printed
 
 
-def test_info_of_a_log_cut_before_its_metadata_makes_up_no_date(
+def test_info_of_a_log_without_metadata_prints_an_unknown_date(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = log.read_bytes()
     (tmp_path / "torn.mcap").write_bytes(data[: 8 + 9 + int.from_bytes(data[9:17], "little")])
-    assert run(["log", "recover", str(tmp_path / "torn.mcap"), "--out", str(tmp_path / "mended.mcap")]) == 0
+    assert run(["log", "recover", str(tmp_path / "torn.mcap"), "--out", str(tmp_path / "recovered.mcap")]) == 0
     assert "0 readings in 0 scans; no reading is known to be missing" in capsys.readouterr().out
-    for name, state in (("torn.mcap", "torn: the file ends too early at byte"), ("mended.mcap", "whole")):
+    for name, state in (("torn.mcap", "torn: the file ends too early at byte"), ("recovered.mcap", "whole")):
         assert run(["log", "info", str(tmp_path / name)]) == 0
-        told = dict(
+        printed = dict(
             line.split(maxsplit=1) for line in capsys.readouterr().out.replace("made by", "made_by").splitlines()
         )
-        assert (told["made_by"], told["started"]) == ("unknown", "unknown")
-        assert told["file"].startswith(state)
+        assert (printed["made_by"], printed["started"]) == ("unknown", "unknown")
+        assert printed["file"].startswith(state)
 
 
-def test_info_of_a_scan_that_was_not_finished_says_that_the_file_is_whole(
+def test_info_of_an_unfinished_scan_reports_a_whole_file(
     torn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["log", "recover", str(torn), "--out", str(tmp_path / "mended.mcap")]) == 0
+    assert run(["log", "recover", str(torn), "--out", str(tmp_path / "recovered.mcap")]) == 0
     capsys.readouterr()
-    assert run(["log", "info", str(tmp_path / "mended.mcap")]) == 0
-    told = capsys.readouterr().out
-    assert "3 of 4 readings, 2 with an echo" in told
-    assert "; the scan was not finished\n" in told
-    assert "file      whole\n" in told
+    assert run(["log", "info", str(tmp_path / "recovered.mcap")]) == 0
+    printed = capsys.readouterr().out
+    assert "3 of 4 readings, 2 with an echo" in printed
+    assert "; the scan was not finished\n" in printed
+    assert "file      whole\n" in printed
 
 
-def test_one_reading_is_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_reading_is_counted_in_the_singular(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_example(tmp_path / "scan.mcap", 1)
     assert run(["log", "info", str(tmp_path / "scan.mcap")]) == 0
     assert "1 of 1 reading, 1 with an echo" in capsys.readouterr().out
@@ -204,14 +210,14 @@ def another_programs_mcap(path: Path) -> None:
     [
         ["log", "info"],
         ["log", "export", "--out", "-"],
-        ["log", "recover", "--out", "mended.mcap"],
+        ["log", "recover", "--out", "recovered.mcap"],
         ["replay"],
         ["compare"],
     ],
     ids=" ".join,
 )
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda path: None, "no such file"),
         (Path.mkdir, "is a folder"),
@@ -222,13 +228,13 @@ def another_programs_mcap(path: Path) -> None:
         (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "nothing in it can be read"),
     ],
 )
-def test_what_is_no_log_is_bad_input_in_one_line(
+def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     command: list[str],
     make: Callable[[Path], object],
-    told: str,
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     make(Path("scan.mcap"))
@@ -236,12 +242,14 @@ def test_what_is_no_log_is_bad_input_in_one_line(
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("sonarhw: scan.mcap: ")
-    assert told in err
+    assert message in err
     assert err.count("\n") == 1
-    assert not Path("mended.mcap").exists()
+    assert not Path("recovered.mcap").exists()
 
 
-def test_an_export_of_no_known_kind_is_refused(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_export_in_an_unknown_format_is_refused(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
     assert ".csv, .npz or .mcap, or - for" in capsys.readouterr().err
     assert not (tmp_path / "scan.txt").exists()
@@ -261,7 +269,7 @@ def test_a_format_is_added_in_one_place(log: Path, tmp_path: Path, monkeypatch: 
     assert (tmp_path / "command.count").read_text() == (tmp_path / "window.count").read_text() == "4"
 
 
-def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) -> None:
+def test_a_scan_of_a_replay_over_tcp_equals_the_log(log: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.mcap"
     with started("replay", log, "--speed", "inf", "--tcp", "127.0.0.1:0") as replay:
         (url,) = lines(replay, 1)
@@ -275,7 +283,7 @@ def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--speed", "0"], "--speed 0"),
         (["--speed", "nan"], "--speed nan"),
@@ -283,8 +291,8 @@ def test_a_replay_over_tcp_scans_as_the_log_it_plays(log: Path, tmp_path: Path) 
         (["--tcp", "nowhere"], "HOST:PORT"),
     ],
 )
-def test_a_replay_that_cannot_be_is_refused(
-    log: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+def test_a_replay_with_wrong_options_is_refused(
+    log: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
     assert run(["replay", str(log), *arguments]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err

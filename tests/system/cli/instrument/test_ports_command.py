@@ -1,4 +1,4 @@
-"""`sonarhw ports` asks only what may be a scanner, and all of them where it is told to."""
+"""`sonarhw ports` checks ports that may have a scanner, and all ports with --ask."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from sonarhw.link.ports import Port, Usb
 from tests.fixtures.plain_echoes import PlainEchoes
 
 
-def test_ports_with_known_usb_ids_are_asked_and_others_only_where_wanted(
+def test_ports_with_known_usb_ids_are_checked_and_others_only_with_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     known, unknown = tmp_path / "ttyACM0", tmp_path / "ttyS0"
@@ -22,14 +22,14 @@ def test_ports_with_known_usb_ids_are_asked_and_others_only_where_wanted(
         ports = [Port(first.url, "USB serial", Usb(0x2341, 0x0042, "1", "1-1")), Port(second.url, "16550")]
         monkeypatch.setattr("sonarhw.link.ports.serial_ports", lambda: ports)
         assert run(["ports"]) == 0
-        asked, left = capsys.readouterr().out.splitlines()
-        assert asked == f"{known}  Arduino Mega 2560  scanner FAKE-0003, sonarhw-fake 0.1.0"
-        assert left == f"{unknown}  16550  not checked; --ask checks all"
+        checked, unchecked = capsys.readouterr().out.splitlines()
+        assert checked == f"{known}  Arduino Mega 2560  scanner FAKE-0003, sonarhw-fake 0.1.0"
+        assert unchecked == f"{unknown}  16550  not checked; --ask checks all"
         assert run(["ports", "--ask"]) == 0
         assert "scanner FAKE-0004" in capsys.readouterr().out
 
 
-def test_a_port_without_a_scanner_is_said_to_have_none(
+def test_a_port_without_a_scanner_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gone = str(tmp_path / "ttyUSB0")

@@ -1,4 +1,4 @@
-"""`sonarhw scan` from outside, as a process: what it prints, keeps, and leaves behind, however it ends."""
+"""`sonarhw scan` as a process: its output, its log and its exit status, for every way to end."""
 
 import re
 import signal
@@ -28,17 +28,17 @@ from tests.hang_guard import HANG, wait_until
 
 COMMAND = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 SIMPLE_ROOM = CHECKOUT / "rooms" / "simple.toml"
-ENDLESS = ("--sweeps", "1000")  # always ended before its end
+ENDLESS = ("--sweeps", "1000")  # tests interrupt it before it is complete
 
 
 def sonarhw(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
+    """Run a command and wait for its end."""
     return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=HANG)
 
 
 @contextmanager
 def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
-    """A command that is still running."""
+    """Yield a running command."""
     with subprocess.Popen(
         [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -49,13 +49,13 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def lines(process: subprocess.Popen[str], count: int) -> list[str]:
-    """The next lines of its standard output."""
+    """Return the next lines of the standard output of a command."""
     assert process.stdout is not None
     return [process.stdout.readline() for _ in range(count)]
 
 
 def end(process: subprocess.Popen[str]) -> tuple[int, str]:
-    """Its exit status and what it said on standard error."""
+    """Wait for the end of a command; return its exit status and its standard error."""
     _, errors = process.communicate(timeout=HANG)
     return process.returncode, errors
 
@@ -70,7 +70,7 @@ def log(tmp_path: Path) -> Path:
     return tmp_path / "scan.mcap"
 
 
-def test_a_scan_is_printed_and_recorded_alike(board: FakeBoard, log: Path) -> None:
+def test_printed_and_recorded_readings_are_the_same(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--print", "--room", SIMPLE_ROOM, "--place", "figure9")
     assert (done.returncode, done.stderr) == (0, f"72 readings, 72 with an echo, in {log}\n")
@@ -126,7 +126,7 @@ def test_an_interrupted_scan_stops_the_board_and_leaves_a_whole_log(
     assert (status, errors) == (130, f"sonarhw: interrupted; {len(recorded.readings)} readings are kept in {log}\n")
 
 
-def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: FakeBoard, log: Path) -> None:
+def test_a_lost_link_gives_an_error_of_one_line_and_a_whole_log(board: FakeBoard, log: Path) -> None:
     with ExitStack() as outside:
         with serve(board, tcp="127.0.0.1:0", pace=5.0) as endpoint:
             command = ("scan", endpoint.url, "--out", log, "--print", "--reconnect", "1", *ENDLESS)
@@ -141,23 +141,23 @@ def test_a_link_that_vanishes_is_told_in_one_line_and_the_log_is_whole(board: Fa
 
 
 @pytest.mark.parametrize(
-    ("stop", "told"),
+    ("stop", "message"),
     [
         ("360", "72 readings requested, 4 received: a replay plays all readings of its log, and no others"),
         ("15", "3 readings requested, 4 received: a replay plays all readings of its log, and no others"),
     ],
 )
-def test_a_replay_of_another_length_than_ordered_is_a_warning(
-    stop: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_replay_of_another_length_than_requested_gives_a_warning(
+    stop: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_example(tmp_path / "old.mcap", 4)
     assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "new.mcap"), "--to", stop]) == 0
-    assert f"sonarhw: warning: {told}\n" in capsys.readouterr().err
+    assert f"sonarhw: warning: {message}\n" in capsys.readouterr().err
     assert run(["scan", str(tmp_path / "old.mcap"), "--out", str(tmp_path / "same.mcap"), "--to", "20"]) == 0
     assert "warning" not in capsys.readouterr().err
 
 
-def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log(
+def test_lost_steps_give_an_error_and_a_warning_of_every_command_that_reads_the_log(
     log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with serve(faulty("wedge@r5"), tcp="127.0.0.1:0", pace="max") as endpoint:
@@ -173,20 +173,20 @@ def test_lost_steps_are_told_in_one_line_and_by_every_command_that_reads_the_log
     assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
 
 
-def test_what_could_not_be_checked_for_lost_steps_is_told_and_by_every_command_that_reads_the_log(
+def test_angles_not_checked_for_lost_steps_give_a_warning_of_every_command_that_reads_the_log(
     log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = "30 of 72 angles, from 0° on, could not be checked for lost steps"
+    message = "30 of 72 angles, from 0° on, could not be checked for lost steps"
     with serve(faulty("reset=0.1@r30"), tcp="127.0.0.1:0", pace=20) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log)]) == 0
-    assert f"sonarhw: warning: {told}" in capsys.readouterr().err
+    assert f"sonarhw: warning: {message}" in capsys.readouterr().err
     assert run(["log", "info", str(log)]) == 0
     out, err = capsys.readouterr()
-    assert told in out
-    assert told in err
+    assert message in out
+    assert message in err
 
 
-def test_without_a_scanner_there_is_no_log(log: Path) -> None:
+def test_without_a_scanner_no_log_is_written(log: Path) -> None:
     done = sonarhw("scan", "no/such/port", "--out", log)
     assert done.returncode == 1
     assert re.fullmatch(r"sonarhw: no/such/port: there is no such port; .*\n", done.stderr)
@@ -206,7 +206,7 @@ def test_an_existing_log_is_kept_unless_forced(board: FakeBoard, log: Path) -> N
 BEYOND_THE_CABLE = ["--step", "170", "--to", "900"]
 
 
-def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: FakeBoard, log: Path) -> None:
+def test_a_scan_that_the_scanner_refuses_leaves_no_log(board: FakeBoard, log: Path) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         refused = sonarhw("scan", endpoint.url, "--out", log, *BEYOND_THE_CABLE)
         assert refused.returncode == 1
@@ -215,7 +215,7 @@ def test_a_scan_that_the_scanner_refuses_leaves_no_log_in_the_way(board: FakeBoa
         assert sonarhw("scan", endpoint.url, "--out", log, "--step", "90").returncode == 0
 
 
-def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: FakeBoard, log: Path) -> None:
+def test_an_old_log_is_kept_if_the_scanner_refuses_a_forced_scan(board: FakeBoard, log: Path) -> None:
     log.write_bytes(b"precious")
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         assert sonarhw("scan", endpoint.url, "--out", log, "--force", *BEYOND_THE_CABLE).returncode == 1
@@ -223,13 +223,13 @@ def test_an_old_log_outlives_a_forced_scan_that_the_scanner_refuses(board: FakeB
     assert [*log.parent.iterdir()] == [log]
 
 
-def test_an_old_log_outlives_a_forced_scan_that_is_interrupted_while_homing(log: Path) -> None:
+def test_an_old_log_is_kept_if_a_forced_scan_is_interrupted_while_homing(log: Path) -> None:
     log.write_bytes(b"precious")
     with (
         serve(EndlessHoming(PlainEchoes()), tcp="127.0.0.1:0") as endpoint,
         started("scan", endpoint.url, "--out", log, "--force", "--print") as process,
     ):
-        # until the new log lies beside the old one
+        # until the new log exists beside the old one
         wait_until(lambda: len([*log.parent.iterdir()]) > 1 or process.poll() is not None)
         process.send_signal(signal.SIGINT)
         assert end(process)[0] == 130
@@ -241,14 +241,16 @@ SMALL_DISK = """
 import resource, sys
 from sonarhw_cli.entry import main
 
-# a file that may grow no further fails as a full disk does: with an OSError from write
+# a file at its size limit fails as on a full disk: with an OSError from write
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 sys.argv[0] = "sonarhw"
 main()
 """
 
 
-def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitted(board: FakeBoard, log: Path) -> None:
+def test_a_full_disk_ends_a_scan_with_an_error_of_one_line_and_keeps_the_written_readings(
+    board: FakeBoard, log: Path
+) -> None:
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         arguments = ["scan", endpoint.url, "--out", str(log), "--step", "1", "--print"]
         done = subprocess.run(
@@ -262,33 +264,33 @@ def test_a_disk_that_is_full_ends_a_scan_in_one_line_with_all_readings_that_fitt
         f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
         "make room or record to another disk\n"
     )
-    # nothing was printed that had not been written before
+    # every printed reading had been written before
     assert 5 < len(done.stdout.splitlines()) - 1 <= kept
     assert recorded.torn == f"the file ends too early at byte {log.stat().st_size}"
 
 
 class Interrupting(PlainEchoes):
-    """Sends the main thread Ctrl-C at the third ping."""
+    """Echoes that send Ctrl-C to the main thread at the third ping."""
 
     def receive(self, ping: Ping) -> PingResult:
-        """What was laid down."""
+        """Return the echoes of a ping."""
         if len(self.pings) == 2:
             signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
         return super().receive(ping)
 
 
-def test_a_disk_too_small_for_the_scan_is_told_of_before_it_begins(
+def test_a_disk_too_small_for_the_scan_gives_a_warning_before_it_starts(
     log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sonarhw.disk_space.free_bytes", lambda _: 40_000_000)
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()
-    told = r": the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; free disk space"
-    assert re.fullmatch(rf"sonarhw: warning: {log}{told}", line)
+    message = r": the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; free disk space"
+    assert re.fullmatch(rf"sonarhw: warning: {log}{message}", line)
 
 
-def test_a_log_carries_its_board_to_where_nobody_has_the_profile(
+def test_a_log_contains_its_board_profile(
     board: FakeBoard, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shipped = (files("sonarhw_sim.board.shipped") / "polaroid-6500.toml").read_text(encoding="utf-8")
@@ -307,7 +309,7 @@ def test_a_log_carries_its_board_to_where_nobody_has_the_profile(
     assert capsys.readouterr().out == with_file
 
 
-def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:
+def test_sighup_ignored_by_nohup_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with sigterm_raises():
@@ -316,7 +318,7 @@ def test_a_terminal_that_closes_does_not_end_what_nohup_keeps() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> None:
+def test_traces_from_a_scanner_without_traces_give_a_warning(log: Path) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0))
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         done = sonarhw("scan", endpoint.url, "--out", log, "--traces", "--step", "90")
@@ -345,15 +347,17 @@ def test_traces_wanted_of_a_scanner_that_has_none_are_a_warning(log: Path) -> No
     ],
     ids=" ".join,
 )
-def test_bad_usage_is_one_line_and_status_two(wrong: list[str], log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_usage_gives_an_error_of_one_line_and_status_two(
+    wrong: list[str], log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["scan", "socket://127.0.0.1:1", "--out", str(log), *wrong]) == 2
-    said = capsys.readouterr()
-    assert (said.out, len(said.err.splitlines())) == ("", 1)
+    printed = capsys.readouterr()
+    assert (printed.out, len(printed.err.splitlines())) == ("", 1)
     assert not log.exists()
 
 
 @pytest.mark.parametrize("out", ["-", "scan.csv", "scan.mcap.txt"])
-def test_a_log_goes_to_a_file_named_as_one(
+def test_a_scan_needs_an_output_name_ending_in_mcap(
     out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""`sonarhw scan` and the window's Scan record alike: the same ranges, and no log without readings."""
+"""`sonarhw scan` and the Scan command of the window record the same ranges, and no log without readings."""
 
 import math
 from dataclasses import replace
@@ -33,14 +33,14 @@ def hot_room(tmp_path: Path) -> Path:
 
 
 def scanned(log: Path, thermometer: float | None, *options: str | Path) -> list[float | None]:
-    """The ranges that `sonarhw scan` records."""
+    """Return the ranges that `sonarhw scan` records, m."""
     with serve(FakeBoard(PlainEchoes(thermometer)), tcp="127.0.0.1:0", pace="max") as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--step", "90", *map(str, options)]) == 0
     return [reading.range for reading in read_log(log).readings]
 
 
 def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path | None) -> list[float | None]:
-    """The ranges that the window records."""
+    """Return the ranges that the window records, m."""
     board = load_board("polaroid-6500")
     room = load_room(room_file) if room_file else None
     scene = scene_with(board, room, room.place("figure9")) if room else scene_with(board)
@@ -59,7 +59,7 @@ def scanned_by_window(folder: Path, thermometer: float | None, room_file: Path |
     [(10.0, True, 10.0), (None, True, 35.0), (None, False, 20.0)],
     ids=["thermometer first", "then the air of the room", "then 20"],
 )
-def test_command_and_window_compute_ranges_in_the_same_air(
+def test_command_and_window_use_the_same_speed_of_sound(
     thermometer: float | None, in_room: bool, temperature: float, hot_room: Path, tmp_path: Path
 ) -> None:
     room = hot_room if in_room else None
@@ -73,7 +73,7 @@ def test_command_and_window_compute_ranges_in_the_same_air(
     assert first.range == pytest.approx(speed_of_sound(temperature) * 0.015 / 2, rel=1e-4)
 
 
-def test_the_temperature_of_the_command_line_comes_before_thermometer_and_room(hot_room: Path, tmp_path: Path) -> None:
+def test_the_temperature_option_overrides_thermometer_and_room(hot_room: Path, tmp_path: Path) -> None:
     options = ["--room", hot_room, "--place", "figure9", "--temperature", "0"]
     first, *_ = scanned(tmp_path / "scan.mcap", 21.3, *options)
     assert first == pytest.approx(speed_of_sound(0.0) * 0.015 / 2, rel=1e-4)

@@ -1,4 +1,4 @@
-"""Mounts, rings, the unit and the models from the command line, through the fake scanner and back into a comparison."""
+"""Mounts, rings, units and models on the command line: simulate, scan with a fake scanner, compare."""
 
 import csv
 import io
@@ -51,10 +51,10 @@ def test_reflecting_unit_reads_minimum_range_beside_the_wall_of_figure_7(capsys:
     assert readings["block"] != "1.022"
 
 
-def test_face_beyond_a_wall_is_told_with_the_headings_at_which_it_is(
+def test_face_beyond_a_wall_gives_a_warning_with_the_number_of_headings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # figure9 lies 85 mm from the bottom and 154 mm from the right
+    # figure9 is 85 mm from the bottom and 154 mm from the right
     board = profile(tmp_path, "[mount]\nahead = 0.1\n")
     assert run(["simulate", ROOM, "--place", "figure9", "--board", board, "--step", "90"]) == 0
     assert "at 1 heading of 4 board 'mine' has its face outside room" in capsys.readouterr().err
@@ -62,7 +62,7 @@ def test_face_beyond_a_wall_is_told_with_the_headings_at_which_it_is(
     assert "outside" not in capsys.readouterr().err
 
 
-def test_model_that_takes_all_for_straight_ahead_has_levels_of_0_db(capsys: pytest.CaptureFixture[str]) -> None:
+def test_model_without_directivity_has_levels_of_0_db(capsys: pytest.CaptureFixture[str]) -> None:
     assert {row["level_db"] for row in simulated(capsys, "--place", "figure7", "--model", "cone")} == {"0"}
 
 
@@ -72,16 +72,16 @@ def test_face_ahead_of_the_axis_is_nearer_to_the_wall(tmp_path: Path, capsys: py
     assert float(rows[0]["range_m"]) == pytest.approx(0.657 - 0.05)
 
 
-def test_ring_has_a_row_a_sensor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ring_has_one_row_for_each_sensor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     board = profile(tmp_path, "[ring]\nsensors = 4\nradius = 0.05\ninterval = 0.1\n")
     rows = simulated(capsys, "--place", "0.4,0.3", "--board", board)
     assert [row["heading_deg"] for row in rows] == ["0", "90", "180", "270"]
     assert float(rows[0]["range_m"]) == pytest.approx(0.528 - 0.05)
-    told = refused(capsys, "simulate", ROOM, "--place", "0.4,0.3", "--board", board, "--step", "10")
-    assert "ring of 4 sensors" in told
+    message = refused(capsys, "simulate", ROOM, "--place", "0.4,0.3", "--board", board, "--step", "10")
+    assert "ring of 4 sensors" in message
 
 
-def test_seed_switches_on_the_errors_of_the_nearest_wall(capsys: pytest.CaptureFixture[str]) -> None:
+def test_seed_adds_random_errors_to_the_nearest_wall(capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--place", "figure9", "--model", "nearest", "--step", "90")
     exact, one, again, other = (
         [float(row["range_m"]) for row in simulated(capsys, *options, *seed)]
@@ -97,7 +97,7 @@ def test_seed_switches_on_the_errors_of_the_nearest_wall(capsys: pytest.CaptureF
     ("lines", "step"),
     [("[mount]\nahead = 0.05\n", "45"), ("[ring]\nsensors = 4\nradius = 0.05\ninterval = 0.1\n", "90")],
 )
-def test_fake_scanner_and_comparison_stand_where_the_profile_says(
+def test_fake_scanner_and_comparison_use_the_mount_of_the_profile(
     lines: str, step: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board, log = profile(tmp_path, lines), str(tmp_path / "scan.mcap")
@@ -119,5 +119,5 @@ def test_ring_is_not_fitted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     board, log = profile(tmp_path, "[ring]\nsensors = 4\nradius = 0.05\n"), str(tmp_path / "scan.mcap")
     simulated(capsys, "--place", "0.4,0.3", "--board", "paper", "--step", "90")
     assert run(["simulate", ROOM, "--place", "0.4,0.3", "--board", board, "--out", log]) == 0
-    told = refused(capsys, "compare", log, "--place", "0.4,0.3", "--board", board, "--fit", "heading")
-    assert "has no turntable to fit" in told
+    message = refused(capsys, "compare", log, "--place", "0.4,0.3", "--board", board, "--fit", "heading")
+    assert "has no turntable to fit" in message

@@ -1,4 +1,4 @@
-"""`figures` as a user runs it: pictures and page, the committed ones among them, and refusals."""
+"""`sonarhw figures`: pictures and page, also the committed ones, and refused folders."""
 
 import csv
 import io
@@ -43,7 +43,7 @@ def test_command_under_a_figure_predicts_the_figure(scene: PaperScene, capsys: p
     assert printed == drawn
 
 
-def test_what_is_there_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_existing_picture_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "figure9.png").write_bytes(b"mine")
     assert run(["figures", str(tmp_path)]) == 2
     message = capsys.readouterr().err
@@ -53,14 +53,16 @@ def test_what_is_there_is_not_overwritten(tmp_path: Path, capsys: pytest.Capture
     assert [file.name for file in tmp_path.iterdir()] == ["figure9.png"]
 
 
-def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "figures"
     file.write_text("")
     assert run(["figures", str(file)]) == 2
     assert capsys.readouterr().err == f"sonarhw: {file}: is a file; give the name of a folder\n"
 
 
-def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_created_gives_an_error_of_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").write_text("")
     assert run(["figures", str(tmp_path / "file" / "below")]) == 2
     message = capsys.readouterr().err

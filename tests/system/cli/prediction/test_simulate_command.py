@@ -1,4 +1,4 @@
-"""`simulate` and `paths` as a user runs them: the promised columns, the paper's figures, formats, and refusals."""
+"""`sonarhw simulate` and `sonarhw paths`: columns, the paper's figures, formats, and refused options."""
 
 import csv
 import io
@@ -60,7 +60,7 @@ def test_paths_end_at_the_wanted_number_of_bounces(capsys: pytest.CaptureFixture
     assert sorted(row["via"] for row in rows(capsys.readouterr().out)) == ["bottom", "left", "right", "top"]
 
 
-def test_every_format_says_the_same(tmp_path: Path) -> None:
+def test_all_formats_contain_the_same_ranges(tmp_path: Path) -> None:
     for name in ("scan.csv", "scan.npz", "scan.mcap", "scan.png"):
         assert run(["simulate", *FIGURE_9, "--out", str(tmp_path / name)]) == 0
     ranges = [float(row["range_m"]) for row in rows((tmp_path / "scan.csv").read_text())]
@@ -71,7 +71,7 @@ def test_every_format_says_the_same(tmp_path: Path) -> None:
     assert (tmp_path / "scan.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_board_receiver_reads_a_little_long_by_the_same_paths(capsys: pytest.CaptureFixture[str]) -> None:
+def test_board_receiver_reads_slightly_longer_ranges_by_the_same_paths(capsys: pytest.CaptureFixture[str]) -> None:
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
     assert run([*few, "--receiver", "first-echo"]) == 0
     first = rows(capsys.readouterr().out)
@@ -83,12 +83,12 @@ def test_board_receiver_reads_a_little_long_by_the_same_paths(capsys: pytest.Cap
 
 
 def changed_board(path: Path, line: str) -> str:
-    """A profile file: the 6500 with one line more."""
+    """Write a board profile, that of the 6500 with one additional line; return its name."""
     path.write_text(line + "\n" + Path("sim/sonarhw_sim/board/shipped/polaroid-6500.toml").read_text())
     return str(path)
 
 
-def test_profile_names_the_receiver_it_is_used_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_receiver_of_the_profile_is_the_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = changed_board(tmp_path / "own.toml", 'receiver = "board"')
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "300", "--step", "90"]
     answers = []
@@ -98,7 +98,7 @@ def test_profile_names_the_receiver_it_is_used_with(tmp_path: Path, capsys: pyte
     assert answers[0] == answers[1] != answers[2] == answers[3]
 
 
-def test_traces_hold_the_echo_that_the_board_reports(tmp_path: Path) -> None:
+def test_traces_contain_the_echo_that_the_board_reports(tmp_path: Path) -> None:
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board"]
     for kind in ("rf", "sampled", "envelope"):
         assert run([*few, "--traces", kind, "--out", str(tmp_path / f"{kind}.npz")]) == 0
@@ -108,10 +108,10 @@ def test_traces_hold_the_echo_that_the_board_reports(tmp_path: Path) -> None:
         trace = np.abs(kept["trace"][0].astype(float)) / full
         assert len(trace) == math.ceil(2 * 10.7 / 343.9867 * rate)
         times = np.arange(len(trace)) / rate
-        heard = 2 * kept["range_m"][0] / 343.9867
-        # quiet from the end of blanking until the echo that is reported
+        arrival = 2 * kept["range_m"][0] / 343.9867
+        # silence from the end of blanking to the reported echo
         assert trace[(times > 2.38e-3) & (times < 2 * 0.657 / 343.9867)].max() < 0.01
-        assert trace[(times > heard) & (times < heard + 1e-4)].max() > 0.1
+        assert trace[(times > arrival) & (times < arrival + 1e-4)].max() > 0.1
 
 
 def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_noise_is_the_same_for_the_same_seed(tmp_path: Path) -> None:
     assert np.std(noisy - trace()) == pytest.approx(0.01, rel=0.2)
 
 
-def test_log_carries_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> None:
+def test_log_contains_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> None:
     out = tmp_path / "scan.mcap"
     few = ["simulate", *FIGURE_9, "--from", "90", "--to", "91", "--receiver", "board", "--traces", "envelope"]
     assert run([*few, "--out", str(out)]) == 0
@@ -138,7 +138,7 @@ def test_log_carries_envelopes_and_every_echo_of_the_board(tmp_path: Path) -> No
     assert np.diff(reading.echo_times).min() >= 0.44e-3
 
 
-def test_compare_takes_the_receiver_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_accepts_the_receiver_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "scan.mcap")
     assert run(["simulate", *FIGURE_9, "--receiver", "board", "--out", out]) == 0
     errors = {}
@@ -161,7 +161,7 @@ def test_trace_too_long_for_a_log_is_refused(tmp_path: Path, capsys: pytest.Capt
     assert not out.exists()
 
 
-def test_readings_in_the_near_field_come_with_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_readings_in_the_near_field_give_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     near = changed_board(tmp_path / "near.toml", "blanking_inhibit = 0.0004")
     assert run(["simulate", *FIGURE_9, "--board", near, "--from", "270", "--to", "271"]) == 0
     captured = capsys.readouterr()
@@ -215,7 +215,9 @@ def test_existing_file_is_refused_without_force(tmp_path: Path, capsys: pytest.C
         ["compare", "nowhere.mcap", "--room", ROOM],
     ],
 )
-def test_wrong_use_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_gives_an_error_of_one_line_and_exit_status_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -224,7 +226,7 @@ def test_wrong_use_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.C
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--receiver", "x"], "Invalid value for '--receiver': 'x' is not one of 'first-echo', 'board'."),
         (["--sections", "x"], "Invalid value for '--sections': expected a whole number"),
@@ -232,16 +234,14 @@ def test_wrong_use_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.C
         (["--step", "x"], "Invalid value for '--step': expected a number"),
     ],
 )
-def test_a_wrong_value_is_told_in_our_own_words(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+def test_messages_of_the_option_parser_are_reworded(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["simulate", *FIGURE_9, *arguments]) == 2
-    assert capsys.readouterr().err == f"sonarhw: {told}\n"
+    assert capsys.readouterr().err == f"sonarhw: {message}\n"
 
 
-def test_a_place_outside_the_room_is_answered_with_a_warning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_place_outside_the_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     room, log = FIGURE_9[0], str(tmp_path / "scan.mcap")
     warning = "sonarhw: warning: place '5,5' at 5, 5 m is outside room 'Simple room'\n"
     assert run(["simulate", room, "--place", "0.5,0.5", "--step", "90", "--out", log]) == 0
@@ -262,7 +262,7 @@ def test_closed_pipe_ends_quietly() -> None:
         assert process.wait() == 0
 
 
-def test_help_tells_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--help"]) == 0
     out = capsys.readouterr().out
     promised = "demo ports info scan home turn stop monitor fake simulate paths import replay log compare gui"
@@ -278,7 +278,7 @@ def test_fine_scan_of_a_room_full_of_paths_fits_in_memory(capsys: pytest.Capture
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400e3  # kB; whole matrices took 1.5 GB
 
 
-def test_place_with_a_height_hears_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_place_with_a_height_detects_the_foot_of_a_step_below_it(capsys: pytest.CaptureFixture[str]) -> None:
     place = ["rooms/doorstep.toml", "--place", "robot"]
     assert run(["paths", *place, "--max-range", "1.5", "--no-diffraction"]) == 0
     listed = {row["via"]: row for row in rows(capsys.readouterr().out)}
