@@ -42,7 +42,7 @@ class StatusBar(QStatusBar):
         self.showMessage(message, _MESSAGE_TIME)
 
     def show_look(self, look: Look) -> None:
-        """Set the text colour; with a style sheet, Qt does not take it from the palette."""
+        """Set the text colour; with a style sheet, Qt would keep the colour of the previous palette."""
         ink = look.palette.ink
         self.setStyleSheet(f"QStatusBar::item {{ border: none; }} QLabel {{ color: {ink}; }}")
 

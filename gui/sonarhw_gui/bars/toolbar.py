@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QSizePolicy, QToolBar, QWidget
 from sonarhw_gui.commands.command_list import Commands
 from sonarhw_gui.shown.shown import Shown
 
-_PLACE = 11  # characters of a place given as X,Y in millimetres
+_PLACE = 11  # characters of a place given as X,Y in metres, to the millimetre
 
 
 class ToolBar(QToolBar):

@@ -77,9 +77,9 @@ class BScanPane:
         self._image.clear()
         self._label()
 
-    def fit(self, reach: float | None = None) -> None:
+    def fit(self, limit: float | None = None) -> None:
         """Show the image up to a range, m; None shows all of it."""
-        cells = self._cells if reach is None else RangeCells(min(reach, self._cells.reach), 1)
+        cells = self._cells if limit is None else RangeCells(min(limit, self._cells.reach), 1)
         self.plot.vb.setRange(QRectF(*self._area(cells)), padding=0.02 if self._polar else 0)
 
     def draw(self, bscan: BScans, shown: Shown) -> None:

@@ -81,10 +81,10 @@ class BScanView(QWidget):
         """Show all of the images."""
         self._fit(None)
 
-    def _fit(self, reach: float | None) -> None:
+    def _fit(self, limit: float | None) -> None:
         for kind in self.settings.panes:
             if kind in self.panes:
-                self.panes[kind].fit(reach)
+                self.panes[kind].fit(limit)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Request the images, now that the view is visible."""

@@ -25,7 +25,7 @@ class LengthUnit(Enum):
         return metres * self.per_metre
 
     def metres(self, length: float) -> float:
-        """Return in metres a length in this unit."""
+        """Convert a length in this unit to metres."""
         return length / self.per_metre
 
     def text(self, metres: float) -> str:

@@ -22,7 +22,7 @@ class Mark:
     """The mark of readings of one class, in every palette."""
 
     name: str
-    symbol: str  # of pyqtgraph
+    symbol: str  # pyqtgraph's name
     meaning: str
 
 

@@ -56,9 +56,9 @@ class _AngleField(NumberField):
 class DevicePanel(QWidget):
     """Shows the state of the scanner and controls it."""
 
-    connect_wanted = Signal()
-    disconnect_wanted = Signal()
-    turn_wanted = Signal(float)  # rad from the turntable's zero
+    connect_requested = Signal()
+    disconnect_requested = Signal()
+    turn_requested = Signal(float)  # rad from the turntable's zero
     settings_changed = Signal(object)  # ScanSettings
 
     def __init__(self, commands: Commands) -> None:
@@ -81,9 +81,9 @@ class DevicePanel(QWidget):
         self.step = _degrees(5.0, "Angle from one heading to the next", lowest=0.01, decimals=2)
         self.sweeps = _count(_MOST_SWEEPS, "Number of passes over the sector, in alternate directions")
         self.pings = _count(_MOST_PINGS, "Readings at each heading")
-        self.reach = NumberField(0.0, _LONGEST)
-        self.reach.setToolTip("Ignore echoes beyond this range; lowest value: the board's maximum range")
-        self.reach.setSpecialValueText("maximum")
+        self.max_range = NumberField(0.0, _LONGEST)
+        self.max_range.setToolTip("Ignore echoes beyond this range; lowest value: the board's maximum range")
+        self.max_range.setSpecialValueText("maximum")
         self.traces = QCheckBox("Record traces")
         self.traces.setToolTip("Record the received signal of each ping, about 3 kB per reading")
         self.summary = QLabel()
@@ -144,7 +144,7 @@ class DevicePanel(QWidget):
                 ("Step", self.step),
                 ("Pings", self.pings),
                 ("Sweeps", self.sweeps),
-                ("Range", self.reach),
+                ("Range", self.max_range),
             )
         ):
             row, column = divmod(place, 2)
@@ -181,11 +181,11 @@ class DevicePanel(QWidget):
         column.addStretch(1)
 
     def _connect(self) -> None:
-        self.connect_button.clicked.connect(self.connect_wanted)
-        self.disconnect_button.clicked.connect(self.disconnect_wanted)
+        self.connect_button.clicked.connect(self.connect_requested)
+        self.disconnect_button.clicked.connect(self.disconnect_requested)
         self.turn.clicked.connect(self._turn)
         self.target.entered.connect(self._turn)
-        for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.reach):
+        for field in (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range):
             field.valueChanged.connect(self._send_settings)
         self.traces.toggled.connect(self._send_settings)
 
@@ -193,16 +193,16 @@ class DevicePanel(QWidget):
 
     @Slot()
     def _turn(self) -> None:
-        self.turn_wanted.emit(math.radians(self.target.value()))
+        self.turn_requested.emit(math.radians(self.target.value()))
 
     @Slot()
     def _send_settings(self) -> None:
         scan_settings, order = self._status.scan_settings, self._show_summary()
         if scan_settings is not None and order is not None:
-            reach = self.reach.value()
-            far = None if reach == self.reach.minimum() else self._look.unit.metres(reach)
+            limit = self.max_range.value()
+            max_range = None if limit == self.max_range.minimum() else self._look.unit.metres(limit)
             self.settings_changed.emit(
-                replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=far)
+                replace(scan_settings, order=order, traces=self.traces.isChecked(), max_range=max_range)
             )
 
     def _sector(self) -> tuple[float, float, float, int, int]:
@@ -213,14 +213,14 @@ class DevicePanel(QWidget):
     def _show_settings(self) -> None:
         """Fill the fields from the scan settings. Fields with the same meaning keep the typed text."""
         unit = self._look.unit
-        fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.reach, self.traces)
+        fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range, self.traces)
         blocked = [QSignalBlocker(field) for field in fields]
-        self.reach.setRange(0.0, unit.of(_LONGEST))
-        self.reach.setSuffix(f" {unit.label}")
-        self.reach.setSingleStep(unit.of(0.5))
+        self.max_range.setRange(0.0, unit.of(_LONGEST))
+        self.max_range.setSuffix(f" {unit.label}")
+        self.max_range.setSingleStep(unit.of(0.5))
         scan_settings = self._status.scan_settings
         if scan_settings is not None:
-            self.reach.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
+            self.max_range.setValue(0.0 if scan_settings.max_range is None else unit.of(scan_settings.max_range))
             self.traces.setChecked(scan_settings.traces)
             if not self._has_order_of(scan_settings):
                 self._fill(scan_settings)

@@ -74,7 +74,7 @@ _FROM_FILE = "From file…"
 class ModelGroup(Group):
     """The board profile, and the options of receiver, sensor unit and edge diffraction."""
 
-    board_file_wanted = Signal()
+    board_file_requested = Signal()
 
     def __init__(self, change: Change) -> None:
         super().__init__("Board and model", change)
@@ -124,7 +124,7 @@ class ModelGroup(Group):
     def _choose_board(self, name: str) -> None:
         if name == _FROM_FILE:
             self.board.setCurrentText(self._named)  # until the file is read
-            self.board_file_wanted.emit()
+            self.board_file_requested.emit()
             return
         self._change(partial(with_board, board={**self._boards, **self._own}[name]))
 

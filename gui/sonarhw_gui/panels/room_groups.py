@@ -132,7 +132,7 @@ class SurfaceGroup(Group):
         self.remove = QPushButton("Remove")
         self.remove.setToolTip("Remove it from the room (Del)")
         self._room: Room | None = None
-        self._wanted = ""  # name of the chosen wall or post
+        self._chosen_name = ""  # name of the chosen wall or post
         for name, field in (
             ("Name", self.surface),
             ("Material", self.material),
@@ -149,15 +149,15 @@ class SurfaceGroup(Group):
         if room is self._room:
             return
         self._room = room
-        show_names(self.surface, room.names, self._wanted)
+        show_names(self.surface, room.names, self._chosen_name)
         show_names(self.material, materials(room), "")
         self._draw_surface(room)
 
     def choose(self, name: str | None) -> None:
         """Choose a wall or post. The name may belong to one that is not shown yet."""
-        self._wanted = name or self._wanted
-        if self._room is not None and self._wanted in self._room.names:
-            self.surface.setCurrentText(self._wanted)
+        self._chosen_name = name or self._chosen_name
+        if self._room is not None and self._chosen_name in self._room.names:
+            self.surface.setCurrentText(self._chosen_name)
             self._draw_surface(self._room)
 
     def _draw_surface(self, room: Room) -> None:
@@ -169,9 +169,9 @@ class SurfaceGroup(Group):
     @Slot(int)
     def _choose(self, number: int) -> None:
         if self._room is not None:
-            self._wanted = self._room.names[number]
+            self._chosen_name = self._room.names[number]
             self._draw_surface(self._room)
-            self.chosen.emit(None if number in self._room.levels else self._wanted)
+            self.chosen.emit(None if number in self._room.levels else self._chosen_name)
 
     @Slot(str)
     def _set_material(self, material: str) -> None:

@@ -1,1 +1,1 @@
-"""Small widgets and drawing functions without knowledge of sonar."""
+"""Small widgets and drawing functions that are not specific to sonar."""

@@ -74,10 +74,10 @@ class PlanController:
         self.tool: Tool = Hand(self)
         self._busy = False  # during a drag that the tool uses
         self._cancelled = False  # whether to ignore the rest of a cancelled drag
-        self.chosen: str | None = None  # by name: numbers change
-        self._before: str | None = None  # chosen, as the drag began
+        self.chosen: str | None = None  # name of a wall or post, because indices change
+        self._before: str | None = None  # chosen when the drag began
         self.clock: Callable[[], float] = time.monotonic
-        self._nudged, self._nudging = -math.inf, object()
+        self._last_key, self._key_gesture = -math.inf, object()
         self._last_edit: tuple[Scene, Shown] | None = None  # scene of the last edit, and what was shown before it
 
     # the interface `ToolContext`
@@ -172,10 +172,10 @@ class PlanController:
 
     def _by_key(self, edit: Callable[[Scene], Edit]) -> None:
         now = self.clock()
-        if now - self._nudged > _PAUSE:
-            self._nudging = object()
-        self._nudged = now
-        self.change(edit, self.scene, self._nudging)
+        if now - self._last_key > _PAUSE:
+            self._key_gesture = object()
+        self._last_key = now
+        self.change(edit, self.scene, self._key_gesture)
 
     # the mouse
 

@@ -44,7 +44,7 @@ class PlanDrawing(Canvas):
         super().__init__(self.plot)
         self.shown: Shown | None = None
         self._measured, self._predicted = measured, predicted
-        self._by_hand = False  # whether the user has panned or zoomed
+        self._zoomed_by_user = False  # whether the user has panned or zoomed
         self.plot.setAspectLocked(True)
         self.room, self.sensor = RoomLayer(self.plot), SensorLayer(self.plot)
         self._outline = Outline()
@@ -87,11 +87,11 @@ class PlanDrawing(Canvas):
     def _show_reading(self, reading: FloatArray | None) -> None:
         """Extend the visible range to the chosen reading, unless the user has panned or zoomed."""
         seen = self._box.viewRect()
-        if reading is not None and not self._by_hand and not seen.contains(QPointF(*reading)):
+        if reading is not None and not self._zoomed_by_user and not seen.contains(QPointF(*reading)):
             self._fit(reading, besides=seen)
 
     def _fit(self, reading: FloatArray | None = None, besides: QRectF | None = None) -> None:
-        self._by_hand = False
+        self._zoomed_by_user = False
         scene = self.controller.scene if self.shown else None
         if scene is None or scene.room is None:
             self._box.autoRange(padding=0.05)
@@ -104,12 +104,12 @@ class PlanDrawing(Canvas):
 
     def zoom(self, scale: float) -> None:
         """Scale the visible range by `scale` about its middle."""
-        self._by_hand = True
+        self._zoomed_by_user = True
         self._box.scaleBy((scale, scale))
 
     def pan(self, right: int, up: int) -> None:
         """Move the visible range by tenths of its size."""
-        self._by_hand = True
+        self._zoomed_by_user = True
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
@@ -184,7 +184,7 @@ class PlanDrawing(Canvas):
 
     @Slot()
     def _keep_range(self) -> None:
-        self._by_hand = True
+        self._zoomed_by_user = True
 
     def _set_look(self, look: Look) -> None:
         self.set_look(look)

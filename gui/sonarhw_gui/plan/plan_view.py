@@ -97,5 +97,5 @@ def _button(action: QAction) -> QToolButton:
     button = QToolButton(autoRaise=True)
     button.setDefaultAction(action)
     button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keys stay with the window
+    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the window keeps the keyboard focus
     return button

@@ -36,11 +36,11 @@ class Canvas(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph has no
     def __init__(self, *plots: pg.PlotItem) -> None:
         """Arrange `plots` in one column. A single plot fills the canvas to its edges."""
         super().__init__()
-        # a scatter reports less than it leaves: partial updates would keep old points on the screen
+        # a scatter paints more than the area it reports, so partial updates would leave old points on the screen
         self.setViewportUpdateMode(QGraphicsView.ViewportUpdateMode.FullViewportUpdate)
         self._plots = plots
         if len(plots) == 1:
-            self.setCentralItem(plots[0])  # inside a layout it would get its size one paint too late
+            self.setCentralItem(plots[0])  # in a layout it would be resized one paint late
         else:
             for row, plot in enumerate(plots):
                 self.addItem(plot, row=row, col=0)

@@ -23,7 +23,7 @@ _MOST_MARKS = 2000  # of one class; more are drawn as dots, because each mark ta
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
 _LOWEST = 10  # z value of the lowest of dots, scatters and ring
-ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # z value below the ring
+ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # z value above dots and scatters, below the ring
 NO_MARKS: Placed = (NO_POINTS, NOWHERE)
 
 

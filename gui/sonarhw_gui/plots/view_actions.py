@@ -24,5 +24,5 @@ def add_buttons(row: QHBoxLayout, actions: Sequence[QAction]) -> None:
         button = QToolButton()
         button.setAutoRaise(True)
         button.setDefaultAction(action)
-        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # keys stay with the window
+        button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the window keeps the keyboard focus
         row.addWidget(button)

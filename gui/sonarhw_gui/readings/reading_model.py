@@ -40,7 +40,7 @@ class ReadingModel(QAbstractTableModel):
         super().__init__(parent)
         self.rows: ReadingRows = NO_ROWS
         self.order: IntArray = np.empty(0, np.int64)  # index into `rows` for each row of the table
-        self.wanted = RowQuery()
+        self.query = RowQuery()
         self._shown: Shown | None = None
         self._sentences: dict[int, str] = {}
         self._marks: dict[Class, QPixmap] = {}
@@ -56,15 +56,15 @@ class ReadingModel(QAbstractTableModel):
             self._emit_data_changed()
         if before is None or not shown.same_readings(before):
             self._sentences.clear()
-            self._change(shown.rows, order_of(shown.rows, self.wanted))
+            self._change(shown.rows, order_of(shown.rows, self.query))
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._faint = QBrush(QColor(shown.look.palette.faint)) if shown.outdated else None
             self._emit_data_changed()
 
-    def want(self, wanted: RowQuery) -> None:
+    def set_query(self, query: RowQuery) -> None:
         """Apply a filter and an order."""
-        self.wanted = wanted
-        self._change(self.rows, order_of(self.rows, wanted))
+        self.query = query
+        self._change(self.rows, order_of(self.rows, query))
 
     def place_of(self, reading: int) -> int | None:
         """Return the table row of a reading; None if it is filtered out."""
@@ -109,7 +109,7 @@ class ReadingModel(QAbstractTableModel):
         """Sort by a column. Sentences begin with the range and are sorted by it."""
         by = Column.MEASURED if column == Column.SENTENCE else Column(column)
         descending = order is Qt.SortOrder.DescendingOrder
-        self.want(RowQuery(by, descending, self.wanted.hidden, self.wanted.text))
+        self.set_query(RowQuery(by, descending, self.query.hidden, self.query.text))
 
     # changes
 

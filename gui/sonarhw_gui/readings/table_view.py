@@ -240,7 +240,7 @@ class TableView(QWidget):
     def _filter(self) -> None:
         hidden = frozenset(kind for kind, button in self.classes.items() if not button.isChecked())
         self._following = True
-        self.model.want(replace(self.model.wanted, hidden=hidden, text=self.words.text()))
+        self.model.set_query(replace(self.model.query, hidden=hidden, text=self.words.text()))
         self._following = False
         self._follow_again()
 

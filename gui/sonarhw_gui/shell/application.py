@@ -41,7 +41,7 @@ class WindowStart:
 
     scene: Scene
     source: ScannerOpener | Log | None = None  # opens a scanner, or a log to replay
-    source_name: str = "the log"  # its file name
+    source_name: str = "the log"  # file name of the log
     source_file: Path | None = None  # path of the log
     used: tuple[Path, ...] = ()  # files named by the user, added to the recent files
     url: str = ""  # of the scanner

@@ -97,7 +97,7 @@ class MainWindow(QMainWindow):
         views.plan.gestures.surface_chosen.connect(self.room.choose_surface)
         self.room.surface_chosen.connect(views.plan.drawing.controller.choose_surface)
         self.room.edited.connect(session.showing.edit)
-        self.room.model.board_file_wanted.connect(self.files.ask_board)
+        self.room.model.board_file_requested.connect(self.files.ask_board)
         self.toolbar.place.textActivated.connect(session.showing.set_place)
         commands.find.triggered.connect(self._find_place)
         commands.fit.triggered.connect(views.fit)

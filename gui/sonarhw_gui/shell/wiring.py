@@ -34,9 +34,9 @@ def connect_commands(commands: Commands, session: WindowSession) -> None:
 
 def connect_device(panel: DevicePanel, session: WindowSession) -> None:
     """Connect the device panel with the scanner."""
-    panel.connect_wanted.connect(session.live.connect)
-    panel.disconnect_wanted.connect(session.live.disconnect)
-    panel.turn_wanted.connect(session.live.turn)
+    panel.connect_requested.connect(session.live.connect)
+    panel.disconnect_requested.connect(session.live.disconnect)
+    panel.turn_requested.connect(session.live.turn)
     panel.settings_changed.connect(session.live.set_scan_settings)
 
 

@@ -1,4 +1,4 @@
-"""Names of the predicted echoes, in a few rows above the trace, the strongest first and without overlap.
+"""Names of the predicted echoes in a few rows above the trace, without overlap: first the reported one, then by level.
 
 Each name has a stem to its echo. Names that do not fit appear after a zoom, or as a tooltip.
 """
@@ -23,7 +23,7 @@ _ROW = 15.0  # pixels at the default text size
 _GAP = 9.0  # pixels between two names in a row
 _LONGEST = 30  # characters; the middle of a longer name is left out
 _LONGEST_REPORTED = 64
-_POINTS = 8.0  # of the font
+_POINTS = 8.0  # font size
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class EchoNames:
         return self._look.palette.predicted if echo.detectable else self._look.palette.ink
 
     def _fitting(self) -> list[_Name]:
-        """Return the names that fit, the strongest first."""
+        """Return the names that fit: first the reported echo, then by level."""
         rows: list[list[tuple[float, float]]] = [[] for _ in range(self._rows)]
         names = (self._placed(echo, rows) for echo in self._echoes)
         return [name for name in names if name is not None]

@@ -183,7 +183,7 @@ def test_echoes_beyond_a_shorter_range_are_ignored(
     qtbot: QtBot, open_with: OpenWith, board: FakeBoard, during: ExitStack
 ) -> None:
     window = opened(open_with, board, during, "max")
-    type_into(qtbot, window.device.reach, "0.6")
+    type_into(qtbot, window.device.max_range, "0.6")
     window.commands.scan.trigger()
     until(qtbot, lambda: idle(window, Phase.DONE))
     ranges = [reading.range for reading in window.session.shown.readings if reading.range is not None]

@@ -323,7 +323,7 @@ def test_a_reading_chosen_elsewhere_becomes_visible_unless_the_user_has_zoomed(
     for by_hand in (True, False):
         window.session.showing.choose(nearest)
         box.setRange(QRectF(drawn[nearest][0] - 0.05, drawn[nearest][1] - 0.05, 0.1, 0.1), padding=0)
-        plan._by_hand = by_hand
+        plan._zoomed_by_user = by_hand
         window.session.showing.choose(farthest)
         assert box.viewRect().contains(QPointF(*drawn[farthest])) is not by_hand
 
