@@ -307,7 +307,7 @@ def test_a_cable_pulled_between_scans_is_reported(
     press(qtbot, window.device.connect_button)
     until(qtbot, lambda: idle(window, Phase.READY))
     board.plug = None
-    until(qtbot, lambda: "plug it in again" in window.banner.message)
+    until(qtbot, lambda: "plug the scanner in again" in window.banner.message)
     assert window.device.state.text().startswith("Lost")
     board.plug = 0
     until(qtbot, lambda: window.banner.message == "")
