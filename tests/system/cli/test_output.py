@@ -15,6 +15,7 @@ from sonarhw_cli.console.options import LOG, checked_out
 from sonarhw_cli.console.output import atomic_file, text_output
 
 from sonarhw.errors import InputError
+from sonarhw.export.export_formats import export_suffixes
 from tests.checkout import CHECKOUT
 from tests.fixtures.example_logs import write_example
 
@@ -70,7 +71,7 @@ def test_no_command_overwrites_its_input(
         ("paths", "x.mcap", ".csv, or - for standard output"),
         ("simulate", "x.docx", ".csv, .npz, .png or .mcap, or - for standard output"),
         ("simulate", ".csv", ".csv, .npz, .png or .mcap, or - for standard output"),
-        ("export", "x.png", ".csv, .npz or .mcap, or - for standard output"),
+        ("export", "x.png", f"{', '.join(export_suffixes())} or .mcap, or - for standard output"),
         ("compare", "-", ".png"),
         ("compare", "x.csv", ".png"),
     ],

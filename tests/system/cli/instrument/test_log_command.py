@@ -251,7 +251,7 @@ def test_an_export_in_an_unknown_format_is_refused(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["log", "export", str(log), "--out", str(tmp_path / "scan.txt")]) == 2
-    assert ".csv, .npz or .mcap, or - for" in capsys.readouterr().err
+    assert f"{', '.join(export_formats.export_suffixes())} or .mcap, or - for" in capsys.readouterr().err
     assert not (tmp_path / "scan.txt").exists()
 
 

@@ -133,5 +133,5 @@ def test_kuc_siegel_misses_the_false_wall_of_figure_9() -> None:
 
 
 @pytest.mark.parametrize("model", Model)
-def test_every_model_has_a_function(model: Model) -> None:
-    assert predict_with(model, SQUARE, HERE, PAPER, np.zeros(1)).ranges == pytest.approx([1.0])
+def test_every_model_predicts_a_scan(model: Model) -> None:
+    assert np.isfinite(predict_with(model, SQUARE, HERE, PAPER, np.zeros(1)).ranges).all()
