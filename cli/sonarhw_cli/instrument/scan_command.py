@@ -238,8 +238,8 @@ def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[N
 def _warn_of_another_count(count: int, request: _Request) -> None:
     """Warn if a replayed log had fewer or more readings than requested: a replay plays all its readings."""
     if count != request.order.readings:
-        asked = counted(request.order.readings, "reading")
-        warn(f"{asked} requested, {count} received: a replay plays all readings of its log, and no others")
+        requested = counted(request.order.readings, "reading")
+        warn(f"{requested} requested, {count} received: a replay plays all readings of its log, and no others")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:

@@ -63,7 +63,7 @@ def _section(exhibit: Exhibit) -> str:
     if exhibit.scenes:
         lines += ["```", *(scene.command for scene in exhibit.scenes), "```", ""]
     lines += [f"![{exhibit.title}]({picture_name(exhibit)})", ""]
-    lines += ["| the paper says | here | seen |", "|---|---|---|"]
+    lines += ["| the paper says | the model shows | agrees |", "|---|---|---|"]
     lines += [_row(claim) for claim in claims(exhibit)]
     return "\n".join((*lines, ""))
 

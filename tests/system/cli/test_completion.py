@@ -55,8 +55,8 @@ def test_other_shells_get_a_script_and_completions(home: Path, shell: str, insta
     printed = output(["sonarhw", "--install-completion", shell], _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
     assert f"{shell} completion installed in {home / installed}" in printed
     assert f"_SONARHW_COMPLETE=complete_{shell}" in (home / installed).read_text()
-    asked = {"_SONARHW_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": "sonarhw simu"}
-    assert wanted in output(["sonarhw"], _TYPER_COMPLETE_FISH_ACTION="get-args", **asked)
+    completion = {"_SONARHW_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": "sonarhw simu"}
+    assert wanted in output(["sonarhw"], _TYPER_COMPLETE_FISH_ACTION="get-args", **completion)
 
 
 def test_completion_and_help_do_not_import_slow_packages() -> None:
