@@ -1,1 +1,1 @@
-"""The device side of the protocol: fake boards, faults, and serving them on a port."""
+"""The device side of the protocol: fake and emulated boards, their faults, and the ports that serve them."""

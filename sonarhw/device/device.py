@@ -1,33 +1,33 @@
-"""The board's side of the line, seen from the line: what a fake scanner and a replayed log have in common.
+"""The interface that fake scanners and replayed logs share.
 
-A device is a machine without threads, ports or clock: it is told the time, takes bytes and gives bytes.
+A device has no threads, ports or clock: the caller passes the time and the bytes, and gets bytes back.
 """
 
 from typing import Protocol
 
 
 class Device(Protocol):
-    """Something that answers as a scanner."""
+    """A device that answers as a scanner."""
 
     plug: int | None
-    """Which socket of the host its cable is in, counted from 0; None while it is in none."""
+    """Number of the host's socket that its cable is in, from 0; None while it is unplugged."""
 
-    hurry: float
-    """How many times faster than real its time passes: a host, which lives in real time, may be silent for so much
-    longer; infinite: for ever."""
+    speedup: float
+    """By how much its time passes faster than real time. The host uses real time, so its silence may be that much
+    longer in the device's time. If infinite, any silence is allowed."""
 
     @property
     def busy(self) -> bool:
-        """Whether it homes, turns or scans; an idle device has only heartbeats to send."""
+        """Whether it homes, turns or scans. An idle device only sends heartbeats."""
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take bytes from the host; `now` in s on any clock that does not run backwards."""
+        """Process bytes from the host. `now` is in s on any monotonic clock."""
 
     def next_event(self) -> float | None:
-        """When `advance` next has something to do, s; None: only after bytes from the host."""
+        """Return the time when `advance` is next needed, s. None if only after bytes from the host."""
 
     def advance(self, now: float) -> bytes:
-        """Do what is due by `now`; the bytes that have left for the host since the last call."""
+        """Do the work due by `now`, and return the bytes sent to the host since the last call."""
 
     def hang_up(self) -> None:
-        """The host has gone: stop, forget the conversation, wait for the next Hello."""
+        """Handle the departure of the host: stop, drop the conversation, wait for the next Hello."""

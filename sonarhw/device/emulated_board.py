@@ -1,10 +1,10 @@
-"""The board that is not there: the real firmware, emulated, on a pseudo-terminal.
+"""An emulated board that runs the real firmware, on a pseudo-terminal.
 
     with emulated_board(echoes) as board:
         Scanner.open(board.url)
 
-Takes an echo source; owns the process in which the firmware runs and answers its pings. What is on the other side of
-`url` is the firmware itself: every byte comes from its code.
+The firmware runs in a process of its own, and an echo source answers its pings. Every byte at `url` comes from the
+code of the firmware.
 """
 
 import queue
@@ -23,7 +23,7 @@ from sonarhw.echo_source import EchoSource, Ping, PingResult
 from sonarhw.errors import InputError, LinkError
 
 BUILT = Path(__file__).parents[2] / "firmware" / "build"
-LISTEN = 0.0655  # s; a little longer than the firmware can
+LISTEN = 0.0655  # s; a little longer than the firmware can listen
 _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
 _HEADER = struct.Struct("<cI")
@@ -36,7 +36,7 @@ class EmulatedBoard:
     def __init__(self, process: "subprocess.Popen[bytes]", line: socket.socket, echoes: EchoSource) -> None:
         self._process, self._line, self._echoes = process, line, echoes
         self._writing = threading.Lock()
-        self.fired = 0.0  # when the ping under way, or the last one, began: s of the board's time
+        self.fired = 0.0  # start of the current or last ping, s of the board's time
         self._cycles: queue.Queue[tuple[int, ...]] = queue.Queue()
         kind, name = self._message()
         if kind != b"U":
@@ -45,45 +45,45 @@ class EmulatedBoard:
 
     def reset(self) -> None:
         """Press the reset button."""
-        self._tell(b"R", b"")
+        self._send(b"R", b"")
 
     def hang(self) -> None:
-        """Let the firmware run in a circle, which its watchdog ends."""
-        self._tell(b"H", b"")
+        """Put the firmware into an endless loop, which its watchdog ends."""
+        self._send(b"H", b"")
 
     def slip(self, microsteps: float) -> None:
-        """Turn the table back by hand, against the motor."""
-        self._tell(b"S", struct.pack("<d", microsteps))
+        """Turn the table back against the motor."""
+        self._send(b"S", struct.pack("<d", microsteps))
 
     def wedge(self, seconds: float) -> None:
-        """Hold the table for a while."""
-        self._tell(b"W", struct.pack("<d", seconds))
+        """Block the turntable for some seconds."""
+        self._send(b"W", struct.pack("<d", seconds))
 
     def longest_interrupts(self) -> tuple[int, ...]:
-        """How many cycles the handler of each interrupt vector took at most since the start."""
-        self._tell(b"C", b"")
+        """Return the most cycles that the handler of each interrupt vector has taken since the start."""
+        self._send(b"C", b"")
         return self._cycles.get(timeout=_READY_WITHIN)
 
     def wait(self) -> int:
-        """Wait until it ends; its exit status."""
+        """Wait until the process ends, and return its exit status."""
         return self._process.wait()
 
     def end(self) -> None:
         """Switch it off."""
         self._process.terminate()
-        # it may be waiting for an answer
+        # the emulator may be waiting for an answer
         with suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
 
     def serve(self) -> None:
-        """Answer pings until the board has gone. Raises what the echo source does."""
+        """Answer pings until the process has ended. Raises what the echo source raises."""
         while (message := self._next()) is not None:
             kind, payload = message
             if kind == b"P":
                 degrees, self.fired, sweep, index = _PING.unpack(payload)
-                heard = self._echoes.receive(Ping(np.radians(degrees), sweep, index, LISTEN, True))
-                with suppress(BrokenPipeError):  # it may have been switched off meanwhile
-                    self._tell(b"E", packed(heard))
+                result = self._echoes.receive(Ping(np.radians(degrees), sweep, index, LISTEN, True))
+                with suppress(BrokenPipeError):  # the board may have been switched off meanwhile
+                    self._send(b"E", packed(result))
             elif kind == b"C":
                 self._cycles.put(struct.unpack(f"<{len(payload) // 4}I", payload))
 
@@ -93,7 +93,7 @@ class EmulatedBoard:
         except (EOFError, OSError):
             return None
 
-    def _tell(self, kind: bytes, payload: bytes) -> None:
+    def _send(self, kind: bytes, payload: bytes) -> None:
         with self._writing:
             self._line.sendall(_HEADER.pack(kind, len(payload)) + payload)
 
@@ -111,13 +111,13 @@ class EmulatedBoard:
         return taken
 
 
-def packed(heard: PingResult) -> bytes:
-    """What one ping brought back, as the emulator reads it."""
-    times = struct.pack(f"<I{len(heard.echo_times)}d", len(heard.echo_times), *heard.echo_times)
-    if heard.trace is None:
+def packed(result: PingResult) -> bytes:
+    """Return the echoes and the trace of one ping in the format of the emulator."""
+    times = struct.pack(f"<I{len(result.echo_times)}d", len(result.echo_times), *result.echo_times)
+    if result.trace is None:
         return times + struct.pack("<ddI", 1.0, 0.0, 0)
-    samples = np.nan_to_num(heard.trace.samples).astype("<f4")
-    return times + struct.pack("<ddI", heard.trace.rate, heard.trace.start, len(samples)) + samples.tobytes()
+    samples = np.nan_to_num(result.trace.samples).astype("<f4")
+    return times + struct.pack("<ddI", result.trace.rate, result.trace.start, len(samples)) + samples.tobytes()
 
 
 @contextmanager
@@ -129,11 +129,11 @@ def emulated_board(
     eeprom: Path | None = None,
     built: Path = BUILT,
 ) -> Iterator[EmulatedBoard]:
-    """The firmware built in `built`, running until the block ends.
+    """Run the firmware in the folder `built` until the block ends.
 
-    `stands_deg` is where the table stands at power-on; `eeprom` a file that keeps what outlives a power cut. Raises
-    InputError where firmware or emulator is not built, LinkError where it does not start or ended by itself (it does so
-    where the firmware sends or steps while it listens), and at the end of the block what went wrong in the echo source.
+    `stands_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM. Raises
+    InputError if firmware or emulator is not built, and LinkError if the emulator does not start or ends by itself. It
+    ends by itself if the firmware sends or steps while it listens. An error of the echo source is raised at the end.
     """
     for needed in (built / "emulator", built / "sonar.elf"):
         if not needed.exists():
@@ -147,17 +147,17 @@ def emulated_board(
         try:
             board = EmulatedBoard(process, line, echoes)
         except (EOFError, OSError) as error:
-            raise LinkError("the emulated board did not start; what it said stands above") from error
+            raise LinkError("the emulated board did not start; see its output above") from error
         line.settimeout(None)
         with _served(board):
             yield board
         if process.wait(_ENDS_WITHIN):
-            raise LinkError(f"the emulated board ended with {process.returncode}; what it said stands above")
+            raise LinkError(f"the emulated board ended with exit status {process.returncode}; see its output above")
 
 
 @contextmanager
 def _started(arguments: list[str | Path]) -> Iterator[tuple["subprocess.Popen[bytes]", socket.socket]]:
-    """The process and the line to it; ended with the block."""
+    """Start the process and return it with the socket to it. It ends with the block."""
     ours, its = socket.socketpair()
     ours.settimeout(_READY_WITHIN)
     command = [*arguments, "--parent", str(its.fileno())]

@@ -1,10 +1,10 @@
-"""Serves a device where clients can open it: on a pseudo-terminal or a TCP port, in real time, faster, or at once.
+"""Serve a device on a pseudo-terminal or a TCP port, in real time, faster, or as fast as possible.
 
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         Scanner.open(endpoint.url)
 
-Takes a `Device`; hands its bytes to one client after another. One thread; it never sleeps past a wake-up.
-Nothing piles up: bytes a client does not read hold back the device's time, and with it everything it does.
+It serves one client after another in one thread. While a client does not read, the time of the device stands still, so
+that unsent bytes do not pile up.
 """
 
 import math
@@ -25,13 +25,13 @@ __all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_server_port", "serve
 
 Pace = float | Literal["real", "max"]
 _LONGEST_WAIT = 0.1  # s
-# s of real time passed on at once: a stalled machine slows the device, it does not make it jump; with room above the
-# longest wait, or the device would lose time whenever it has nothing to do
+# s of real time that pass at once: after a stall of the machine the device runs late but does not jump. It is above the
+# longest wait, or an idle device would lose time.
 _LONGEST_STEP = 3 * _LONGEST_WAIT
 
 
 class Clock:
-    """The device's time: real time × `pace`, standing still while the client does not read."""
+    """The time of the device: real time × `pace`. It stands still while the client does not read."""
 
     def __init__(self, pace: Pace) -> None:
         self.now = 0.0
@@ -40,41 +40,41 @@ class Clock:
         self._last = time.monotonic()
 
     def tick(self, held: bool) -> None:
-        """Let real time pass; `held`: it does not count."""
+        """Let real time pass. If `held`, the time of the device stands still."""
         real = time.monotonic()
         if not held:
             self.now += min(real - self._last, _LONGEST_STEP) * self.speed
         self._last = real
 
     def skip_to(self, event: float) -> None:
-        """Let time pass up to `event` at once."""
+        """Advance the time to `event` at once."""
         self.now = max(self.now, event)
 
     def real_until(self, event: float) -> float:
-        """Real time until `event`, s."""
+        """Return the real time until `event`, s."""
         return max(0.0, event - self.now) / self.speed
 
 
 def check_pace(pace: Pace) -> Pace:
-    """`pace`, where it is one. Raises InputError otherwise."""
+    """Return `pace` if it is valid. Raises InputError otherwise."""
     if pace not in ("real", "max") and not (isinstance(pace, float | int) and 0 < pace < math.inf):
         raise InputError(f"pace {pace}: expected real, max, or a factor above 0 such as 10")
     return pace
 
 
 class Endpoint:
-    """A device behind a port: `run` serves it in the caller's thread until `stop`."""
+    """A device on a port. `run` serves it in the caller's thread until `stop`."""
 
     def __init__(
         self, device: Device, port: ServerPort, pace: Pace = "real", moved: Callable[[str], None] = lambda url: None
     ) -> None:
-        """`moved` is told the new URL where the device's cable comes back under another name."""
+        """`moved` is called with the new URL if the device reappears under another name."""
         self._device = device
         self._port = port
         self._moved = moved
         self._plug = device.plug
         self._clock = Clock(check_pace(pace))
-        device.hurry = math.inf if self._clock.free else max(1.0, self._clock.speed)
+        device.speedup = math.inf if self._clock.free else max(1.0, self._clock.speed)
         self._pending = b""
         self._stopping = False
         self._waker, self._wake = socket.socketpair()
@@ -82,11 +82,11 @@ class Endpoint:
 
     @property
     def url(self) -> str:
-        """Where clients find the device, or found it last."""
+        """URL at which clients reach the device, or reached it last."""
         return self._port.url
 
     def stop(self) -> None:
-        """End serving; callable from any thread and from a signal handler."""
+        """Stop serving; callable from any thread and from a signal handler."""
         self._stopping = True
         with suppress(OSError):
             self._wake.send(b"x")
@@ -98,13 +98,13 @@ class Endpoint:
                 self._clock.tick(held=bool(self._pending))
                 if not self._pending:
                     self._pending = self._device.advance(self._clock.now)
-                self._follow_the_cable()
+                self._follow_cable()
                 self._converse(self._wait_for())
         finally:
             self._waker.close()
             self._wake.close()
 
-    def _follow_the_cable(self) -> None:
+    def _follow_cable(self) -> None:
         before, self._plug = self._plug, self._device.plug
         if self._plug == before:
             return
@@ -118,7 +118,7 @@ class Endpoint:
                 self._moved(self._port.url)
 
     def _wait_for(self) -> float:
-        """How long nothing needs to be done, s of real time."""
+        """Return the time until something is due, s of real time."""
         if self._pending:
             return _LONGEST_WAIT
         event = self._device.next_event()
@@ -130,19 +130,19 @@ class Endpoint:
 
     def _converse(self, wait: float) -> None:
         if self._pending:
-            self._speak(wait)
+            self._send(wait)
             wait = 0.0
-        # a client that does not read is not listened to either, lest its answers pile up in the device
+        # a client that does not read is not read from either, so that its answers do not pile up in the device
         if not self._pending:
-            self._listen(wait)
+            self._receive(wait)
 
-    def _speak(self, wait: float) -> None:
+    def _send(self, wait: float) -> None:
         writer = self._port.writer()
         if writer is not None and writer not in select.select([self._waker.fileno()], [writer], [], wait)[1]:
             return
         self._sent(self._port.write(self._pending))
 
-    def _listen(self, wait: float) -> None:
+    def _receive(self, wait: float) -> None:
         readers = self._port.readers()
         if set(select.select([self._waker.fileno(), *readers], [], [], wait)[0]) & set(readers):
             self._received(self._port.read())
@@ -166,9 +166,9 @@ class Endpoint:
 
 @contextmanager
 def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace: Pace = "real") -> Iterator[Endpoint]:
-    """Serve `device` in a thread of its own, which has ended when the block has. Raises what `open_server_port` does.
+    """Serve `device` in a separate thread, which ends with the block. Raises what `open_server_port` raises.
 
-    What went wrong in the device is raised at the end of the block.
+    An error in the device is raised at the end of the block.
     """
     failures: list[BaseException] = []
 
@@ -177,7 +177,7 @@ def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace:
             endpoint.run()
         except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the endpoint
             failures.append(failure)
-            port.close()  # clients see it go
+            port.close()  # so that clients notice the error
 
     with open_server_port(pty, tcp) as port:
         endpoint = Endpoint(device, port, pace)

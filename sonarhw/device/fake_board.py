@@ -1,7 +1,7 @@
-"""A scanner that is not there: the board's side of the protocol, with a turntable that takes time.
+"""A fake scanner: the device side of the protocol, with a simulated turntable and the echoes of an echo source.
 
-Takes bytes from a host and hears through an echo source; hands on the bytes a real board would send, no sooner than
-its line could carry them. It is a `Device`: no thread, no port, no clock of its own.
+It sends the bytes that a real board would send, at the speed of its line. It is a `Device`, without threads, ports or
+clock.
 """
 
 import math
@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sonarhw.device.device_protocol import Failing, ProtocolDevice, Refusing
+from sonarhw.device.device_protocol import ActionError, ProtocolDevice, RefusalError
 from sonarhw.device.paced_line import Line
 from sonarhw.device.turntable import SPEED, Turntable
 from sonarhw.echo_source import EchoSource, Ping
@@ -35,30 +35,30 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
 from sonarhw.wire.units import centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of, seconds_of
 
-PING_PERIOD = 0.100  # s from start to start; turning and settling within
+PING_PERIOD = 0.100  # s from the start of a ping to the next, including turning and settling
 MAX_LISTEN = 0.065  # s
-REACH = 720_000_000  # µdeg either way; the transducer's cable winds no further
+REACH = 720_000_000  # µdeg in each direction; limit of the transducer's cable
 STEPS = 200
 MICROSTEPS = 3200
-_PATIENCE = 0.05  # s between two looks whether the echo source is ready
+_POLL = 0.05  # s between two checks whether the echo source is ready
 
 
 @dataclass(frozen=True)
 class BoardIdentity:
-    """What the board says of itself."""
+    """The identity that the board reports."""
 
     serial: str = "FAKE-0001"
-    profile: str = ""  # board profile that describes it
+    profile: str = ""  # name of its board profile
     trace_rate: int = 50_000  # Hz
     firmware: str = "sonarhw-fake 0.1.0"
     major: int = PROTOCOL_MAJOR
     minor: int = PROTOCOL_MINOR
-    boot: int = 1  # how often it has been switched on
-    bauds: tuple[int, ...] = ()  # speeds of its line; empty: it has none of its own
+    boot: int = 1  # number of starts
+    bauds: tuple[int, ...] = ()  # baud rates of its line; empty: the line has no baud rate
 
 
 class FakeBoard(ProtocolDevice):
-    """The fake board. Its clock starts at 0 with the first time it is told; its noise is the echo source's affair."""
+    """The fake board. Its clock starts at 0 at the first `now` it receives. The echo source adds the noise."""
 
     def __init__(
         self,
@@ -68,51 +68,51 @@ class FakeBoard(ProtocolDevice):
         identity: BoardIdentity | None = None,
         ready: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`ready` tells whether the echo source answers at once by now; until then no ping is made."""
-        me = identity or BoardIdentity(serial=f"FAKE-{seed:04d}")
-        super().__init__(Line(bauds=me.bauds))
-        self.line.minor = me.minor if me.major == PROTOCOL_MAJOR else PROTOCOL_MINOR
+        """`ready` returns True when the echo source can answer at once. Until then no ping is made."""
+        board = identity or BoardIdentity(serial=f"FAKE-{seed:04d}")
+        super().__init__(Line(bauds=board.bauds))
+        self.line.minor = board.minor if board.major == PROTOCOL_MAJOR else PROTOCOL_MINOR
         self._echoes = echoes
         self._ready = ready
-        self._identity = me
+        self._identity = board
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         self._lost_steps = 0  # microsteps
-        self._next_ping = 0.0  # s; not before that, so that the echoes of the last one have died
+        self._next_ping = 0.0  # s; earliest time of the next ping, when the echoes of the last one have faded
         self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
 
     @property
     def busy(self) -> bool:
-        """Whether it homes, turns or scans; not while its pings wait for the echo source, which needs real time."""
+        """Whether it homes, turns or scans. False while a scan waits for the echo source, which needs real time."""
         running = self._running
         return running is not None and (running.state is not State.SCANNING or self._ready())
 
     def temperature(self) -> int:
-        """Air at the board, as messages carry it."""
+        """Return the air temperature at the board in the unit of messages."""
         return centidegrees_of(self._echoes.temperature_c)
 
     def angle(self, now: float) -> int:
-        """Where the turntable points, µdeg."""
+        """Return the angle of the turntable, µdeg."""
         return microdegrees_of(self._turntable.angle(now))
 
     def info(self, sequence: int) -> Info:
-        """Who it is, in answer to the Hello of that sequence number."""
-        me = self._identity
+        """Return the identity, in answer to the Hello with that sequence number."""
+        board = self._identity
         return Info(
             command=sequence,
-            major=me.major,
-            minor=me.minor,
-            firmware=me.firmware,
-            serial=me.serial,
-            board=me.profile,
+            major=board.major,
+            minor=board.minor,
+            firmware=board.firmware,
+            serial=board.serial,
+            board=board.profile,
             temperature=self.temperature(),
-            trace_rate=me.trace_rate,
+            trace_rate=board.trace_rate,
             microsteps=MICROSTEPS,
-            boot=me.boot,
+            boot=board.boot,
             homed=int(self.homed),
         )
 
     def capabilities(self, sequence: int) -> Capabilities:
-        """What it can."""
+        """Return the capabilities."""
         rate = self._identity.trace_rate
         features = Feature.HOME_MARK | Feature.LOST_STEPS | Feature.BLANKING | Feature.REARM
         features |= Feature.ENVELOPE if rate else Feature(0)
@@ -140,63 +140,65 @@ class FakeBoard(ProtocolDevice):
 
     @property
     def homed(self) -> bool:
-        """Whether it knows its zero."""
+        """Whether the turntable is homed."""
         return self._turntable.homed
 
     @property
     def boot(self) -> int:
-        """How often it has been switched on."""
+        """Number of starts."""
         return self._identity.boot
 
     def release(self, now: float) -> None:
-        """Let go of the motor: a hand may turn the table, so its zero is no longer known."""
+        """Release the motor. The turntable can then be moved from outside, so it is no longer homed."""
         self._turntable.halt(now)
         self._turntable.homed = False
 
-    def configure(self, wish: Configure, sequence: int) -> Settings:
-        """The settings from now on in force: no longer than it can listen, no traces it has not. Raises Refusing."""
-        listen = min(wish.listen_us, microseconds_of(MAX_LISTEN))
-        if listen <= wish.blanking_us:
-            raise Refusing(
+    def configure(self, request: Configure, sequence: int) -> Settings:
+        """Apply ping settings within the limits of the board, and return those in force. Raises RefusalError."""
+        listen = min(request.listen_us, microseconds_of(MAX_LISTEN))
+        if listen <= request.blanking_us:
+            raise RefusalError(
                 Refusal.OUT_OF_RANGE,
-                f"nothing is heard with {wish.blanking_us} us of blanking in {listen} us of listening",
+                f"nothing is heard with {request.blanking_us} us of blanking in {listen} us of listening",
             )
-        rate = self._identity.trace_rate if wish.trace else 0
+        rate = self._identity.trace_rate if request.trace else 0
         self._settings = Settings(
             sequence,
             listen,
-            wish.blanking_us,
+            request.blanking_us,
             TraceKind.ENVELOPE if rate else TraceKind.NONE,
-            wish.speed_of_sound,
-            echoes=wish.echoes,
-            rearm_us=wish.rearm_us,
+            request.speed_of_sound,
+            echoes=request.echoes,
+            rearm_us=request.rearm_us,
             trace_rate=rate,
             trace_bits=8 if rate else 0,
         )
         return self._settings
 
-    def configure_turntable(self, wish: ConfigureTurntable, sequence: int) -> TurntableSettings:
-        """How it turns from now on: no faster than it can, at once as fast as that, and without play."""
-        self._turntable.speed = min(radians_of(wish.speed) or SPEED, SPEED)
-        self._turntable.settling = seconds_of(wish.settle_us)
-        return TurntableSettings(sequence, microdegrees_of(self._turntable.speed), 0, wish.settle_us, wish.approach)
+    def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
+        """Apply turntable settings and return those in force. The table has no acceleration phase and no backlash."""
+        self._turntable.speed = min(radians_of(request.speed) or SPEED, SPEED)
+        self._turntable.settling = seconds_of(request.settle_us)
+        return TurntableSettings(
+            sequence, microdegrees_of(self._turntable.speed), 0, request.settle_us, request.approach
+        )
 
     def homing(self, now: float) -> Iterator[float]:
-        """Seek the zero mark; it needs no ears, so it does not wait for them."""
-        there = self._turntable.home(now)
-        yield there
-        if not self._turntable.found(there):
-            raise Failing("the zero mark was not found; does something hold the turntable?")
+        """Home the turntable. This needs no echoes, so it does not wait for the echo source."""
+        arrival = self._turntable.home(now)
+        yield arrival
+        if not self._turntable.confirm_home(arrival):
+            raise ActionError("the zero mark was not found; does something hold the turntable?")
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
-        """Turn to an angle. Raises Refusing, at once."""
+        """Turn to an angle. Raises RefusalError at once."""
         self._check_angle(order.angle)
         return self._turn(radians_of(order.angle), now)
 
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
-        """How many readings will come, and the scan. Raises Refusing, at once."""
+        """Return the number of readings of the whole scan, and the scan. Raises RefusalError at once."""
         if 0 in (order.step, order.headings, order.sweeps, order.pings):
-            raise Refusing(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings are not 0")
+            raise RefusalError(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings are not 0")
         self._check_angle(order.start)
         self._check_angle(order.start + order.step * (order.headings - 1))
         scan = scan_order(order)
@@ -204,37 +206,37 @@ class FakeBoard(ProtocolDevice):
         return scan.readings, self._scan(scan, range(order.first, last), now)
 
     def statistics(self, sequence: int) -> Statistics:
-        """What it has counted."""
+        """Return the counts of the device."""
         return replace(super().statistics(sequence), lost_steps=self._lost_steps)
 
     def halt(self, now: float) -> None:
-        """Stand still where it is."""
+        """Stop the turntable where it is."""
         self._turntable.halt(now)
 
-    # what can happen to it
+    # faults
 
     def wedge(self, seconds: float) -> None:
-        """The turntable moves no more for that long, whatever steps it is given."""
+        """Block the turntable for that long, whatever steps it receives."""
         self._turntable.wedge(self._now, self._now + seconds)
 
     def slip(self, microsteps: float) -> None:
-        """The turntable misses that many microsteps of a way forwards."""
+        """Let the turntable miss that many microsteps of a forward move."""
         self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _check_angle(self, microdegrees: int) -> None:
         if not self._turntable.homed:
-            raise Refusing(Refusal.NOT_HOMED, "the turntable does not know its angle; send Home first")
+            raise RefusalError(Refusal.NOT_HOMED, "the turntable does not know its angle; send Home first")
         if abs(microdegrees) > REACH:
             reach = REACH / 1e6
-            raise Refusing(
+            raise RefusalError(
                 Refusal.OUT_OF_RANGE,
                 f"{microdegrees / 1e6:.9g} degrees; the cable winds from -{reach:g} to {reach:g} degrees",
             )
 
     def _turn(self, angle: float, now: float) -> Iterator[float]:
-        there = self._turntable.turn(angle, now)
-        yield there
-        self._check_mark(there)
+        arrival = self._turntable.turn(angle, now)
+        yield arrival
+        self._check_mark(arrival)
 
     def _check_mark(self, now: float) -> None:
         if self._turntable.mark_misplaced(now):
@@ -242,11 +244,11 @@ class FakeBoard(ProtocolDevice):
             self._lost_steps += lost
             self._turntable.homed = False
             text = f"the zero mark came {lost} microsteps out of its place; does something hold the turntable?"
-            raise Failing(text, Outcome.LOST_STEPS)
+            raise ActionError(text, Outcome.LOST_STEPS)
 
     def _scan(self, scan: ScanOrder, numbers: range, now: float) -> Iterator[float]:
         while not self._ready():
-            now += _PATIENCE
+            now += _POLL
             yield now
         listen = seconds_of(self._settings.listen_us)
         for number in numbers:
@@ -254,16 +256,16 @@ class FakeBoard(ProtocolDevice):
             fire = max(self._turntable.turn(angle, now), self._next_ping)
             yield fire
             self._check_mark(fire)
-            # counted from the ping itself, in the whole µs in which it is told, and across scans
+            # counted from the ping itself, in the whole µs in which it is reported, and across scans
             self._next_ping = round(fire, 6) + PING_PERIOD
             now = fire + listen
             yield now
-            self._hear(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
+            self._report_ping(number, Ping(angle, sweep, ping, listen, bool(self._settings.trace)), fire, now)
 
-    def _hear(self, number: int, ping: Ping, fired: float, now: float) -> None:
-        heard = self._echoes.receive(replace(ping, angle=ping.angle + self._turntable.error(fired)))
+    def _report_ping(self, number: int, ping: Ping, fired: float, now: float) -> None:
+        result = self._echoes.receive(replace(ping, angle=ping.angle + self._turntable.error(fired)))
         blanking = seconds_of(self._settings.blanking_us)
-        times = [time for time in heard.echo_times if blanking <= time <= ping.listen]
+        times = [time for time in result.echo_times if blanking <= time <= ping.listen]
         echoes = rearmed(times, seconds_of(self._settings.rearm_us))[: self._settings.echoes]
         reading = ReadingMessage(
             number=number,
@@ -274,13 +276,13 @@ class FakeBoard(ProtocolDevice):
             temperature=self.temperature(),
             echoes=tuple(nanoseconds_of(time) for time in echoes),
         )
-        self.report(reading, trace_chunks(number, heard.trace) if heard.trace is not None and ping.trace else (), now)
+        self.report(reading, trace_chunks(number, result.trace) if result.trace is not None and ping.trace else (), now)
 
 
 def rearmed(times: Sequence[float], pause: float) -> list[float]:
-    """The echoes that a board hears which is deaf for `pause` s after each, earliest first."""
-    heard: list[float] = []
+    """Return the echoes that a board detects which needs `pause` s to re-arm after each, earliest first."""
+    detected: list[float] = []
     for time in sorted(times):
-        if not heard or time >= heard[-1] + pause:
-            heard.append(time)
-    return heard
+        if not detected or time >= detected[-1] + pause:
+            detected.append(time)
+    return detected

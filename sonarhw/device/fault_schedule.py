@@ -1,9 +1,8 @@
-"""Faults on request: what goes wrong with a fake scanner, and when.
+"""The faults of a fake scanner and their times, as given by `--faults` and `fake:ROOM?faults=`.
 
-Takes the text a person gives (`--faults`, `fake:ROOM?faults=`) or values from Python; hands on a schedule, which
-`sonarhw.device.faulty_board` carries out. `docs/how_to/faults.md` has the same table for people.
+`sonarhw.device.faulty_board` applies them. `docs/how_to/faults.md` documents the format.
 
-    drop=1/5000,reset@r20,unplug=1@~30        every 5000th byte lost, a reset after 20 pings, and now and then no cable
+    drop=1/5000,reset@r20,unplug=1@~30        loses every 5000th byte, resets after 20 pings, unplugs every 30 s or so
 """
 
 import math
@@ -17,21 +16,21 @@ FOREVER = math.inf
 
 @dataclass(frozen=True)
 class At:
-    """Once, so long after the scanner was started."""
+    """Once, this long after the start of the scanner."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class AfterPings:
-    """Once, when so many pings have been told."""
+    """Once, after this many pings have been reported."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class NowAndThen:
-    """Again and again at random moments, so far apart on average."""
+    """Repeatedly at random times, this far apart on average."""
 
     seconds: float
 
@@ -40,17 +39,17 @@ When = At | AfterPings | NowAndThen
 
 
 class FaultKind(Enum):
-    """What can happen; the value is its name in a text, the size it has where none is said, and what that counts."""
+    """A fault: its name in a specification, its default size, and the meaning of the size."""
 
-    STALL = ("stall", 1.0, "s: the line holds every byte back, then lets them all go at once")
-    DEAF = ("deaf", 1.0, "s in which nothing that the host says arrives")
-    MUTE = ("mute", 1.0, "s in which nothing that the scanner says arrives")
-    RESET = ("reset", 0.5, "s it takes to start again: it forgets the conversation, its zero and its readings")
-    WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, whatever steps it is given")
-    SLIP = ("slip", 16.0, "microsteps of a way forwards that the turntable misses at once (below 0: backwards)")
-    NONSENSE = ("nonsense", FOREVER, "s of text, noise and senseless frames instead of answers")
-    UNPLUG = ("unplug", 1.0, "s without a cable; it comes back under the same name")
-    MOVE = ("move", 1.0, "s without a cable; it comes back under another name")
+    STALL = ("stall", 1.0, "s for which the line holds all bytes back; then it delivers them at once")
+    DEAF = ("deaf", 1.0, "s for which bytes from the host are lost")
+    MUTE = ("mute", 1.0, "s for which bytes from the scanner are lost")
+    RESET = ("reset", 0.5, "s for a restart; conversation, zero and readings are lost")
+    WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, whatever steps it receives")
+    SLIP = ("slip", 16.0, "microsteps that the turntable misses at once (below 0: on a backward move)")
+    NONSENSE = ("nonsense", FOREVER, "s of text, noise and meaningless frames instead of answers")
+    UNPLUG = ("unplug", 1.0, "s for which the cable is unplugged; it comes back under the same name")
+    MOVE = ("move", 1.0, "s for which the cable is unplugged; it comes back under another name")
 
     def __init__(self, text: str, size: float, meaning: str) -> None:
         self.text, self.size, self.meaning = text, size, meaning
@@ -58,7 +57,7 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens at a moment, or again and again."""
+    """A fault with its time."""
 
     kind: FaultKind
     size: float  # see FaultKind
@@ -67,13 +66,13 @@ class Event:
 
 @dataclass(frozen=True)
 class Faults:
-    """All that is wrong with one scanner. The rates are shares of the bytes, each way."""
+    """All faults of one scanner. `drop`, `flip` and `insert` are shares of the bytes in each direction."""
 
     drop: float = 0.0
     flip: float = 0.0  # one bit of the byte
     insert: float = 0.0
     drift: float = 0.0  # how much too fast its clock runs, ppm
-    protocol: tuple[int, int] | None = None  # version it speaks; None: today's
+    protocol: tuple[int, int] | None = None  # protocol version; None: the current one
     events: tuple[Event, ...] = ()
 
 
@@ -85,9 +84,9 @@ KNOWN = (*_LASTING, *_KINDS)
 
 
 def read_faults(spec: str) -> Faults:
-    """The schedule in a text such as `drop=1/5000,reset@r20,unplug=1@~30`; an empty one is no faults.
+    """Return the faults of a text such as `drop=1/5000,reset@r20,unplug=1@~30`. An empty text means no faults.
 
-    Raises InputError for a fault, a value or a moment that is not known.
+    Raises InputError for an unknown fault, value or time.
     """
     lasting: dict[str, float | tuple[int, int]] = {}
     events = []
@@ -98,9 +97,9 @@ def read_faults(spec: str) -> Faults:
             size = _size(_KINDS[name], value, entry) if equals else _KINDS[name].size
             events.append(Event(_KINDS[name], size, _moment(moment, entry) if at else At(0.0)))
         elif name not in _LASTING:
-            raise InputError(f"fault {entry!r}: {name} is not known; known: {', '.join(KNOWN)}")
+            raise InputError(f"fault {entry!r}: unknown fault {name}; expected one of {', '.join(KNOWN)}")
         elif at or name in lasting:
-            raise InputError(f"fault {entry!r}: {name} lasts; give it once, without a moment")
+            raise InputError(f"fault {entry!r}: {name} is permanent; specify it once, without a time")
         else:
             lasting[name] = _lasting(name, value, entry)
     return Faults(**lasting, events=tuple(events))  # type: ignore[arg-type]  # each name has the value of its kind
@@ -116,14 +115,14 @@ def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int]:
     if name in _RATES and not 0 <= number <= 1:
         raise InputError(f"fault {entry!r}: expected a share of the bytes from 0 to 1, such as {name}=1/5000")
     if name == "drift" and abs(number) > 100_000:
-        raise InputError(f"fault {entry!r}: expected a drift in ppm, at most 100000 either way")
+        raise InputError(f"fault {entry!r}: expected a drift in ppm, from -100000 to 100000")
     return number
 
 
 def _size(kind: FaultKind, value: str, entry: str) -> float:
     size = _number(value, entry)
     if size < 0 and kind is not FaultKind.SLIP:
-        raise InputError(f"fault {entry!r}: expected a time from 0 s up, such as {kind.text}=1")
+        raise InputError(f"fault {entry!r}: expected a time of at least 0 s, such as {kind.text}=1")
     return size
 
 
@@ -132,7 +131,7 @@ def _moment(text: str, entry: str) -> When:
         return AfterPings(int(text[1:]))
     seconds = _number(text.removeprefix("~"), entry)
     if seconds < 0 or (seconds == 0 and text.startswith("~")):
-        raise InputError(f"fault {entry!r}: expected a moment: @12.5 (s), @r20 (pings) or @~30 (every 30 s or so)")
+        raise InputError(f"fault {entry!r}: expected a time: @12.5 (s), @r20 (pings) or @~30 (every 30 s or so)")
     return NowAndThen(seconds) if text.startswith("~") else At(seconds)
 
 
@@ -143,5 +142,5 @@ def _number(text: str, entry: str) -> float:
     except (ValueError, ZeroDivisionError):
         number = math.nan
     if not math.isfinite(number):
-        raise InputError(f"fault {entry!r}: {text!r} is no number; expected one such as 12.5 or 1/5000")
+        raise InputError(f"fault {entry!r}: {text!r} is not a number; expected one such as 12.5 or 1/5000")
     return number

@@ -1,7 +1,6 @@
-"""A fake board and its line under a schedule of faults: a `Device` like any other, seen from the host.
+"""A fake board with faults in the board and its line. It is a `Device`.
 
-Takes whatever makes a board, and the schedule; hands on what would reach the host. Everything random comes from the
-seed and from the order of the bytes, never from the time of day.
+All randomness comes from the seed and the order of the bytes, never from the time of day.
 """
 
 import heapq
@@ -17,22 +16,22 @@ from sonarhw.device.line_noise import LineNoise, nonsense
 from sonarhw.wire.frames import Frame, FrameDecoder
 from sonarhw.wire.messages import Info, MessageError, ReadingMessage
 
-_BABBLE = 0.05  # s between two pieces of nonsense
+_NONSENSE_EVERY = 0.05  # s between two pieces of nonsense
 
-Action = Callable[[float], None]  # takes the time at which it is done, s
+Action = Callable[[float], None]  # called with the time at which it is due, s
 
 
-def afflicted(identity: BoardIdentity, faults: Faults) -> BoardIdentity:
-    """What a board says of itself under these faults."""
+def faulty_identity(identity: BoardIdentity, faults: Faults) -> BoardIdentity:
+    """Return the identity that a board with these faults reports."""
     major, minor = faults.protocol or (identity.major, identity.minor)
     return replace(identity, major=major, minor=minor)
 
 
 class FaultyDevice:
-    """A board to which things happen."""
+    """A fake board with a schedule of faults."""
 
     def __init__(self, make_board: Callable[[int], FakeBoard], faults: Faults, seed: int = 0) -> None:
-        """`make_board` makes one that has just been switched on; it is told how often it was before."""
+        """`make_board` makes a board that was just switched on; its argument is the number of earlier starts."""
         self._make_board = make_board
         self._faults = faults
         self._chance = random.Random(seed)
@@ -40,30 +39,30 @@ class FaultyDevice:
         self._boots = 0
         self._board: FakeBoard | None = make_board(0)  # None while it starts
         self._started: float | None = None
-        self._agenda: list[tuple[float, int, Action]] = []
+        self._due: list[tuple[float, int, Action]] = []
         self._order = itertools.count()
         self._pings = _Pings()
         self._waiting = [(event.when.count, event) for event in faults.events if isinstance(event.when, AfterPings)]
-        self._wedged_until = self._babbles_until = self._stalled_until = -math.inf
+        self._wedged_until = self._nonsense_until = self._stalled_until = -math.inf
         self._deaf_until = self._mute_until = -math.inf
         self._stalled = False
         self._held_up, self._held_down = bytearray(), bytearray()
         self._leaving = bytearray()
         self.plug: int | None = 0
-        self._hurry = 1.0
+        self._speedup = 1.0
 
     # Device
 
     @property
-    def hurry(self) -> float:
-        """How many times faster than real its time passes."""
-        return self._hurry
+    def speedup(self) -> float:
+        """By how much its time passes faster than real time."""
+        return self._speedup
 
-    @hurry.setter
-    def hurry(self, factor: float) -> None:
-        self._hurry = factor
+    @speedup.setter
+    def speedup(self, factor: float) -> None:
+        self._speedup = factor
         if self._board is not None:
-            self._board.hurry = factor
+            self._board.speedup = factor
 
     @property
     def busy(self) -> bool:
@@ -71,31 +70,31 @@ class FaultyDevice:
         return self._board is not None and self._board.busy
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take bytes from the host."""
+        """Process bytes from the host."""
         self._pass_time(now)
         if self.plug is None or now < self._deaf_until:
             return
         if self._stalled:
             self._held_down += data
         else:
-            self._hear(data, now)
+            self._to_board(data, now)
 
     def next_event(self) -> float | None:
-        """When `advance` next has something to do, s."""
-        due = [self._agenda[0][0]] if self._agenda else []
+        """Return the time when `advance` is next needed, s."""
+        due = [self._due[0][0]] if self._due else []
         if self._board is not None and (event := self._board.next_event()) is not None:
             due.append(self._host_time(event))
         return min(due, default=None)
 
     def advance(self, now: float) -> bytes:
-        """Do what is due by `now`; the bytes that have reached the host since the last call."""
+        """Do the work due by `now`, and return the bytes that have reached the host since the last call."""
         self._pass_time(now)
         data = bytes(self._leaving)
         self._leaving.clear()
         return data
 
     def hang_up(self) -> None:
-        """The host has gone."""
+        """Handle the departure of the host."""
         if self._board is not None:
             self._board.hang_up()
         self._held_down.clear()
@@ -108,22 +107,22 @@ class FaultyDevice:
         if self._started is None:
             self._started = now
             for event in self._faults.events:
-                self._plan(event, now)
+                self._schedule(event, now)
         plug = self.plug
-        while self._agenda and self._agenda[0][0] <= now:
-            due, _, action = heapq.heappop(self._agenda)
+        while self._due and self._due[0][0] <= now:
+            due, _, action = heapq.heappop(self._due)
             self._run_board(due)
             action(due)
             if self.plug != plug:
-                return  # whoever looks after the cable must see each change of it; the rest comes with the next call
+                return  # the caller must see each change of the cable; the next call does the rest
         self._run_board(now)
 
     def _run_board(self, now: float) -> None:
-        # event by event, so that what comes after so many pings comes before the next
+        # event by event, so that a fault after so many pings comes before the next ping
         while self._board is not None:
             event = self._board.next_event()
             due = now if event is None else min(now, self._host_time(event))
-            self._say(self._board.advance(self._board_time(due)), due)
+            self._from_board(self._board.advance(self._board_time(due)), due)
             if event is None or due >= now:
                 break
 
@@ -134,26 +133,26 @@ class FaultyDevice:
     def _host_time(self, board_time: float) -> float:
         start = self._started or 0.0
         now = start + (board_time - start) / (1 + self._faults.drift * 1e-6)
-        # rounding must not set it before what is due
+        # rounding must not make the time earlier than the due time
         while self._board_time(now) < board_time:
             now = math.nextafter(now, math.inf)
         return now
 
     # bytes
 
-    def _hear(self, data: bytes, now: float) -> None:
+    def _to_board(self, data: bytes, now: float) -> None:
         if self._board is not None:
             self._board.receive(self._down.damage(data), self._board_time(now))
 
-    def _say(self, data: bytes, now: float) -> None:
-        if data and now >= max(self._babbles_until, self._mute_until):
+    def _from_board(self, data: bytes, now: float) -> None:
+        if data and now >= max(self._nonsense_until, self._mute_until):
             self._send(data)
         if self._waiting and data:
             self._pings.count(data)
-            due = [event for count, event in self._waiting if count <= self._pings.told]
-            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings.told]
+            due = [event for count, event in self._waiting if count <= self._pings.seen]
+            self._waiting = [(count, event) for count, event in self._waiting if count > self._pings.seen]
             for event in due:
-                self._strike(event, now)
+                self._apply(event, now)
 
     def _send(self, data: bytes) -> None:
         if self.plug is None:
@@ -162,27 +161,27 @@ class FaultyDevice:
 
     # faults
 
-    def _plan(self, event: Event, now: float) -> None:
+    def _schedule(self, event: Event, now: float) -> None:
         match event.when:
             case At(seconds):
-                self._at(now + seconds, lambda due: self._strike(event, due))
+                self._at(now + seconds, lambda due: self._apply(event, due))
             case NowAndThen(seconds):
-                self._at(now + self._chance.expovariate(1 / seconds), lambda due: self._strike_again(event, due))
+                self._at(now + self._chance.expovariate(1 / seconds), lambda due: self._apply_again(event, due))
 
     def _at(self, due: float, action: Action) -> None:
         if due < math.inf:
-            heapq.heappush(self._agenda, (due, next(self._order), action))
+            heapq.heappush(self._due, (due, next(self._order), action))
 
-    def _strike_again(self, event: Event, now: float) -> None:
-        self._strike(event, now)
-        self._plan(event, now + event.size if event.kind is not FaultKind.SLIP else now)
+    def _apply_again(self, event: Event, now: float) -> None:
+        self._apply(event, now)
+        self._schedule(event, now + event.size if event.kind is not FaultKind.SLIP else now)
 
-    def _strike(self, event: Event, now: float) -> None:
+    def _apply(self, event: Event, now: float) -> None:
         until = now + event.size
         match event.kind:
             case FaultKind.STALL:
                 self._stalled, self._stalled_until = True, max(self._stalled_until, until)
-                self._at(until, self._flow)
+                self._at(until, self._end_stall)
             case FaultKind.DEAF:
                 self._deaf_until = max(self._deaf_until, until)
             case FaultKind.MUTE:
@@ -197,12 +196,12 @@ class FaultyDevice:
                 if self._board is not None:
                     self._board.slip(event.size)
             case FaultKind.NONSENSE:
-                self._babbles_until = max(self._babbles_until, until)
-                self._babble(now)
+                self._nonsense_until = max(self._nonsense_until, until)
+                self._send_nonsense(now)
             case FaultKind.UNPLUG | FaultKind.MOVE:
-                self._pull(event, now)
+                self._unplug(event, now)
 
-    def _flow(self, now: float) -> None:
+    def _end_stall(self, now: float) -> None:
         if now < self._stalled_until:
             return
         self._stalled = False
@@ -210,25 +209,25 @@ class FaultyDevice:
         self._held_up.clear()
         data = bytes(self._held_down)
         self._held_down.clear()
-        self._hear(data, now)
+        self._to_board(data, now)
 
     def _boot(self, now: float) -> None:
         if self._board is None:
             self._boots += 1
             self._board = self._make_board(self._boots)
-            self._board.hurry = self._hurry
+            self._board.speedup = self._speedup
             self._wedge(now)
 
     def _wedge(self, now: float) -> None:
         if self._board is not None and now < self._wedged_until:
             self._board.wedge(self._wedged_until - now)
 
-    def _babble(self, now: float) -> None:
-        if now < self._babbles_until:
+    def _send_nonsense(self, now: float) -> None:
+        if now < self._nonsense_until:
             self._send(nonsense(self._chance))
-            self._at(now + _BABBLE, self._babble)
+            self._at(now + _NONSENSE_EVERY, self._send_nonsense)
 
-    def _pull(self, event: Event, now: float) -> None:
+    def _unplug(self, event: Event, now: float) -> None:
         if self.plug is None:
             return
         back = self.plug + (event.kind is FaultKind.MOVE)
@@ -243,10 +242,10 @@ class FaultyDevice:
 
 
 class _Pings:
-    """Counts the pings told on a line; a reading sent again is none."""
+    """Counts the pings reported on a line. Readings that are sent again do not count."""
 
     def __init__(self) -> None:
-        self.told = 0
+        self.seen = 0
         self._decoder = FrameDecoder()
         self._newest = -1
 
@@ -254,7 +253,7 @@ class _Pings:
         for frame in self._decoder.feed(data):
             if not isinstance(frame, Frame) or frame.type not in (ReadingMessage.TYPE, Info.TYPE):
                 continue
-            if frame.type == Info.TYPE:  # after a reset its clock starts anew
+            if frame.type == Info.TYPE:  # after a reset the clock of the device starts at 0
                 self._newest = -1
                 continue
             try:
@@ -262,4 +261,4 @@ class _Pings:
             except MessageError:
                 continue
             if fired > self._newest:
-                self._newest, self.told = fired, self.told + 1
+                self._newest, self.seen = fired, self.seen + 1

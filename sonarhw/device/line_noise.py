@@ -1,6 +1,6 @@
-"""What a bad line makes of bytes, and what somebody says who is no scanner.
+"""Damage of bytes on a bad line, and nonsense bytes from a device that is not a scanner.
 
-Takes bytes and rates; hands on the bytes as they arrive. The same seed damages the same bytes.
+The same seed damages the same bytes.
 """
 
 import math
@@ -11,11 +11,11 @@ from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Accepted, Info, ReadingMessage
 
 _LINES = (b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n", b"ok\r\n", b"T:21.3 /0.0 @:0\r\n")
-_MAKES_NO_SENSE = 0xE5  # no message has this type
+_UNUSED_TYPE = 0xE5  # no message has this type
 
 
 class LineNoise:
-    """Damages a stream of bytes: dropped, flipped and inserted ones, each at its rate."""
+    """Damages a stream of bytes: it drops, flips and inserts bytes, each at its rate."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self._chance = random.Random(seed)
@@ -24,7 +24,7 @@ class LineNoise:
         self._sound = self._until_next()  # bytes until the next damaged one
 
     def damage(self, data: bytes) -> bytes:
-        """The bytes as they arrive."""
+        """Return the bytes as they arrive."""
         if self._sound >= len(data):
             self._sound -= len(data)
             return data
@@ -46,21 +46,21 @@ class LineNoise:
         return bytes([byte, self._chance.randrange(256)])
 
     def _until_next(self) -> float:
-        # the gaps of independent bytes have a geometric distribution
+        # the gaps between independently damaged bytes have a geometric distribution
         if self._rate in (0.0, 1.0):
             return math.inf if self._rate == 0 else 0
         return math.floor(math.log(1 - self._chance.random()) / math.log(1 - self._rate))
 
 
 def nonsense(chance: random.Random) -> bytes:
-    """A piece of what no scanner says."""
+    """Return random bytes that no scanner sends: text, noise or meaningless frames."""
     stray = Accepted(chance.randrange(0x10000)).pack()
     return chance.choice(
         [
             chance.choice(_LINES),
             chance.randbytes(chance.randrange(1, 600)),
             bytes(chance.randrange(1, 20)),
-            _frame(chance, _MAKES_NO_SENSE, chance.randbytes(20)),
+            _frame(chance, _UNUSED_TYPE, chance.randbytes(20)),
             _frame(chance, Info.TYPE, chance.randbytes(5)),
             _frame(chance, ReadingMessage.TYPE, chance.randbytes(10)),
             _frame(chance, Accepted.TYPE, stray),

@@ -1,7 +1,4 @@
-"""The sending half of a serial line: what a device says leaves no sooner than a line could carry it.
-
-Takes messages with the time they were made; hands on the bytes that have left by a time.
-"""
+"""The sending side of a serial line: frames leave at the speed of the line."""
 
 from collections import deque
 
@@ -10,56 +7,58 @@ from sonarhw.wire.limits import PROTOCOL_MINOR
 from sonarhw.wire.messages import Message
 from sonarhw.wire.units import microseconds_of
 
-BITS = 10  # of a byte on the line: eight, start and stop
+BITS = 10  # per byte on the line: eight data bits, start and stop bit
 BYTE_TIME = BITS / 1_000_000  # s
 
 
 class Line:
-    """Frames leave one after another, each when its last byte could have.
+    """A line on which frames leave one after another, each when its last byte has been transmitted.
 
-    A line with `bauds` starts at the lowest of them, one without has a speed that nobody sets.
+    A line with `bauds` starts at the lowest of them. A line without has a fixed speed.
     """
 
     def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
         self.bauds = bauds
-        self.first_baud = self.baud = self._ahead = min(bauds, default=0)
-        self.minor = PROTOCOL_MINOR  # version of the protocol that is sent
-        self._byte_time = byte_time  # s, of a line without bauds
+        self.first_baud = self.baud = self._next_baud = min(bauds, default=0)
+        self.minor = PROTOCOL_MINOR  # minor protocol version of the messages
+        self._byte_time = byte_time  # s, for a line without bauds
         self._queue: deque[tuple[float, bytes]] = deque()
         self._sequence = 0
-        self.free = 0.0  # when the last frame sent has left, s
-        self.waiting = 0  # bytes
+        self.idle_from = 0.0  # time when the last frame has left, s
+        self.waiting = 0  # bytes in the queue
 
     def send(self, message: Message, now: float) -> None:
-        """Queue a message; its frame carries the time it was made."""
+        """Queue a message. Its frame contains `now`, s."""
         wire = encode_frame(Frame(message.TYPE, self._sequence, microseconds_of(now), message.pack(self.minor)))
         self._sequence = (self._sequence + 1) % 0x10000
-        self.free = max(now, self.free) + len(wire) * (BITS / self._ahead if self._ahead else self._byte_time)
-        self._queue.append((self.free, wire))
+        self.idle_from = max(now, self.idle_from) + len(wire) * (
+            BITS / self._next_baud if self._next_baud else self._byte_time
+        )
+        self._queue.append((self.idle_from, wire))
         self.waiting += len(wire)
 
     def change(self, baud: int) -> None:
-        """Change the speed when all that was queued has gone."""
-        self._ahead = baud
+        """Change the baud rate after all queued frames have left."""
+        self._next_baud = baud
         if not self._queue:
             self.baud = baud
 
     def departure(self) -> float | None:
-        """When the next frame has left, s."""
+        """Return the time when the next frame has left, s; None if the queue is empty."""
         return self._queue[0][0] if self._queue else None
 
     def depart(self, now: float) -> bytes:
-        """The frames that have left by `now`."""
+        """Remove and return the frames that have left by `now`."""
         left = bytearray()
         while self._queue and self._queue[0][0] <= now:
             left += self._queue.popleft()[1]
         if not self._queue:
-            self.baud = self._ahead
+            self.baud = self._next_baud
         self.waiting -= len(left)
         return bytes(left)
 
     def clear(self) -> None:
-        """Forget what has not left yet."""
+        """Drop the frames that have not left yet."""
         self._queue.clear()
-        self.free, self.waiting = 0.0, 0
-        self.baud = self._ahead
+        self.idle_from, self.waiting = 0.0, 0
+        self.baud = self._next_baud

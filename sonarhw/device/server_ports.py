@@ -1,7 +1,4 @@
-"""Where clients come in to a device that is served: a TCP port or a pseudo-terminal, one client at a time.
-
-Takes an address or the name of a link; hands on what clients send and takes what they are to get.
-"""
+"""The ports at which a device is served: a TCP port or a pseudo-terminal, with one client at a time."""
 
 import os
 import socket
@@ -14,48 +11,48 @@ from sonarhw.errors import InputError, LinkError
 
 _MOST = 4096  # bytes of one read
 _CLIENTS_WAITING = 4
-_SEND_BUFFER = 16_384  # bytes; a small one lets a slow client hold the device back early
+_SEND_BUFFER = 16_384  # bytes; a small buffer lets a slow client delay the device early
 
 
 class ServerPort(Protocol):
-    """Where clients come in: one at a time."""
+    """A port that serves one client at a time."""
 
     url: str
 
     def readers(self) -> list[int]:
-        """Descriptors that become readable when there is something to do."""
+        """Return the descriptors that become readable when there is something to do."""
 
     def writer(self) -> int | None:
-        """Descriptor of the client to write to; None without one."""
+        """Return the descriptor of the client to write to; None without a client."""
 
     def read(self) -> bytes | None:
-        """What the client sent; None where it has just gone."""
+        """Return what the client sent; None if it has just disconnected."""
 
     def write(self, data: bytes) -> int | None:
-        """Write what fits now; how many bytes that was, None where the client has just gone."""
+        """Write as much as possible now. Return the number of bytes; None if the client has just disconnected."""
 
     def pull(self) -> None:
-        """The cable is out: the client is cut off and none is let in."""
+        """Unplug the cable: disconnect the client and accept no other."""
 
     def plug_in(self, socket_number: int) -> None:
-        """The cable is in again: at the first URL for socket 0, at another one for each other. Raises LinkError."""
+        """Plug the cable in again: socket 0 has the first URL, every other socket a new one. Raises LinkError."""
 
     def close(self) -> None:
-        """Shut the port."""
+        """Close the port."""
 
 
 class TcpServerPort:
-    """A listening socket; the next client is let in when the one before has gone."""
+    """A listening TCP socket. The next client is accepted when the one before has disconnected."""
 
     def __init__(self, address: str) -> None:
-        """Listen on HOST:PORT; port 0 picks one. Raises InputError for a bad address, LinkError where taken."""
+        """Listen on HOST:PORT; port 0 selects a free one. Raises InputError if invalid, LinkError if in use."""
         host, port = host_and_port(address)
         try:
-            # looked up by itself: create_server tells a name that is none as if the system had refused
+            # checked first, because create_server reports an unknown host name as a refused connection
             socket.getaddrinfo(host, port, socket.AF_INET)
             self._listener = socket.create_server((host, port), backlog=_CLIENTS_WAITING)
         except socket.gaierror as error:
-            raise InputError(f"{address}: {host} is no address of this machine; try 127.0.0.1:{port}") from error
+            raise InputError(f"{address}: {host} is not a local address; try 127.0.0.1:{port}") from error
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else str(error)
             raise LinkError(f"{address}: cannot listen there: {reason}; try 127.0.0.1:0") from error
@@ -64,16 +61,16 @@ class TcpServerPort:
         self.url = f"socket://{host}:{self._port}"
 
     def readers(self) -> list[int]:
-        """Descriptors that become readable when there is something to do."""
+        """Return the descriptors that become readable when there is something to do."""
         descriptor = (self._client or self._listener).fileno()
         return [descriptor] if descriptor >= 0 else []
 
     def writer(self) -> int | None:
-        """Descriptor of the client; None without one."""
+        """Return the descriptor of the client; None without a client."""
         return self._client.fileno() if self._client else None
 
     def read(self) -> bytes | None:
-        """What the client sent; lets a client in where there is none."""
+        """Return what the client sent; None if it has just disconnected. Accept a client if there is none."""
         if self._client is None:
             self._client, _ = self._listener.accept()
             self._client.setblocking(False)
@@ -92,7 +89,7 @@ class TcpServerPort:
         return None
 
     def write(self, data: bytes) -> int | None:
-        """Write what fits now; how many bytes that was, None where the client has just gone."""
+        """Write as much as possible now. Return the number of bytes; None if the client has just disconnected."""
         if self._client is None:
             return None
         try:
@@ -104,12 +101,12 @@ class TcpServerPort:
             return None
 
     def pull(self) -> None:
-        """Shut client and listener."""
+        """Close client and listener."""
         self._lose()
         self._listener.close()
 
     def plug_in(self, socket_number: int) -> None:
-        """Listen again, on the first port or on one that is free. Raises LinkError where it was taken meanwhile."""
+        """Listen again, on the first port or on a free one. Raises LinkError if the port is in use meanwhile."""
         try:
             self._listener = socket.create_server(
                 (self._host, self._port if socket_number == 0 else 0), backlog=_CLIENTS_WAITING
@@ -119,7 +116,7 @@ class TcpServerPort:
         self.url = f"socket://{self._host}:{self._listener.getsockname()[1]}"
 
     def close(self) -> None:
-        """Shut client and listener."""
+        """Close client and listener."""
         self.pull()
 
     def _lose(self) -> None:
@@ -129,48 +126,48 @@ class TcpServerPort:
 
 
 class PtyServerPort:
-    """A pseudo-terminal behind a symbolic link. The slave stays open, so that clients may come and go."""
+    """A pseudo-terminal behind a symbolic link. Its slave stays open, so that clients may reconnect."""
 
     def __init__(self, link: Path | None) -> None:
-        """Open one; `link` leads to it until the port is shut. Raises InputError where `link` cannot be made."""
+        """Open one; `link` points to it until `close`. Raises InputError if `link` cannot be made."""
         if os.name != "posix":
             raise InputError("this system has no pseudo-terminals; use --tcp 127.0.0.1:0")
         self._first_link = link
         self._open(link)
 
     def readers(self) -> list[int]:
-        """Descriptors that become readable when there is something to do."""
+        """Return the descriptors that become readable when there is something to do."""
         return [self._master] if self._descriptors else []
 
     def writer(self) -> int | None:
-        """Descriptor to write to."""
+        """Return the descriptor to write to."""
         return self._master if self._descriptors else None
 
     def read(self) -> bytes | None:
-        """What the client sent."""
+        """Return what the client sent."""
         try:
             return os.read(self._master, _MOST)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> int:
-        """Write what fits now; how many bytes that was."""
+        """Write as much as possible now, and return the number of bytes."""
         try:
             return os.write(self._master, data)
         except BlockingIOError:
             return 0
 
     def pull(self) -> None:
-        """Take the terminal away, and its link."""
+        """Remove the terminal and its link."""
         self.close()
 
     def plug_in(self, socket_number: int) -> None:
-        """A new terminal, behind the first link or, as LINK-1 and so on, behind another. Raises InputError."""
+        """Open a new terminal, behind the first link or behind another one, LINK-1 and so on. Raises InputError."""
         link = self._first_link
         self._open(link.with_name(f"{link.name}-{socket_number}") if link and socket_number else link)
 
     def close(self) -> None:
-        """Remove the link, where it is still ours, and close. Twice does no harm."""
+        """Remove the link if it still points to this terminal, and close. A second call does nothing."""
         if self._link:
             with suppress(OSError):
                 if os.readlink(self._link) == self._path:
@@ -202,10 +199,9 @@ class PtyServerPort:
 
 @contextmanager
 def open_server_port(pty: Path | None = None, tcp: str | None = None) -> Iterator[ServerPort]:
-    """A port on TCP (`tcp` is HOST:PORT) or, without it, on a pseudo-terminal (behind the link `pty`), then shut.
+    """Open a TCP port (`tcp` is HOST:PORT) or a pseudo-terminal (behind the link `pty`), and close it after the block.
 
-    Clients may knock from now on. Raises InputError for an address or link that cannot be, LinkError where the port
-    is taken.
+    Clients may connect in the block. Raises InputError for an invalid address or link, LinkError if the port is in use.
     """
     port: ServerPort = TcpServerPort(tcp) if tcp is not None else PtyServerPort(pty)
     try:
@@ -215,16 +211,16 @@ def open_server_port(pty: Path | None = None, tcp: str | None = None) -> Iterato
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """What HOST:PORT names; without a host this machine. Raises InputError."""
+    """Return host and port of HOST:PORT; the default host is 127.0.0.1. Raises InputError."""
     host, colon, port = address.rpartition(":")
     if not colon or not port.isdecimal() or int(port) > 0xFFFF:
-        raise InputError(f"{address}: expected HOST:PORT, such as 127.0.0.1:0 (port 0 picks one)")
+        raise InputError(f"{address}: expected HOST:PORT, such as 127.0.0.1:0 (port 0 selects a free port)")
     return host or "127.0.0.1", int(port)
 
 
 def _make_link(link: Path, target: str) -> None:
     if link.is_symlink() and not link.exists():
-        link.unlink()  # left behind by one that was killed
+        link.unlink()  # left behind by a killed process
     try:
         link.symlink_to(target)
     except FileExistsError:

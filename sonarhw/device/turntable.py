@@ -1,10 +1,8 @@
-"""A turntable that takes time to turn: where it points at any moment.
+"""A simulated turntable: its angle at any time. Angles are in rad, times in s.
 
-Takes orders to turn, with the time; hands on when it arrives and where it is. Angles in rad, times in s.
-
-It is built so that homing is short from anywhere its cable allows: a cam on the axle tells on which side of the zero
-mark it stands, after power has failed too, so it goes straight there, the short way for the cable. It pings nothing on
-the way and so may slew at twice the speed of its turns: two whole turns in 2 s.
+Homing is short from any angle that the cable allows. A cam on the axle shows on which side of the zero mark the table
+is, also after a power failure, so it turns straight to the mark in the direction that unwinds the cable. There are no
+pings on the way, so it homes at twice the speed of its turns: two whole turns take 2 s.
 """
 
 import math
@@ -16,70 +14,70 @@ _EXACT = 1e-6  # rad; far less than a microstep
 
 
 class Turntable:
-    """Turns at constant speed, never past where it is sent; tells its angle only once homed.
+    """A turntable that turns at constant speed without overshoot. It reports its angle only when it is homed.
 
-    It counts the steps it gives and does not see whether they are taken: `wedge` and `slip` make a difference.
+    It counts its steps but cannot see whether the table follows them. `wedge` and `slip` make steps fail.
     """
 
     def __init__(self, stands: float) -> None:
-        """`stands`: where it points at power-on, rad; it does not know that itself."""
+        """`stands` is the true angle at power-on, rad, which the turntable does not report."""
         self.homed = False
         self.speed = SPEED  # rad/s
         self.settling = SETTLING
         self._from = self._to = stands
         self._start = self._arrival = 0.0
-        self._slipped = 0.0  # how far it truly stands from where it believes, rad
-        self._stuck: tuple[float, float] | None = None  # where, and until when
+        self._slipped = 0.0  # true minus counted angle, rad
+        self._stuck: tuple[float, float] | None = None  # angle at which it is blocked, and until when
 
     def angle(self, now: float) -> float:
-        """Where it says it points, rad from the zero mark; 0 before it is homed."""
+        """Return the reported angle, rad from the zero mark; 0 before it is homed."""
         return self._position(now) if self.homed else 0.0
 
     def home(self, now: float) -> float:
-        """Seek the zero mark; the time when it is found, s. `found` is to be called then."""
+        """Turn to the zero mark, and return the time of arrival, s. Then call `confirm_home`."""
         self.homed = False
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
-    def found(self, now: float) -> bool:
-        """Whether the zero mark is here; from now on it is zero."""
-        self._come_loose(now)
+    def confirm_home(self, now: float) -> bool:
+        """Return whether the zero mark is reached. If so, the table is homed, and this angle is zero."""
+        self._release_if_due(now)
         self.homed = self._stuck is None
         if self.homed:
             self._slipped = 0.0
         return self.homed
 
     def turn(self, angle: float, now: float) -> float:
-        """Turn to `angle`; the time when it stands still there, s."""
+        """Turn to `angle`, and return the time when the table has settled there, s."""
         arrival = self._move(angle, now, self.speed)
         return arrival + self.settling if arrival > now else now
 
     def halt(self, now: float) -> None:
-        """Stand still where it is."""
-        self._come_loose(now)
+        """Stop where it is."""
+        self._release_if_due(now)
         self._from = self._to = self._position(now)
         self._start = self._arrival = now
 
     def error(self, now: float) -> float:
-        """How far it truly stands from where it believes, rad; 0 while no step was missed."""
-        self._come_loose(now)
+        """Return true minus counted angle, rad; 0 if no step was missed."""
+        self._release_if_due(now)
         return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
 
     def mark_misplaced(self, now: float) -> bool:
-        """Whether the mark came out of its place, or not at all, on the way it was sent last; it comes once a turn."""
+        """Return whether the mark was misplaced or missing on the last move. It is passed once a turn."""
         error = self.error(now)
-        believed = self._from, self._to
+        counted = self._from, self._to
         true = self._from + error, self._to + error
-        return abs(error) > _EXACT and any(_passes_mark(min(way), max(way)) for way in (believed, true))
+        return abs(error) > _EXACT and any(_passes_mark(min(move), max(move)) for move in (counted, true))
 
     def slip(self, angle: float) -> None:
-        """Miss steps: from now on it stands `angle` (rad) from where it believes."""
+        """Miss steps: add `angle` (rad) to the difference of true and counted angle."""
         self._slipped += angle
 
     def wedge(self, now: float, until: float) -> None:
-        """Move no more until then, whatever steps are given."""
+        """Block the table until then, whatever steps it receives."""
         self._stuck = self._position(now) + self.error(now), until
 
-    def _come_loose(self, now: float) -> None:
+    def _release_if_due(self, now: float) -> None:
         if self._stuck is not None and now >= self._stuck[1]:
             where, until = self._stuck
             self._stuck = None
@@ -91,7 +89,7 @@ class Turntable:
         return self._from + (self._to - self._from) * (now - self._start) / (self._arrival - self._start)
 
     def _move(self, angle: float, now: float, speed: float) -> float:
-        self._come_loose(now)
+        self._release_if_due(now)
         self._from, self._to, self._start = self._position(now), angle, now
         self._arrival = now + abs(self._to - self._from) / speed
         return self._arrival

@@ -92,10 +92,10 @@ class ReplayDevice(ProtocolDevice):
             return replace(self._log.info, command=sequence)
         return Info(sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, "sonarhw replay", "", "", NO_TEMPERATURE, 0, 0)
 
-    def configure(self, wish: Configure, sequence: int) -> Settings:
+    def configure(self, request: Configure, sequence: int) -> Settings:
         """The recorded settings of the scan that comes next, whatever is wished."""
         self._settings = self._recorded_settings() or Settings(
-            sequence, wish.listen_us, wish.blanking_us, wish.trace, wish.speed_of_sound
+            sequence, request.listen_us, request.blanking_us, request.trace, request.speed_of_sound
         )
         return replace(self._settings, command=sequence)
 
@@ -142,7 +142,7 @@ class ReplayDevice(ProtocolDevice):
             offset = recording.offset(number) - skipped
             due = start + (offset + listen) / self._speed
             # a fast replay goes no faster than its line, or a Stop would wait behind all that is still to be sent
-            due = max(due, self.line.free)
+            due = max(due, self.line.idle_from)
             yield due
             # a ping is known by when it was fired; two at one time would be taken for one sent twice
             fired = max(start + offset / self._speed, fired + _TICK)

@@ -14,7 +14,7 @@ class Relay:
     """A `Device` whose bytes come and go over an open link."""
 
     busy = False
-    hurry = 1.0
+    speedup = 1.0
     plug = 0
 
     def __init__(self, link: Link, faults: Faults, seed: int = 0) -> None:

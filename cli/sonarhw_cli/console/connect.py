@@ -87,10 +87,10 @@ def fake_device(
 
     from sonarhw.device.fake_board import BoardIdentity, FakeBoard
     from sonarhw.device.fault_schedule import NO_FAULTS
-    from sonarhw.device.faulty_board import FaultyDevice, afflicted
+    from sonarhw.device.faulty_board import FaultyDevice, faulty_identity
 
     echoes = RoomEchoes(room, here, profile, seed)
-    identity = afflicted(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
+    identity = faulty_identity(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=profile.name), faults)
 
     def started(boots: int) -> FakeBoard:
         counted_identity = replace(identity, boot=1 + boots)

@@ -24,7 +24,7 @@ class Chatterbox:
 
     busy = True
     plug = 0
-    hurry = 1.0
+    speedup = 1.0
 
     def __init__(self) -> None:
         self.sent = 0

@@ -199,5 +199,5 @@ def test_errors_of_a_scan_contain_the_given_url(tmp_path: Path, capsys: pytest.C
 
 def test_a_fake_at_an_address_that_is_not_local_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fake", str(SIMPLE_ROOM), "--place", "figure9", "--tcp", "256.1.1.1:0"]) == 2
-    message = "sonarhw: 256.1.1.1:0: 256.1.1.1 is no address of this machine; try 127.0.0.1:0\n"
+    message = "sonarhw: 256.1.1.1:0: 256.1.1.1 is not a local address; try 127.0.0.1:0\n"
     assert capsys.readouterr().err == message
