@@ -1,21 +1,21 @@
-# make setup | demo | check | test | soak | firmware | board | docs | fresh: each installs only what it needs, and is quick
-# the second time. Another Python: make check PYTHON=python3.13 VENV=.venv313
+# make setup | demo | check | test | soak | firmware | board | docs | fresh
+# Each target installs only what it needs, and only once. Another Python: make check PYTHON=python3.13 VENV=.venv313
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# tests wait half the time, so several files run at once; wheel and notebook take longest, and begin
+# tests spend half their time waiting, so files run in parallel; the slowest, wheel and notebook, start first
 AT_ONCE := --dist loadfile --no-loadscope-reorder --max-worker-restart 0
-# -noreset: a screen whose last window closes begins anew, and turns away whoever comes meanwhile
+# -noreset: otherwise the X server resets when its last window closes, and rejects connections meanwhile
 IN_XVFB := xvfb-run --auto-servernum --server-args='-screen 0 1920x1080x24 -noreset'
-# a window wants the keys for itself, so each of those processes has a screen of its own
+# keyboard focus cannot be shared, so each process has its own X server
 TWO_SCREENS := --tx "2*popen//python=$(IN_XVFB) $(BIN)/python"
 
 .PHONY: setup tools demo check lint test soak firmware board docs fresh clean
 
-# the product alone; the tools of its developers come with `tools`
+# the product alone; `tools` adds the development tools
 setup: $(VENV)/installed
 
 tools: $(VENV)/tools
@@ -30,20 +30,20 @@ $(VENV)/tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
-# a window where there is a display; elsewhere the same job without one, into demo-result/
+# with a window if there is a display; otherwise writes the same results to demo-result/
 demo: setup
 	$(BIN)/sonarhw demo
 
-# the firmware, and an emulated board to run it on
+# the firmware and the emulated board
 firmware:
 	setup/debian_packages.sh firmware
 	$(MAKE) --no-print-directory -C firmware WERROR=-Werror all emulator host
 
-# that board in the demo room; its URL is the first line, Ctrl-C ends it
+# the emulated board in the demo room; its first line of output is its URL; Ctrl-C ends it
 board: setup firmware
 	$(BIN)/sonarhw board
 
-# lint, layers, types and the tests without ports, processes and windows
+# lint, import layers, types, and the tests without ports, processes and windows
 check: lint
 	$(BIN)/pytest tests/unit $(AT_ONCE) --numprocesses 2
 
@@ -58,7 +58,7 @@ test: lint firmware
 	$(BIN)/pytest tests/system/gui $(AT_ONCE) $(TWO_SCREENS)
 	$(IN_XVFB) $(BIN)/pytest tests --ignore tests/system/gui $(AT_ONCE) --numprocesses 3 --cov
 
-# the long tests in full, and the figures that name seconds: some hours
+# long tests and benchmarks; takes some hours
 soak: tools firmware
 	setup/debian_packages.sh test soak
 	$(MAKE) --no-print-directory -C firmware build/libfuzzer
@@ -73,7 +73,7 @@ docs: setup
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
-# the README's commands on a new Debian 12: needs root and debootstrap; FRESH="demo check" runs others
+# make demo and test on a new Debian 12; needs root and debootstrap. Other targets: FRESH="demo check"
 fresh:
 	setup/fresh_machine.sh $(FRESH)
 

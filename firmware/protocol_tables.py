@@ -1,9 +1,9 @@
-"""Write the sections of the messages in firmware_protocol.md from `sonarhw/wire/messages.py`.
+"""Generate the sections of the messages in firmware_protocol.md from `sonarhw/wire/messages.py`.
 
     python firmware/protocol_tables.py
 
-Heading, first sentence and table of each section are written; the other paragraphs stay. A new message gets a section
-behind the message before it.
+Heading, first paragraph and table of each section are generated; other paragraphs are kept. A new section is inserted
+after that of the preceding message.
 """
 
 import re
@@ -16,7 +16,7 @@ DOCUMENT = Path(__file__).parent.parent / "firmware_protocol.md"
 
 
 def with_messages(text: str) -> str:
-    """The document `text` with the sections of all messages."""
+    """Return the document `text` with the sections of all messages."""
     behind = 0
     for kind in FROM_HOST + FROM_DEVICE:
         found = re.search(rf"^### {kind.__name__} · .*?(?=^##|\Z)", text, re.M | re.S)
@@ -29,8 +29,8 @@ def with_messages(text: str) -> str:
 
 
 def section(kind: type[Message], old: str) -> str:
-    """The section of a message, with the prose of the old one."""
-    way = "host to device" if kind in FROM_HOST else "device to host"
+    """Return the section of a message, with the other paragraphs of the old section."""
+    direction = "host to device" if kind in FROM_HOST else "device to host"
     prose = [
         paragraph
         for paragraph in old.strip("\n").split("\n\n")[2:]
@@ -38,7 +38,7 @@ def section(kind: type[Message], old: str) -> str:
     ]
     rows = [f"| `{item.name}` | {item.metadata['wire'].name} | {item.metadata['meaning']} |" for item in fields(kind)]
     table = "\n".join(["| field | type | meaning |", "| --- | --- | --- |", *rows]) if rows else "No payload."
-    heading = f"### {kind.__name__} · 0x{kind.TYPE:02X} · {way}"
+    heading = f"### {kind.__name__} · 0x{kind.TYPE:02X} · {direction}"
     return "\n\n".join([heading, str(kind.__doc__), *prose, table]) + "\n\n"
 
 

@@ -1,14 +1,14 @@
 #!/bin/sh
-# Install the Debian packages of the named sets, or print them in one line where this needs a password.
+# Install the Debian packages of the named sets. If this needs a password, print the packages instead.
 # Sets: demo, firmware, test, soak. Does nothing on systems without dpkg.
 set -eu
 
-# the window; without a display Qt still loads these libraries
+# the window; Qt loads these libraries even without a display
 DEMO="python3-venv fonts-dejavu-core libegl1 libgl1 libglib2.0-0 libxkbcommon-x11-0 libdbus-1-3 libfontconfig1
 libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xinerama0"
-# the firmware, its library for tests, and the emulated board
+# the firmware, its test library and the emulated board
 FIRMWARE="make gcc libc6-dev pkg-config gcc-avr avr-libc libsimavr-dev libelf-dev"
-# a screen for window tests, keys to press there, a serial port server
+# X server for window tests, simulated keys, serial port server
 TEST="xvfb xauth xdotool ser2net"
 # libFuzzer
 SOAK="clang libclang-rt-dev"
@@ -46,14 +46,14 @@ else
 fi
 export DEBIAN_FRONTEND=noninteractive
 $as_root apt-get update -qq
-# shellcheck disable=SC2086  # a list of words is meant
+# shellcheck disable=SC2086  # word splitting is intended
 log=$($as_root apt-get install -y -qq --no-install-recommends $missing 2>&1) || {
     printf '%s\n' "$log" >&2
     exit 1
 }
 case "$missing" in
 *" ser2net"*)
-    # the tests start their own; the package's service would offer this machine's serial ports to the network
+    # the tests start their own ser2net; its service would expose the serial ports of this machine to the network
     ! command -v systemctl >/dev/null || $as_root systemctl disable --quiet --now ser2net 2>/dev/null || true
     ;;
 esac

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Run make targets (default: demo and test) in a new Debian 12 that has only python3, make and git.
-# Tests the last commit of this checkout. Takes apt's mirror and pip's settings from this machine. Needs root and debootstrap.
+# Tests the last commit of this checkout. Uses the apt mirror and pip settings of this machine.
+# Needs root and debootstrap.
 set -euo pipefail
 
 targets=("$@")
@@ -20,7 +21,7 @@ folder=$(mktemp -d "${TMPDIR:-/tmp}/sonarhw-fresh.XXXXXX")
 root=$folder/root
 job=""
 clean_up() {
-    # mounts and processes end with the namespaces of the job
+    # the mounts and processes of the job end with its namespaces
     if [ -n "$job" ]; then
         kill -KILL "$job" 2>/dev/null || true
         wait "$job" 2>/dev/null || true
@@ -30,7 +31,7 @@ clean_up() {
 trap clean_up EXIT
 trap 'fail interrupted' INT TERM HUP
 
-# In the background, so that Ctrl-C is handled at once.
+# Run in the background, so that Ctrl-C is handled immediately.
 run() {
     unshare --mount --pid --fork --kill-child "$@" &
     job=$!
@@ -41,10 +42,10 @@ run() {
 }
 
 commit=$(git -C "$checkout" rev-parse --short HEAD)
-[ -z "$(git -C "$checkout" status --porcelain)" ] || echo "make fresh: uncommitted changes are left out"
+[ -z "$(git -C "$checkout" status --porcelain)" ] || echo "make fresh: uncommitted changes are ignored"
 mirror=$(apt-get indextargets --format '$(REPO_URI) $(CODENAME)' 2>/dev/null | awk '$2 == "bookworm" {print $1; exit}' || true)
 mirror=${mirror:-http://deb.debian.org/debian}
-echo "make fresh: building a Debian 12, some minutes"
+echo "make fresh: installing Debian 12; takes some minutes"
 if ! run debootstrap --variant=minbase --include=python3,make,git bookworm "$root" "$mirror" >"$folder/log" 2>&1; then
     tail -5 "$folder/log" >&2
     fail "debootstrap failed"

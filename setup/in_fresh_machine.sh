@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Run make targets inside ROOT, a system made by fresh_machine.sh: in_fresh_machine.sh ROOT CHECKOUT TARGET...
-# Runs in mount and process namespaces of its own; all mounts end with them.
+# Runs in its own mount and process namespaces. All mounts end with them.
 set -euo pipefail
 root=$1 checkout=$2
 shift 2
 
-# Show a file or folder of this machine inside, read-only, at TO; ignored where it is missing here.
-show() {
+# Mount a file or folder of this machine read-only at TO inside ROOT. Does nothing if it does not exist.
+mount_host() {
     local from=$1 to=$root${2:-$1}
     [ -e "$from" ] && [ ! -e "$to" ] || return 0
     mkdir -p "$(dirname "$to")"
@@ -21,26 +21,26 @@ mount -t tmpfs shm "$root/dev/shm"
 
 # settings of apt and pip, certificates, and local package folders that pip's settings name
 apt-config dump 2>/dev/null | grep -E '^Acquire::(http|https|Check|Retries)' >"$root/etc/apt/apt.conf.d/99host" || true
-for item in /etc/pip.conf /etc/xdg/pip; do show "$item"; done
-show "$HOME/.config/pip" /root/.config/pip
-show "$HOME/.pip" /root/.pip
+for item in /etc/pip.conf /etc/xdg/pip; do mount_host "$item"; done
+mount_host "$HOME/.config/pip" /root/.config/pip
+mount_host "$HOME/.pip" /root/.pip
 settings=()
 while read -r name; do
     settings+=("$name=${!name}")
 done < <(compgen -e | grep -E '^PIP_|_(proxy|PROXY)$' || true)
 certificates=/etc/ssl/certs/ca-certificates.crt
 if [ -e "$certificates" ]; then
-    # a path of its own: the package ca-certificates may come into the new system and write to the usual one
-    show "$certificates" /host-certificates.crt
+    # a separate path, because the package ca-certificates may be installed and write to the usual one
+    mount_host "$certificates" /host-certificates.crt
     settings+=(PIP_CERT=/host-certificates.crt SSL_CERT_FILE=/host-certificates.crt)
 fi
 while read -r item; do
-    [ ! -d "$item" ] || show "${item%/simple}" # a local index has its files beside simple/
+    [ ! -d "$item" ] || mount_host "${item%/simple}" # the files of a local index are beside simple/
 done < <({ python3 -m pip config list 2>/dev/null || true; } | sed 's/\\n/ /g; s|file://||g' | tr "'\" =," '\n' | grep '^/.' | sort -u)
-show "$checkout/../shared/real_scans" /src/shared/real_scans
+mount_host "$checkout/../shared/real_scans" /src/shared/real_scans
 
 for target in "$@"; do
-    # a background job ignores Ctrl-C; the tests of Ctrl-C would inherit that
+    # background jobs ignore SIGINT, and the tests of Ctrl-C would inherit this
     if ! env -i --default-signal=INT,QUIT,HUP HOME=/root LANG=C.UTF-8 "${settings[@]}" \
         PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         chroot "$root" make -C /src/sonarhw "$target" </dev/null; then

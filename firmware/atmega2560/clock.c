@@ -24,7 +24,7 @@ ISR(TIMER4_OVF_vect)
     overflowed_us += OVERFLOW_US;
 }
 
-// Whether an overflow waits to be counted, and the count has already begun again.
+// Whether an overflow before `count` was read has not been counted yet.
 static bool overflow_waits(uint16_t count) { return (TIFR4 & _BV(TOV4)) && count < 0x8000; }
 
 uint32_t clock_ticks_at(uint16_t count)

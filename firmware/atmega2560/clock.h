@@ -1,4 +1,4 @@
-/* Timer 4 counts half microseconds, and its overflows are counted. It times the echoes too. */
+/* Clock of the device: timer 4 counts half microseconds. It also times the echoes. */
 #ifndef CLOCK_H
 #define CLOCK_H
 
@@ -6,7 +6,7 @@
 
 void clock_start(void);
 uint32_t clock_ticks(void); // half microseconds since the start; wraps after 36 minutes
-// The same at the moment at which the timer stood at `count`, not long ago. With interrupts off.
+// The same at the recent time when the timer was `count`. Call it with interrupts off.
 uint32_t clock_ticks_at(uint16_t count);
 
 #endif

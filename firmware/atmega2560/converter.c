@@ -8,13 +8,13 @@
 #include "messages.h" // NO_TEMPERATURE
 #include "thermistor_table.h" // thermistor_table
 
-#define SUPPLY_REFERENCE _BV(REFS0) // thermistor and trace are both measured against the supply
+#define SUPPLY_REFERENCE _BV(REFS0) // both thermistor and trace are relative to the supply
 #define TRACE_CHANNEL 0
 #define THERMISTOR_CHANNEL 1
 #define SLOW (_BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0)) // clock / 128
 #define FAST (_BV(ADEN) | _BV(ADPS2)) // clock / 16
-#define AVERAGED 32 // conversions of one temperature
-#define OPEN_COUNT 1015 // a thermistor that is not there
+#define AVERAGED 32 // conversions per temperature
+#define OPEN_COUNT 1015 // from this value on, no thermistor is connected
 
 static uint8_t samples[TRACE_SAMPLES];
 static uint8_t *volatile sample_end;
@@ -72,10 +72,10 @@ uint8_t *converter_samples(void) { return samples; }
 
 uint16_t converter_count(void) { return (uint16_t)(sample_end - samples); }
 
-// Of 32 conversions together, each half a step up from where the converter rounds down.
+// Temperature from the sum of 32 conversions, plus half a count each against the converter's rounding down.
 static int16_t centidegrees(uint16_t count32)
 {
-    // 15 bits: the upper five bits choose the stretch of the table, the lower ten how far along it
+    // 15 bits: the upper five select the interval of the table, the lower ten interpolate in it
     uint8_t at = (uint8_t)(count32 >> 10);
     int16_t from = (int16_t)flash_u16((const uint16_t *)&thermistor_table[at]);
     int16_t to = (int16_t)flash_u16((const uint16_t *)&thermistor_table[at + 1]);

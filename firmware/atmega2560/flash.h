@@ -1,4 +1,4 @@
-/* Constants that stay in flash, where there is room, and are fetched from there. */
+/* Access to constants in flash memory. */
 #ifndef FLASH_H
 #define FLASH_H
 

@@ -6,9 +6,9 @@
 #include "hardware.h" // clock_us
 
 #define SERIAL_MOST 16
-#define BLANK 0xFF // of an EEPROM never written
+#define BLANK 0xFF // erased EEPROM
 
-// at these very addresses: avrdude may write a serial number there
+// the addresses must not change: avrdude may write a serial number there
 static uint32_t EEMEM stored_boots;
 static uint8_t EEMEM stored_serial[SERIAL_MOST];
 
@@ -18,7 +18,7 @@ static char serial[SERIAL_MOST];
 void identity_start(void)
 {
     boots = eeprom_read_dword(&stored_boots) + 1;
-    if (!boots) // a blank one
+    if (!boots) // erased EEPROM
         boots = 1;
     eeprom_update_dword(&stored_boots, boots);
     eeprom_read_block(serial, stored_serial, SERIAL_MOST);
@@ -26,7 +26,7 @@ void identity_start(void)
 
 uint32_t boot_count(void) { return boots; }
 
-// The moment of the first question is as good as drawn by lot.
+// The time of the first Hello serves as a random number.
 static void invent_serial(void)
 {
     static const char letters[] = "SONAR-";

@@ -1,9 +1,9 @@
-/* What the EEPROM knows: the serial number, and how often the board has started. */
+/* Serial number and count of starts, in the EEPROM. */
 #ifndef IDENTITY_H
 #define IDENTITY_H
 
 #include <stdint.h>
 
-void identity_start(void); // counts a start
+void identity_start(void); // adds 1 to the count of starts
 
 #endif

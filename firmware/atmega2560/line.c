@@ -1,4 +1,4 @@
-/* The serial line on USART0, with a ring of bytes each way. */
+/* The serial line on USART0, with a ring buffer in each direction. */
 #include "line.h"
 
 #include <avr/interrupt.h> // ISR
@@ -10,7 +10,7 @@
 
 #define RECEIVE_ROOM 128 // bytes; a power of two
 
-#define SEND_ROOM 192 // bytes: 1.9 ms at 1 000 000 baud, in which the CRC of the next chunk is reckoned
+#define SEND_ROOM 192 // bytes: 1.9 ms at 1 000 000 baud; meanwhile the CRC of the next chunk is computed
 
 static uint8_t sending[SEND_ROOM];
 static volatile uint8_t send_in, send_out;
@@ -39,7 +39,7 @@ ISR(USART0_RX_vect)
     } else {
         overrun = true;
     }
-    // the frame is lost, and will come again
+    // the frame is lost; the host repeats it
     if (overrun)
         overruns++;
 }
@@ -104,5 +104,5 @@ uint32_t line_overruns(void)
 
 bool line_can(uint32_t baud) { return baud == 250000 || baud == 500000 || baud == 1000000; }
 
-// All three divide the clock without a rest.
+// All three baud rates divide the clock exactly.
 void line_set_baud(uint32_t baud) { UBRR0 = (uint16_t)(F_CPU / 8 / baud - 1); }

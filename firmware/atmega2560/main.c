@@ -1,4 +1,4 @@
-/* The firmware on an ATmega2560: set the pins, start what counts, then converse for ever. */
+/* Start of the firmware on an ATmega2560, and its main loop. */
 #include <avr/interrupt.h> // sei
 #include <avr/io.h> // registers
 #include <avr/wdt.h> // watchdog

@@ -1,4 +1,4 @@
-/* The stepper driver on STEP, DIR and ENABLE; timer 1 calls for the steps. */
+/* The stepper driver on STEP, DIRECTION and ENABLE; timer 1 times the steps. */
 #include <avr/interrupt.h> // ISR
 #include <avr/io.h> // registers
 
@@ -6,8 +6,8 @@
 #include "pins.h"
 #include "turntable.h" // turntable_step
 
-// A step, at most every 1 777 cycles; STEP stays high for some 10 us of it. Budget 280 cycles, for the line holds three
-// bytes before one is lost: 480 cycles at 1 000 000 baud.
+// A step, at most every 1 777 cycles. STEP is high for about 10 us. Budget 280 cycles: the USART buffers three bytes,
+// which is 480 cycles at 1 000 000 baud.
 ISR(TIMER1_COMPA_vect)
 {
     PIN_HIGH(STEP);

@@ -1,4 +1,4 @@
-/* The 6500 ranging board: INIT, BLNK and BINH out, ECHO on the input capture of timer 4, the trace on the converter. */
+/* The 6500 ranging board: outputs INIT, BLNK and BINH, ECHO on the input capture of timer 4, trace on the converter. */
 #include <avr/interrupt.h> // ISR
 #include <avr/io.h> // registers
 #include <util/atomic.h> // ATOMIC_BLOCK
@@ -18,10 +18,10 @@ static volatile uint8_t echo_count;
 static uint32_t few_echoes[ECHOES_BESIDE_TRACE];
 static uint32_t *echoes;
 static uint32_t rearm_ticks;
-static volatile uint32_t wait_left; // ticks behind the one timer 3 counts now
-static volatile bool unblanks; // what timer 3 counts is the blanking
+static volatile uint32_t wait_left; // ticks left after the present run of timer 3
+static volatile bool unblanks; // timer 3 counts the blanking, not the re-arming
 
-// Call TIMER3_COMPA once, in some ticks. With interrupts off.
+// Trigger TIMER3_COMPA once after `ticks`. Call it with interrupts off.
 static void wake_in(uint32_t ticks)
 {
     uint16_t now = ticks > 0x8000 ? 0x8000 : (uint16_t)ticks;
@@ -33,7 +33,7 @@ static void wake_in(uint32_t ticks)
     TCCR3B = _BV(WGM32) | _BV(CS31);
 }
 
-// Blanking is over, one way or the other. Budget 150 cycles.
+// End of blanking or of re-arming. Budget 150 cycles.
 ISR(TIMER3_COMPA_vect)
 {
     if (wait_left) {
@@ -48,12 +48,12 @@ ISR(TIMER3_COMPA_vect)
     PIN_LOW(BLNK);
 }
 
-// An echo. Its time is the timer's, so that waiting for other interrupts costs no precision. Budget 260 cycles.
+// An echo. Its time is captured by the timer, so that other interrupts cause no error. Budget 260 cycles.
 ISR(TIMER4_CAPT_vect)
 {
     uint32_t ticks = clock_ticks_at(ICR4) - fired_low;
     uint8_t count = echo_count;
-    // so early it is the transmitter's own noise
+    // earlier edges are noise of the transmitter
     if (ticks < 2 * BLANKING_LEAST_US || count == echoes_wanted)
         return;
     echoes[count] = ticks;
@@ -72,7 +72,7 @@ void ping_start(const struct ping_order *order)
     echo_count = 0;
     traced = order->trace;
     echoes = traced ? few_echoes : (uint32_t *)converter_samples();
-    // all reckoning before, for INIT and the first sample are to be a few instructions apart
+    // compute everything first: INIT and the first sample must be only a few instructions apart
     if (traced)
         converter_prepare((uint16_t)(order->listen_us / 13));
     bool longer = order->blanking_us > BLANKING_US;
@@ -89,7 +89,7 @@ void ping_start(const struct ping_order *order)
         PIN_HIGH(INIT);
         if (traced)
             converter_go();
-        // INIT rises 5 cycles after the timer was read, and that half a tick after it counted
+        // INIT rises 5 cycles after the timer was read, which is half a tick after its last count
         fired_low = clock_ticks_at(before) + 1;
         if (unblanks)
             wake_in(unblanked_ticks);

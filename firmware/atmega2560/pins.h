@@ -1,4 +1,4 @@
-/* Which pin does what. All outputs lie below 0x20, where setting one is a single instruction. */
+/* Pins. The ports of all outputs are below 0x20, where one instruction sets a pin. */
 #ifndef PINS_H
 #define PINS_H
 

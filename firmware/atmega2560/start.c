@@ -1,4 +1,4 @@
-/* Before main: the stack is painted, to see later how far it came, and why the chip was reset is kept. */
+/* Before main: fills the stack with a pattern, to measure its use later, and saves the cause of the reset. */
 #include <avr/io.h> // registers
 #include <avr/wdt.h> // watchdog
 
@@ -24,7 +24,7 @@ __attribute__((naked, used, section(".init1"))) void paint_stack(void)
                      "i"(RAMEND + 1));
 }
 
-// A watchdog that has bitten keeps running through the reset.
+// After a watchdog reset the watchdog is still running; stop it.
 __attribute__((naked, used, section(".init3"))) void calm_watchdog(void)
 {
     reset_flags = MCUSR;

@@ -1,4 +1,4 @@
-/* Loads the firmware and lets time pass: in real time, some times faster, or as fast as it goes. */
+/* Loads and runs the firmware: in real time, faster by a factor, or as fast as possible. */
 #include "emulator.h"
 
 #include <errno.h>
@@ -18,16 +18,16 @@
 #include <simavr/sim_elf.h>
 #include <simavr/sim_time.h>
 
-#define SLICE (FREQUENCY / 1000) // cycles from one look at the world to the next
-#define START (FREQUENCY / 20) // cycles in which it starts, before anyone is told that it is there
+#define SLICE (FREQUENCY / 1000) // cycles between two polls of line and parent process
+#define START (FREQUENCY / 20) // cycles for the start, before the board reports that it is ready
 #define VECTOR_SIZE 4 // bytes
-#define ENTRY_CYCLES 5 // from the interrupt to its vector, which simavr leaves out
+#define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
 #define EEPROM_SIZE 4096
-#define MOST_BEHIND 0.1 // s; what a stalled machine loses beyond that is not made up for
-#define HOST_LATE 1.6 // s of the board's time without a byte of the host; the firmware lets go after 2 s
+#define MOST_BEHIND 0.1 // s; a longer delay of the machine is not caught up
+#define HOST_LATE 1.6 // s of board time without a byte from the host; the firmware gives up after 2 s
 #define PATIENT 0.5 // pace while the host is late
 
-static struct options options = {.pace = 1, .stands = 0, .temperature = NAN};
+static struct options options = {.pace = 1, .initial_degrees = 0, .temperature = NAN};
 static volatile sig_atomic_t ending;
 static avr_t *chip;
 
@@ -38,7 +38,7 @@ void die(const char *why)
     exit(1);
 }
 
-bool asked_to_end(void) { return ending; }
+bool end_requested(void) { return ending; }
 
 double seconds(const avr_t *avr) { return (double)avr->cycle / FREQUENCY; }
 
@@ -62,7 +62,7 @@ uint16_t symbol(const char *name)
             return (uint16_t)entry.st_value;
         }
     }
-    die("the firmware lacks a variable that this emulator looks for");
+    die("a variable that the emulator needs is missing in the firmware; build both again");
     return 0;
 }
 
@@ -86,13 +86,13 @@ void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *,
 {
     struct listener *listener = calloc(1, sizeof *listener);
     if (!listener)
-        die("no memory");
+        die("out of memory");
     *listener = (struct listener){avr, false, changed};
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), pin_changed, listener);
     return listener;
 }
 
-// by port; without this simavr would set a pin back to its pull-up whenever the firmware writes to the port
+// by port; otherwise simavr returns a pin to its pull-up whenever the firmware writes to the port
 static avr_ioport_external_t driven['L' + 1];
 
 void set_pin(avr_t *avr, char port, int bit, bool high)
@@ -105,7 +105,7 @@ void set_pin(avr_t *avr, char port, int bit, bool high)
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
 }
 
-// The chip has begun anew, and simavr has forgotten its clock, its timers and what drives the pins.
+// After a reset of the chip, restore what simavr has cleared: timers and the levels of input pins.
 static void after_reset(avr_t *avr)
 {
     for (int port = 'A'; port <= 'L'; port++)
@@ -141,7 +141,7 @@ static void read_eeprom(avr_t *avr)
     FILE *file = options.eeprom ? fopen(options.eeprom, "rb") : NULL;
     if (file) {
         if (!fread(bytes, 1, sizeof bytes, file))
-            die("the file of the EEPROM cannot be read");
+            die("cannot read the EEPROM file");
         fclose(file);
     }
     avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
@@ -170,15 +170,15 @@ static avr_t *make_chip(void)
 {
     elf_firmware_t firmware = {0};
     if (elf_read_firmware(options.elf, &firmware))
-        die("the firmware cannot be read");
+        die("cannot read the firmware file");
     avr_t *avr = avr_make_mcu_by_name("atmega2560");
     if (!avr)
-        die("this libsimavr knows no ATmega2560");
+        die("this libsimavr does not support the ATmega2560");
     avr_init(avr);
     avr->frequency = FREQUENCY;
     avr->log = LOG_ERROR;
     avr->vcc = avr->avcc = avr->aref = 5000;
-    // the firmware sleeps, this program decides how long that takes
+    // keep_pace controls the speed, not simavr
     avr_load_firmware(avr, &firmware);
     return avr;
 }
@@ -190,16 +190,16 @@ static double real_seconds(void)
     return (double)now.tv_sec + now.tv_nsec * 1e-9;
 }
 
-// Faster than real, the firmware would take a host that the machine holds up for one that has gone.
+// Slow down while the host is late: at a fast pace the firmware would treat a slow host as gone.
 static double pace(const avr_t *avr)
 {
     return options.pace > PATIENT && line_silence(avr) > HOST_LATE ? PATIENT : options.pace;
 }
 
-// Wait until the real time has come that the board's time stands for.
+// Wait until real time reaches the board's time.
 static void keep_pace(const avr_t *avr)
 {
-    static double before, due; // the board's time, and the real time that it stands for
+    static double before, due; // the board's time at the last call, and the real time that corresponds to it
     if (options.pace == 0)
         return;
     due += (seconds(avr) - before) / pace(avr);
@@ -247,7 +247,7 @@ static void read_options(int count, char **words)
             options.pace = atof(optarg);
             break;
         case 's':
-            options.stands = atof(optarg);
+            options.initial_degrees = atof(optarg);
             break;
         case 't':
             options.temperature = atof(optarg);
@@ -270,7 +270,7 @@ static uint32_t longest[INTERRUPTS];
 
 const uint32_t *longest_interrupts(void) { return longest; }
 
-// Notices where a handler begins, at its vector, and where it ends.
+// Measure the duration of interrupt handlers, from the vector to RETI.
 static void time_interrupts(const avr_t *avr, avr_flashaddr_t before)
 {
     static unsigned vector;
@@ -303,10 +303,10 @@ static void run_for(avr_t *avr, avr_cycle_count_t cycles)
 int main(int count, char **words)
 {
     read_options(count, words);
-    // simavr writes what it loads to standard output, which is the parent's
+    // simavr prints what it loads to standard output, which belongs to the parent process
     if (!freopen("/dev/null", "w", stdout))
-        die("no /dev/null");
-    // without SA_RESTART: a parent that answers no more must not keep it
+        die("cannot open /dev/null");
+    // without SA_RESTART, so that a signal ends a read from a parent that does not answer
     const struct sigaction ends = {.sa_handler = end};
     sigaction(SIGTERM, &ends, NULL);
     sigaction(SIGINT, &ends, NULL);
@@ -315,10 +315,10 @@ int main(int count, char **words)
     avr->sleep = never_sleep;
     read_eeprom(avr);
     ranging_start(avr, options.temperature);
-    turntable_start(avr, options.stands);
+    turntable_start(avr, options.initial_degrees);
     line_start(avr, options.link, options.any_baud);
     run_for(avr, START);
-    parent_tell_ready(line_name());
+    parent_report_ready(line_name());
     while (!ending) {
         run_for(avr, SLICE);
         line_poll(avr);

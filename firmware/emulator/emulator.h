@@ -1,10 +1,10 @@
-/* The board that is not there: the real firmware on libsimavr, and round it the things it is wired to.
+/* Emulated board: the real firmware on libsimavr, with models of everything that is connected to the chip.
  *
- *   emulator.c         loads the firmware, lets time pass
+ *   emulator.c         loads and runs the firmware
  *   ranging_model.c    the 6500: INIT, BLNK and BINH in, ECHO and the envelope out
  *   turntable_model.c  motor, gear, table, home switch
  *   serial_line.c      the serial line, on a pseudo-terminal
- *   parent.c           the program that started it, which has the room
+ *   parent.c           the process that started the emulator and computes the echoes
  */
 #ifndef EMULATOR_H
 #define EMULATOR_H
@@ -21,12 +21,12 @@
 
 struct options {
     const char *elf;
-    const char *eeprom; // file that outlives the process; NULL: none
-    const char *link; // name for the pseudo-terminal; NULL: none
-    double pace; // times real time; 0: as fast as it goes
-    double stands; // degrees, where the table stands at first
+    const char *eeprom; // file that keeps the EEPROM; NULL: none
+    const char *link; // symbolic link to the pseudo-terminal; NULL: none
+    double pace; // factor to real time; 0: as fast as possible
+    double initial_degrees; // initial angle of the table, degrees
     double temperature; // °C; NAN: no thermistor
-    bool any_baud; // hosts need not set the speed of the line
+    bool any_baud; // ignore the baud rate of the host
 };
 
 struct ping {
@@ -35,7 +35,7 @@ struct ping {
     uint8_t index;
 };
 
-struct heard {
+struct echoes {
     unsigned count;
     double times[ECHOES_MOST]; // s
     double rate, start; // of the trace, Hz and s
@@ -44,17 +44,17 @@ struct heard {
 };
 
 void die(const char *why);
-bool asked_to_end(void); // by a signal
-void switch_off(void); // ends the program; what the EEPROM holds is kept
-double seconds(const avr_t *avr); // of the board's time
+bool end_requested(void); // whether a signal has requested the end
+void switch_off(void); // saves the EEPROM and ends the program
+double seconds(const avr_t *avr); // time of the board
 
 /* emulator.c */
 uint16_t symbol(const char *name); // address in the chip's memory
-void reset_board(avr_t *avr); // the button
-void hang_board(avr_t *avr); // what only a watchdog ends
+void reset_board(avr_t *avr); // as with the reset button
+void hang_board(avr_t *avr); // endless loop; only the watchdog ends it
 void *make_irq_listener(avr_t *avr, char port, int bit, void (*changed)(avr_t *, bool));
 void set_pin(avr_t *avr, char port, int bit, bool high);
-const uint32_t *longest_interrupts(void); // cycles of each vector's handler, INTERRUPTS of them
+const uint32_t *longest_interrupts(void); // longest duration of each handler in cycles, INTERRUPTS values
 
 /* ranging_model.c */
 void ranging_start(avr_t *avr, double temperature);
@@ -73,13 +73,13 @@ void line_start(avr_t *avr, const char *link, bool any_baud);
 void line_reset(void);
 void line_poll(avr_t *avr);
 void line_end(void);
-double line_silence(const avr_t *avr); // s of the board's time since a client that is there was heard
+double line_silence(const avr_t *avr); // s of board time since the last byte of a connected client
 const char *line_name(void);
 
 /* parent.c */
 void parent_start(int descriptor);
 void parent_poll(avr_t *avr);
-void parent_hear(avr_t *avr, const struct ping *ping, struct heard *heard);
-void parent_tell_ready(const char *url);
+void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes);
+void parent_report_ready(const char *url);
 
 #endif

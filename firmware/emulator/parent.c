@@ -1,11 +1,11 @@
-/* The program that started this one, on a socket: it knows the room.
+/* Socket to the process that started the emulator. It computes the echoes.
  *
  * A message is a letter, its size (u32) and that many bytes, little-endian.
  *   to the parent    U name of the pseudo-terminal
- *                    P degrees f64, seconds f64, sweep u16, ping u8: what is heard there, and then?
+ *                    P degrees f64, seconds f64, sweep u16, ping u8: request the echoes of a ping
  *   from the parent  E count u32, count times f64, rate f64, start f64, samples u32, that many f32
  *                    R reset the board · H make it hang · S slip: microsteps f64 · W wedge: seconds f64
- *                    C how long did interrupt handlers take? answered with C, cycles u32 of each vector
+ *                    C request the longest duration of interrupt handlers; answer: C, cycles u32 of each vector
  */
 #include <errno.h>
 #include <poll.h>
@@ -23,8 +23,8 @@ static void write_all(const void *bytes, size_t size)
 {
     for (const char *at = bytes; size;) {
         ssize_t written = write(parent, at, size);
-        if (written < 0 && (errno != EINTR || asked_to_end()))
-            switch_off(); // the parent has gone, or wants the board gone
+        if (written < 0 && (errno != EINTR || end_requested()))
+            switch_off(); // the parent has ended, or a signal has requested the end
         at += written > 0 ? written : 0;
         size -= written > 0 ? (size_t)written : 0;
     }
@@ -34,8 +34,8 @@ static void read_all(void *bytes, size_t size)
 {
     for (char *at = bytes; size;) {
         ssize_t got = read(parent, at, size);
-        if (got == 0 || (got < 0 && (errno != EINTR || asked_to_end())))
-            switch_off(); // the parent has gone, or wants the board gone
+        if (got == 0 || (got < 0 && (errno != EINTR || end_requested())))
+            switch_off(); // the parent has ended, or a signal has requested the end
         at += got > 0 ? got : 0;
         size -= got > 0 ? (size_t)got : 0;
     }
@@ -48,7 +48,7 @@ static void send_message(char kind, const void *bytes, uint32_t size)
     write_all(bytes, size);
 }
 
-void parent_tell_ready(const char *url) { send_message('U', url, (uint32_t)strlen(url)); }
+void parent_report_ready(const char *url) { send_message('U', url, (uint32_t)strlen(url)); }
 
 static double read_double(void)
 {
@@ -64,32 +64,32 @@ static uint32_t read_count(void)
     return count;
 }
 
-static void read_heard(struct heard *heard)
+static void read_echoes(struct echoes *echoes)
 {
-    heard->count = read_count();
-    if (heard->count > ECHOES_MOST)
-        die("more echoes than fit");
-    read_all(heard->times, heard->count * sizeof(double));
-    heard->rate = read_double();
-    heard->start = read_double();
-    heard->samples = read_count();
-    heard->trace = realloc(heard->trace, heard->samples * sizeof(float) + 1);
-    if (!heard->trace)
-        die("no memory");
-    read_all(heard->trace, heard->samples * sizeof(float));
+    echoes->count = read_count();
+    if (echoes->count > ECHOES_MOST)
+        die("too many echoes from the parent process");
+    read_all(echoes->times, echoes->count * sizeof(double));
+    echoes->rate = read_double();
+    echoes->start = read_double();
+    echoes->samples = read_count();
+    echoes->trace = realloc(echoes->trace, echoes->samples * sizeof(float) + 1);
+    if (!echoes->trace)
+        die("out of memory");
+    read_all(echoes->trace, echoes->samples * sizeof(float));
 }
 
-// Take one message; true where it was what is heard.
-static bool take(avr_t *avr, struct heard *heard)
+// Process one message. True if it contained echoes.
+static bool process_message(avr_t *avr, struct echoes *echoes)
 {
     char kind;
     read_all(&kind, 1);
     read_count();
     switch (kind) {
     case 'E':
-        if (!heard)
-            die("echoes nobody asked for");
-        read_heard(heard);
+        if (!echoes)
+            die("unexpected echoes from the parent process");
+        read_echoes(echoes);
         return true;
     case 'R':
         reset_board(avr);
@@ -107,7 +107,7 @@ static bool take(avr_t *avr, struct heard *heard)
         send_message('C', longest_interrupts(), INTERRUPTS * sizeof(uint32_t));
         return false;
     default:
-        die("a message that is none");
+        die("unknown message from the parent process");
         return false;
     }
 }
@@ -116,13 +116,13 @@ void parent_poll(avr_t *avr)
 {
     struct pollfd waiting = {.fd = parent, .events = POLLIN};
     while (parent >= 0 && poll(&waiting, 1, 0) > 0)
-        take(avr, NULL);
+        process_message(avr, NULL);
 }
 
-void parent_hear(avr_t *avr, const struct ping *ping, struct heard *heard)
+void parent_request_echoes(avr_t *avr, const struct ping *ping, struct echoes *echoes)
 {
     if (parent < 0) {
-        heard->count = heard->samples = 0;
+        echoes->count = echoes->samples = 0;
         return;
     }
     char bytes[19];
@@ -132,6 +132,6 @@ void parent_hear(avr_t *avr, const struct ping *ping, struct heard *heard)
     memcpy(bytes + 16, &ping->sweep, 2);
     bytes[18] = (char)ping->index;
     send_message('P', bytes, sizeof bytes);
-    while (!take(avr, heard))
+    while (!process_message(avr, echoes))
         ;
 }

@@ -1,7 +1,7 @@
-/* The 6500: what the firmware sees of it, and the envelope and the thermistor on the converter.
+/* Model of the 6500, and of the envelope and the thermistor at the converter.
  *
- * An echo sets ECHO until INIT falls or BLNK rises; no echo counts before the blanking is over (2.38 ms, or when BINH
- * rises) or while BLNK is high. The transmitter's noise is seen on ECHO for a moment, as on the real one.
+ * An echo sets ECHO until INIT falls or BLNK rises. Echoes during the blanking (2.38 ms, or until BINH rises) or while
+ * BLNK is high are ignored. As on a real 6500, noise of the transmitter sets ECHO for a short time.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -16,21 +16,21 @@
 #define NOISE 0.0001 // s after INIT
 #define NOISE_LASTS 160 // cycles
 #define SUPPLY 5000 // mV
-#define SAMPLE_CYCLES 208 // from one conversion of a trace to the next; simavr takes a little longer
-#define HOLD_CYCLES 24 // from the start of a conversion until the input is held
+#define SAMPLE_CYCLES 208 // between two conversions of a trace; simavr takes slightly longer
+#define HOLD_CYCLES 24 // from the start of a conversion to sample-and-hold
 #define THERMISTOR_CHANNEL 1
 
 static struct {
     bool transmitting, blanked, inhibited, latched;
     avr_cycle_count_t fired;
-    struct heard heard;
-    unsigned next; // echo
+    struct echoes echoes;
+    unsigned next; // index of the next echo
     double temperature;
     uint16_t place; // address of ping_place
     avr_irq_t *converter;
-    unsigned pending; // mV, of the conversion before
+    unsigned pending; // mV of the previous conversion
     unsigned conversions; // of this trace
-    avr_cycle_count_t sampled; // when the first was held
+    avr_cycle_count_t sampled; // sample-and-hold of the first
 } board;
 
 static void set_echo(avr_t *avr, bool high)
@@ -41,15 +41,15 @@ static void set_echo(avr_t *avr, bool high)
 
 static avr_cycle_count_t cycles_of(double time) { return board.fired + (avr_cycle_count_t)llround(time * FREQUENCY); }
 
-static avr_cycle_count_t echo_comes(avr_t *avr, avr_cycle_count_t when, void *unused)
+static avr_cycle_count_t echo_arrives(avr_t *avr, avr_cycle_count_t when, void *unused)
 {
     (void)unused;
     bool open = board.inhibited || when >= cycles_of(BLANKING);
     if (!board.latched && !board.blanked && open)
         set_echo(avr, true);
-    if (++board.next == board.heard.count)
+    if (++board.next == board.echoes.count)
         return 0;
-    avr_cycle_count_t next = cycles_of(board.heard.times[board.next]);
+    avr_cycle_count_t next = cycles_of(board.echoes.times[board.next]);
     return next > when ? next : when + 1;
 }
 
@@ -60,18 +60,18 @@ static avr_cycle_count_t noise(avr_t *avr, avr_cycle_count_t when, void *unused)
     return board.latched ? when + NOISE_LASTS : 0;
 }
 
-static void ask(avr_t *avr)
+static void request_echoes(avr_t *avr)
 {
     // struct place of core/scan/scan.h: sweep u16, ping u8, angle i32; compilers for this chip add no padding
     struct ping ping = {.degrees = turntable_degrees(), .index = avr->data[board.place + 2]};
     memcpy(&ping.sweep, avr->data + board.place, 2);
-    parent_hear(avr, &ping, &board.heard);
+    parent_request_echoes(avr, &ping, &board.echoes);
 }
 
 static void init_changed(avr_t *avr, bool high)
 {
     board.transmitting = high;
-    avr_cycle_timer_cancel(avr, echo_comes, NULL);
+    avr_cycle_timer_cancel(avr, echo_arrives, NULL);
     avr_cycle_timer_cancel(avr, noise, NULL);
     set_echo(avr, false);
     if (!high)
@@ -79,11 +79,11 @@ static void init_changed(avr_t *avr, bool high)
     board.fired = avr->cycle;
     board.next = 0;
     board.conversions = 0;
-    ask(avr);
+    request_echoes(avr);
     avr_cycle_timer_register(avr, (avr_cycle_count_t)(NOISE * FREQUENCY), noise, NULL);
-    if (board.heard.count) {
-        avr_cycle_count_t first = cycles_of(board.heard.times[0]);
-        avr_cycle_timer_register(avr, first > avr->cycle ? first - avr->cycle : 1, echo_comes, NULL);
+    if (board.echoes.count) {
+        avr_cycle_count_t first = cycles_of(board.echoes.times[0]);
+        avr_cycle_timer_register(avr, first > avr->cycle ? first - avr->cycle : 1, echo_arrives, NULL);
     }
 }
 
@@ -100,17 +100,17 @@ static void binh_changed(avr_t *avr, bool high)
     board.inhibited = high;
 }
 
-// The envelope some cycles after INIT, between two samples of the source.
+// The envelope at a number of cycles after INIT, interpolated between two samples of the source.
 static double envelope(avr_cycle_count_t cycles)
 {
-    if (!board.transmitting || !board.heard.samples)
+    if (!board.transmitting || !board.echoes.samples)
         return 0;
-    double at = ((double)cycles / FREQUENCY - board.heard.start) * board.heard.rate;
-    if (at < 0 || at >= board.heard.samples - 1)
+    double at = ((double)cycles / FREQUENCY - board.echoes.start) * board.echoes.rate;
+    if (at < 0 || at >= board.echoes.samples - 1)
         return 0;
     unsigned before = (unsigned)at;
     double share = at - before;
-    return (1 - share) * board.heard.trace[before] + share * board.heard.trace[before + 1];
+    return (1 - share) * board.echoes.trace[before] + share * board.echoes.trace[before + 1];
 }
 
 // A thermistor of 10 kOhm at 25 °C towards ground, 10 kOhm towards the supply.
@@ -122,7 +122,8 @@ static double thermistor(void)
     return ratio / (1 + ratio);
 }
 
-// A conversion begins. While one follows the other the firmware reads the one before, for simavr begins the next first.
+// A conversion begins. In free-running mode simavr starts the next conversion before the firmware reads the last one.
+// So this sets the pending value of the last one.
 static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
 {
     (void)irq;
@@ -139,7 +140,7 @@ static void conversion(struct avr_irq_t *irq, uint32_t value, void *parameter)
     if (!board.conversions)
         board.sampled = avr->cycle + HOLD_CYCLES - board.fired;
     double level = envelope(board.sampled + SAMPLE_CYCLES * board.conversions);
-    // half a step up, so that the converter's rounding down gives the nearest of 256 levels
+    // plus half a count, so that rounding down by the converter gives the nearest of 256 levels
     unsigned now = (unsigned)lround((floor(level * 255 + 0.5) + 0.5) / 256 * SUPPLY);
     avr_raise_irq(board.converter + ADC_IRQ_ADC0, board.conversions++ ? board.pending : now);
     board.pending = now;

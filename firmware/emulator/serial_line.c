@@ -1,4 +1,4 @@
-/* The serial line on a pseudo-terminal: bytes take their time, and make no sense at another speed than the firmware's. */
+/* The serial line on a pseudo-terminal, with the duration of real bytes. Bytes are garbled if the baud rates differ. */
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -17,7 +17,7 @@
 #define UBRR0L 0xC4
 #define UBRR0H 0xC5
 #define DOUBLE_SPEED 0x02
-#define STALLED 10000 // ms that a client may stop reading, and the board stands still, before bytes for it are lost
+#define STALLED 10000 // ms; the emulator waits this long for a client that does not read, then discards bytes
 
 static struct {
     int terminal;
@@ -30,7 +30,7 @@ static struct {
     uint8_t received[4096];
     size_t received_at, received_size;
     bool feeding;
-    avr_cycle_count_t heard; // when the last byte of a client came, or there was no client
+    avr_cycle_count_t last_byte; // time of the last byte from a client, or without a client
     uint32_t noise;
 } line;
 
@@ -42,7 +42,7 @@ static unsigned firmware_baud(const avr_t *avr)
 
 static avr_cycle_count_t byte_cycles(const avr_t *avr) { return 10 * FREQUENCY / firmware_baud(avr); }
 
-// simavr counts a parity bit that is not sent.
+// Correct simavr, which adds a parity bit that is not sent.
 static void correct_pace(avr_t *avr)
 {
     for (avr_io_t *io = avr->io_port; io; io = io->next)
@@ -56,16 +56,16 @@ static unsigned host_baud(void)
     return ioctl(line.terminal, TCGETS2, &settings) ? 0 : settings.c_ospeed;
 }
 
-// What a byte looks like where the two sides count bits of different lengths.
+// A byte as it is received at a wrong baud rate.
 static uint8_t garbled(uint8_t byte)
 {
     line.noise = line.noise * 1664525 + 1013904223;
     return byte ^ (uint8_t)(line.noise >> 24) ^ 0x55;
 }
 
-static bool speeds_differ(const avr_t *avr) { return !line.any_baud && host_baud() != firmware_baud(avr); }
+static bool baud_rates_differ(const avr_t *avr) { return !line.any_baud && host_baud() != firmware_baud(avr); }
 
-static bool client_there(void)
+static bool client_connected(void)
 {
     struct pollfd terminal = {.fd = line.terminal};
     return poll(&terminal, 1, 0) <= 0 || !(terminal.revents & POLLHUP);
@@ -74,7 +74,7 @@ static bool client_there(void)
 static void flush(void)
 {
     size_t at = 0;
-    while (at < line.send_size && client_there()) {
+    while (at < line.send_size && client_connected()) {
         ssize_t written = write(line.terminal, line.sending + at, line.send_size - at);
         struct pollfd room = {.fd = line.terminal, .events = POLLOUT};
         if (written > 0)
@@ -93,7 +93,7 @@ static void sent(struct avr_irq_t *irq, uint32_t value, void *parameter)
         die("the firmware sends while it listens");
     if (line.send_size == 0 || line.send_size == sizeof line.sending)
         flush();
-    line.sending[line.send_size++] = speeds_differ(avr) ? garbled((uint8_t)value) : (uint8_t)value;
+    line.sending[line.send_size++] = baud_rates_differ(avr) ? garbled((uint8_t)value) : (uint8_t)value;
 }
 
 static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)
@@ -104,7 +104,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *unused)
         return 0;
     }
     uint8_t byte = line.received[line.received_at++];
-    avr_raise_irq(line.uart + UART_IRQ_INPUT, speeds_differ(avr) ? garbled(byte) : byte);
+    avr_raise_irq(line.uart + UART_IRQ_INPUT, baud_rates_differ(avr) ? garbled(byte) : byte);
     return when + byte_cycles(avr);
 }
 
@@ -116,15 +116,15 @@ void line_reset(void)
 
 double line_silence(const avr_t *avr)
 {
-    return avr->cycle > line.heard ? (double)(avr->cycle - line.heard) / FREQUENCY : 0;
+    return avr->cycle > line.last_byte ? (double)(avr->cycle - line.last_byte) / FREQUENCY : 0;
 }
 
 void line_poll(avr_t *avr)
 {
     correct_pace(avr);
     flush();
-    if (line.feeding || !client_there())
-        line.heard = avr->cycle;
+    if (line.feeding || !client_connected())
+        line.last_byte = avr->cycle;
     if (line.received_at < line.received_size)
         return;
     ssize_t got = read(line.terminal, line.received, sizeof line.received);
@@ -142,7 +142,7 @@ static void make_raw(int descriptor)
 {
     struct termios2 settings;
     if (ioctl(descriptor, TCGETS2, &settings))
-        die("the pseudo-terminal has no settings");
+        die("cannot read the settings of the pseudo-terminal");
     settings.c_iflag = settings.c_oflag = settings.c_lflag = 0;
     settings.c_cflag = CS8 | CREAD | CLOCAL | B38400;
     ioctl(descriptor, TCSETS2, &settings);
@@ -153,16 +153,16 @@ void line_start(avr_t *avr, const char *link, bool any_baud)
     line.terminal = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
     if (line.terminal < 0 || grantpt(line.terminal) || unlockpt(line.terminal) ||
         ptsname_r(line.terminal, line.name, sizeof line.name))
-        die("no pseudo-terminal to be had");
-    // opened and shut once, so that it says from now on whether a client is there
+        die("cannot create a pseudo-terminal");
+    // open and close it once; from then on it reports whether a client is connected
     int once = open(line.name, O_RDWR | O_NOCTTY);
     if (once < 0)
-        die("the pseudo-terminal cannot be opened");
+        die("cannot open the pseudo-terminal");
     make_raw(once);
     close(once);
     line.link = link;
     if (link && symlink(line.name, link))
-        die("the link to the pseudo-terminal cannot be made; does it exist already?");
+        die("cannot create the link to the pseudo-terminal; does it exist already?");
     line.any_baud = any_baud;
     line.uart = avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), 0);
     uint32_t flags = 0;

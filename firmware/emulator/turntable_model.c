@@ -1,19 +1,20 @@
-/* The turntable: a motor that is drawn to its field as by a spring, a gear with play, a mark and a cam.
+/* Model of the turntable: motor, gear with backlash, mark and cam.
  *
- * The rotor swings into its place, and slips by whole turns of the field (64 microsteps) where it cannot follow.
+ * The magnetic field pulls the rotor like a spring. The rotor oscillates around its position, and slips by whole
+ * periods of the field (64 microsteps) if it cannot follow.
  */
 #include <math.h>
 
 #include "emulator.h"
 
-#define MICROSTEPS 7200.0 // of a whole turn
-#define FIELD 64.0 // microsteps after which the field looks the same again
-#define SWING 60.0 // Hz, of rotor and table about where the field holds them
-#define DAMPING 0.35 // of critical
-#define PLAY 12.0 // microsteps of the gear
-#define CAM (-20.0 / 360 * MICROSTEPS) // where it changes
-#define MARK -1.0 // where the mark begins: set so that zero comes to lie at 0, for the rotor lags while it creeps
-#define TICK 1600 // cycles from one look to the next
+#define MICROSTEPS 7200.0 // per turn
+#define FIELD 64.0 // microsteps per period of the field
+#define SWING 60.0 // Hz, oscillation of rotor and table
+#define DAMPING 0.35 // relative to critical damping
+#define PLAY 12.0 // backlash of the gear, microsteps
+#define CAM (-20.0 / 360 * MICROSTEPS) // position of its edge
+#define MARK -1.0 // position of its edge; chosen so that zero is at 0, because the rotor lags while creeping
+#define TICK 1600 // cycles between two updates
 
 static struct {
     bool forwards, powered;
@@ -25,7 +26,7 @@ static struct {
 
 double turntable_degrees(void)
 {
-    // it stands within a fraction of a microstep of one once it has swung out
+    // after the oscillation it is within a fraction of a microstep
     return round(motor.table) / MICROSTEPS * 360;
 }
 
@@ -41,7 +42,7 @@ static void move_rotor(double seconds)
     double angular = 2 * M_PI * SWING;
     double strength = angular * angular * FIELD / (2 * M_PI);
     double pull = motor.powered ? -strength * sin(2 * M_PI * (motor.rotor - motor.field) / FIELD) : 0;
-    // what damps a swing is the rotor's speed against the field's: the field turns it, and brakes it
+    // damping acts on the speed of the rotor relative to the field
     double swing = motor.speed - (motor.powered ? (motor.field - motor.field_before) / seconds : 0);
     motor.field_before = motor.field;
     motor.speed += (pull - 2 * DAMPING * angular * swing) * seconds;
@@ -52,7 +53,7 @@ static void move_rotor(double seconds)
         motor.table = motor.rotor;
 }
 
-static avr_cycle_count_t look(avr_t *avr, avr_cycle_count_t when, void *unused)
+static avr_cycle_count_t update(avr_t *avr, avr_cycle_count_t when, void *unused)
 {
     (void)unused;
     if (when < motor.free_again)
@@ -65,12 +66,12 @@ static avr_cycle_count_t look(avr_t *avr, avr_cycle_count_t when, void *unused)
     return motor.swinging ? when + TICK : 0;
 }
 
-static void start_looking(avr_t *avr)
+static void start_updates(avr_t *avr)
 {
     if (motor.swinging)
         return;
     motor.swinging = true;
-    avr_cycle_timer_register(avr, TICK, look, NULL);
+    avr_cycle_timer_register(avr, TICK, update, NULL);
 }
 
 static void step_changed(avr_t *avr, bool high)
@@ -80,7 +81,7 @@ static void step_changed(avr_t *avr, bool high)
     if (ranging_listens())
         die("the firmware steps while it listens");
     motor.field += motor.forwards ? 1 : -1;
-    start_looking(avr);
+    start_updates(avr);
 }
 
 static void direction_changed(avr_t *avr, bool high)
@@ -92,16 +93,16 @@ static void direction_changed(avr_t *avr, bool high)
 static void enable_changed(avr_t *avr, bool high)
 {
     motor.powered = !high;
-    // without current the driver still counts; with it, the rotor goes to the nearest place where the field holds it
+    // without current the driver still counts steps; with current the rotor moves to the nearest stable position
     if (motor.powered)
-        start_looking(avr);
+        start_updates(avr);
 }
 
 void turntable_reset(avr_t *avr)
 {
     motor.free_again = 0;
     motor.swinging = false;
-    start_looking(avr);
+    start_updates(avr);
 }
 
 void turntable_slip(double microsteps)
@@ -114,7 +115,7 @@ void turntable_slip(double microsteps)
 void turntable_wedge(avr_t *avr, double duration)
 {
     motor.free_again = avr->cycle + (avr_cycle_count_t)(duration * FREQUENCY);
-    start_looking(avr);
+    start_updates(avr);
 }
 
 void turntable_start(avr_t *avr, double degrees)

@@ -1,10 +1,10 @@
-/* The board of the host tests: the real one's turntable, and a trace short enough to be read. */
+/* Constants of the test board: the real turntable, and traces of 4 800 samples at most. */
 #ifndef BOARD_FACTS_H
 #define BOARD_FACTS_H
 
 #include "fields.h" // struct text
 #include "ranging_facts.h" // the 6500
-#include "turntable_facts.h" // MICROSTEPS and the like
+#include "turntable_facts.h" // MICROSTEPS and others
 
 extern uint32_t host_trace_period_ns;
 

@@ -1,4 +1,4 @@
-/* Constants on a machine with one memory. */
+/* Access to constants on a machine with a single memory. */
 #ifndef FLASH_H
 #define FLASH_H
 

@@ -1,8 +1,8 @@
-/* Fuzzing of everything behind the line: frames, messages, conversation, turntable.
+/* Fuzz test of frames, messages, conversation and turntable. Sanitizers report the errors.
  *
- * With clang -fsanitize=fuzzer this is libFuzzer's target; compiled with -DALONE it reads an input from standard input,
- * as AFL++ wants it, or, with a count and a seed, makes as many sessions of its own: sound frames of all types with
- * hostile values, bits flipped and bytes dropped now and then. What goes wrong, the sanitizers tell.
+ * With clang -fsanitize=fuzzer this is a target of libFuzzer. Compiled with -DALONE, it reads one input from standard
+ * input, as AFL++ requires. With a count and a seed as arguments, it generates that many sessions: valid frames of all
+ * types with hostile values, and occasional flipped bits and dropped bytes.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -28,10 +28,10 @@ static void start(void)
     host_start();
     host_grain(500);
     host_motor(HOST_MOTOR_AT_ONCE);
-    host_hear(echoes, 5, trace, sizeof trace, 13000);
+    host_set_echoes(echoes, 5, trace, sizeof trace, 13000);
 }
 
-static void pass(uint64_t us)
+static void let_pass(uint64_t us)
 {
     static uint8_t sent[1 << 16];
     now += us;
@@ -39,13 +39,13 @@ static void pass(uint64_t us)
     host_receive(sent, sizeof sent);
 }
 
-static void hear(const uint8_t *bytes, size_t size)
+static void send_bytes(const uint8_t *bytes, size_t size)
 {
     host_send(bytes, (uint32_t)size);
-    pass(size * BYTE_US);
+    let_pass(size * BYTE_US);
 }
 
-// A sound frame; `to` has room for 128 bytes.
+// Write a valid encoded frame to `to`, which has room for 128 bytes. Returns its size.
 static size_t frame_of(uint8_t *to, uint8_t type, uint16_t sequence, const uint8_t *payload, size_t payload_size)
 {
     uint8_t body[HEADER_SIZE + PAYLOAD_MOST + CRC_SIZE] = {type, (uint8_t)sequence, (uint8_t)(sequence >> 8)};
@@ -68,22 +68,22 @@ static size_t frame_of(uint8_t *to, uint8_t type, uint16_t sequence, const uint8
     return out;
 }
 
-// Behind a Hello: type, sequence, pause, size and payload of one command after the other, in frames that are sound.
+// Send Hello, then commands in valid frames. The input contains type, sequence, pause, size and payload of each.
 static void converse(const uint8_t *data, size_t size)
 {
     uint8_t wire[128];
-    hear(hello, sizeof hello);
+    send_bytes(hello, sizeof hello);
     while (size >= 4) {
         size_t payload = data[3] % (PAYLOAD_MOST + 1);
         payload = payload < size - 4 ? payload : size - 4;
-        hear(wire, frame_of(wire, data[0], data[1], data + 4, payload));
-        pass(data[2] % 32 * PAUSE_US);
+        send_bytes(wire, frame_of(wire, data[0], data[1], data + 4, payload));
+        let_pass(data[2] % 32 * PAUSE_US);
         data += 4 + payload;
         size -= 4 + payload;
     }
 }
 
-// The first bit of an input says what it is: bytes of a line, or commands for which frames are to be made.
+// The first bit of the input selects its meaning: raw bytes, or commands that are sent in valid frames.
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     start();
@@ -91,9 +91,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         converse(data + 1, size - 1);
     else
         for (size_t at = 1; at < size; at++)
-            hear(data + at, 1);
-    pass(REST_US);
-    if (host_trespasses())
+            send_bytes(data + at, 1);
+    let_pass(REST_US);
+    if (host_violations())
         abort();
     return 0;
 }
@@ -108,7 +108,7 @@ static uint32_t random_below(uint32_t limit)
     return (uint32_t)(state >> 33) % limit;
 }
 
-// Mostly a number that could be meant, now and then one that could not.
+// Mostly a plausible value, sometimes a random one.
 static uint32_t hostile(void)
 {
     static const uint32_t known[] = {0, 1, 2, 8, 16, 64, 65, 100, 122, 480, 2380, 20000, 62400, 250000, 1000000,
@@ -132,17 +132,17 @@ static void hostile_session(void)
 {
     uint8_t wire[128];
     start();
-    hear(hello, sizeof hello);
+    send_bytes(hello, sizeof hello);
     for (uint32_t frames = 1 + random_below(30); frames; frames--) {
         size_t size = hostile_frame(wire);
         if (!random_below(6))
             wire[random_below((uint32_t)size)] ^= (uint8_t)(1 << random_below(8));
-        hear(wire, size - !random_below(12));
-        pass(random_below(4) ? 0 : random_below(60) * PAUSE_US);
-        hear(wire + size - 1, 1);
+        send_bytes(wire, size - !random_below(12));
+        let_pass(random_below(4) ? 0 : random_below(60) * PAUSE_US);
+        send_bytes(wire + size - 1, 1);
     }
-    pass(REST_US);
-    if (host_trespasses())
+    let_pass(REST_US);
+    if (host_violations())
         abort();
 }
 

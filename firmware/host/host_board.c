@@ -1,7 +1,7 @@
-/* A board of plain variables, for tests of the portable part on this machine.
+/* Test board for the portable part of the firmware, in plain variables.
  *
- * Time passes when `host_advance` says so. The motor steps as the ramp has it, at once, or not at all; every ping hears
- * what was laid down for it. The line carries everything at once.
+ * `host_advance` advances the time. The motor follows its ramp, moves at once, or does not move. Every ping returns the
+ * echoes of `host_set_echoes`. The line transmits everything at once.
  */
 #include "host_board.h"
 
@@ -9,7 +9,7 @@
 
 #include "board_facts.h" // board_firmware
 #include "conversation.h" // conversation_run
-#include "hardware.h" // what is stood in for
+#include "hardware.h" // the functions implemented here
 #include "line.h"
 #include "messages.h" // RESET_CAUSE_POWER
 #include "turntable.h" // turntable_step
@@ -17,8 +17,8 @@
 #define SENT_MOST (1 << 20)
 #define RECEIVED_MOST (1 << 16)
 #define ECHOES_MOST 256
-#define ROUNDS 3 // of the main loop at every instant
-#define CAM_STEPS (-400) // where the cam changes: below the mark, as on the real turntable
+#define ROUNDS 3 // of the main loop at each point of time
+#define CAM_STEPS (-400) // edge of the cam: below the mark, as on the real turntable
 
 uint32_t host_trace_period_ns = 13000;
 
@@ -35,9 +35,9 @@ static struct {
     enum host_motor mode;
     bool turning, forwards, powered;
     uint64_t step_due_ns;
-    int32_t stands;
+    int32_t position;
     uint64_t fired_us, over_us;
-    uint32_t echoes[ECHOES_MOST], heard[ECHOES_MOST];
+    uint32_t echoes[ECHOES_MOST], result[ECHOES_MOST];
     uint8_t echo_count;
     const uint8_t *trace;
     uint16_t trace_size, traced;
@@ -65,19 +65,20 @@ void host_grain(uint32_t us) { host.grain = us; }
 
 void host_temperature(int16_t centidegrees) { host.temperature = centidegrees; }
 
-void host_stand(int32_t steps) { host.stands = steps; }
+void host_set_position(int32_t steps) { host.position = steps; }
 
-int32_t host_stands(void) { return host.stands; }
+int32_t host_position(void) { return host.position; }
 
 bool host_powered(void) { return host.powered; }
 
 uint32_t host_baud(void) { return host.baud; }
 
-uint32_t host_trespasses(void) { return host.stepped_while_listening + host.sent_while_listening; }
+uint32_t host_violations(void) { return host.stepped_while_listening + host.sent_while_listening; }
 
 void host_motor(enum host_motor mode) { host.mode = mode; }
 
-void host_hear(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size, uint32_t period_ns)
+void host_set_echoes(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size,
+                     uint32_t period_ns)
 {
     memcpy(host.echoes, ticks, count * sizeof *ticks);
     host.echo_count = count;
@@ -108,7 +109,7 @@ static bool listening(void) { return host.now < host.over_us; }
 static void make_step(void)
 {
     if (host.mode != HOST_MOTOR_SLIPPING)
-        host.stands += host.forwards ? 1 : -1;
+        host.position += host.forwards ? 1 : -1;
     host.stepped_while_listening += listening();
     uint16_t ticks = turntable_step();
     host.step_due_ns += ticks * 500ULL;
@@ -125,7 +126,7 @@ static void turn(void)
 void host_advance(uint64_t until_us)
 {
     for (;;) {
-        // one thing may wait for another, and here nothing takes time
+        // several rounds, because one action may wait for another
         for (int round = 0; round < ROUNDS || (host.turning && host.mode == HOST_MOTOR_AT_ONCE); round++) {
             turn();
             conversation_run();
@@ -151,8 +152,8 @@ bool ping_over(void) { return !listening(); }
 
 struct ping_result ping_result(void)
 {
-    memcpy(host.heard, host.echoes, sizeof host.heard);
-    return (struct ping_result){host.fired_us, host.heard, host.echo_count, host.trace, host.traced};
+    memcpy(host.result, host.echoes, sizeof host.result);
+    return (struct ping_result){host.fired_us, host.result, host.echo_count, host.trace, host.traced};
 }
 
 void motor_start(bool counter_clockwise, uint16_t first_ticks)
@@ -171,9 +172,9 @@ void motor_release(void)
     host.turning = false;
 }
 
-bool home_mark(void) { return ((host.stands % MICROSTEPS) + MICROSTEPS) % MICROSTEPS < MICROSTEPS / 2; }
+bool home_mark(void) { return ((host.position % MICROSTEPS) + MICROSTEPS) % MICROSTEPS < MICROSTEPS / 2; }
 
-bool home_side(void) { return host.stands > CAM_STEPS; }
+bool home_side(void) { return host.position > CAM_STEPS; }
 
 int16_t thermometer(void) { return host.temperature; }
 
@@ -192,7 +193,7 @@ void interrupts_on(void) {}
 uint8_t line_write(const uint8_t *bytes, uint8_t count)
 {
     host.sent_while_listening += listening();
-    // what nobody fetched is lost, as on a line
+    // bytes that are not read in time are lost
     if (host.sent_size + count > SENT_MOST)
         host.sent_size = 0;
     memcpy(host.sent + host.sent_size, bytes, count);

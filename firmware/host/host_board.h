@@ -1,4 +1,4 @@
-/* What a test does to the board of plain variables. */
+/* Control of the test board. */
 #ifndef HOST_BOARD_H
 #define HOST_BOARD_H
 
@@ -7,22 +7,23 @@
 
 enum host_motor { HOST_MOTOR_RAMPED, HOST_MOTOR_AT_ONCE, HOST_MOTOR_HELD, HOST_MOTOR_SLIPPING };
 
-void host_start(void); // a board just switched on, at time 0
-void host_identity(const char *firmware, const char *serial, const char *profile); // they must stay
-void host_grain(uint32_t us); // how finely time passes
+void host_start(void); // a board after power on, at time 0
+void host_identity(const char *firmware, const char *serial, const char *profile); // the texts must stay valid
+void host_grain(uint32_t us); // step of the simulated time
 void host_temperature(int16_t centidegrees);
-void host_stand(int32_t steps); // put the table there by hand
-void host_motor(enum host_motor mode); // held: no step is made; slipping: steps are made, and the table stands still
-// What every ping hears from now on: echoes in ticks, earliest first; the trace must stay.
-void host_hear(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size, uint32_t period_ns);
+void host_set_position(int32_t steps); // move the table by hand
+void host_motor(enum host_motor mode); // held: makes no steps; slipping: makes steps, but the table does not move
+// Set the result of all following pings: echoes in ticks, earliest first. The trace must stay valid.
+void host_set_echoes(const uint32_t *ticks, uint8_t count, const uint8_t *trace, uint16_t trace_size,
+                     uint32_t period_ns);
 
 void host_send(const uint8_t *bytes, uint32_t size);
 uint32_t host_receive(uint8_t *bytes, uint32_t most);
 void host_advance(uint64_t until_us);
 
-int32_t host_stands(void);
+int32_t host_position(void);
 bool host_powered(void);
 uint32_t host_baud(void);
-uint32_t host_trespasses(void); // steps made and pieces sent while it listened
+uint32_t host_violations(void); // number of steps and writes while listening
 
 #endif

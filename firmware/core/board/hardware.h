@@ -1,6 +1,6 @@
-/* What the portable part asks of a board, in one page: porting the firmware is writing these functions anew.
+/* Functions that a board must provide. To port the firmware, implement these and those of `line.h`.
  *
- * `line.h` and `flash.h` belong to it, and `board_facts.h`, which holds the constants of one board. Nothing here blocks.
+ * A board also provides `flash.h` and its constants in `board_facts.h`. None of these functions blocks.
  */
 #ifndef HARDWARE_H
 #define HARDWARE_H
@@ -17,38 +17,38 @@ uint64_t clock_us(void); // since the start; never runs backwards
 struct ping_order {
     uint32_t listen_us;
     uint32_t blanking_us;
-    uint16_t rearm_us; // from an echo until the next can be heard
-    uint8_t echoes; // how many to hear at most
+    uint16_t rearm_us; // from an echo until the receiver is armed again
+    uint8_t echoes; // maximum number to record
     bool trace;
 };
 
 struct ping_result {
     uint64_t fired_us; // start of transmission
-    uint32_t *echoes; // ticks from there, earliest first; free to be changed
+    uint32_t *echoes; // ticks from there, earliest first; the caller may change them
     uint8_t echo_count;
     const uint8_t *trace;
     uint16_t trace_size; // samples
 };
 
 void ping_start(const struct ping_order *order);
-bool ping_over(void); // whether it has listened long enough; it then lets the ranging board rest
-struct ping_result ping_result(void); // stays as it is until the next ping
+bool ping_over(void); // whether listening has ended; if so, switches the ranging board off
+struct ping_result ping_result(void); // valid until the next ping
 
-/* Turntable motor. `turntable_step` is called by an interrupt for as long as it returns a time. */
+/* Turntable motor. An interrupt calls `turntable_step` until it returns 0. */
 
-void motor_start(bool counter_clockwise, uint16_t first_ticks); // enables it too
+void motor_start(bool counter_clockwise, uint16_t first_ticks); // also switches the current on
 bool motor_turning(void);
 void motor_release(void);
-bool home_mark(void); // half of the axle's turn, from 0 to 180 degrees
-bool home_side(void); // cam behind a gear: true from somewhere below 0 upwards, over the whole reach of the cable
+bool home_mark(void); // true from 0 to 180 degrees of each turn
+bool home_side(void); // cam behind a gear: true from an angle below 0 upwards, over the whole range of the cable
 
-/* The rest. */
+/* Other functions. */
 
 int16_t thermometer(void); // 0.01 °C, or NO_TEMPERATURE
-uint32_t boot_count(void); // starts, this one included
+uint32_t boot_count(void); // number of starts, including this one
 uint8_t reset_cause(void); // enum reset_cause
 uint16_t stack_free(void); // bytes of the stack never used; 0: not measured
-void interrupts_off(void); // what an interrupt writes in more than one byte is read and written between these two
+void interrupts_off(void); // enclose every access to multi-byte variables that an interrupt writes
 void interrupts_on(void);
 
 #endif

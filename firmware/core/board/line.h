@@ -1,20 +1,20 @@
-/* The serial line as the portable part sees it. */
+/* Interface of the serial line. */
 #ifndef LINE_H
 #define LINE_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-// Hand over bytes to be sent; how many of them there was room for.
+// Queue bytes to send. Returns how many fit into the queue.
 uint8_t line_write(const uint8_t *bytes, uint8_t count);
-// Whether the last bit of all that was handed over has left.
+// Whether the last bit of all queued bytes has been sent.
 bool line_quiet(void);
-// The next byte that has come, or -1.
+// The next received byte, or -1 if there is none.
 int16_t line_read(void);
 
-// Bytes that came faster than they were taken.
+// Bytes lost because the receive buffer was full.
 uint32_t line_overruns(void);
-// Change the speed, once the line is quiet; to one that `line_can` says.
+// Change the baud rate to one that `line_can` accepts. Call it only while the line is quiet.
 void line_set_baud(uint32_t baud);
 bool line_can(uint32_t baud);
 

@@ -27,7 +27,7 @@ static void refuse_unknown(const struct command_frame *frame)
     answer_refused_in_words(frame, REFUSAL_UNKNOWN, &words);
 }
 
-static void obey(const struct command_frame *frame)
+static void handle(const struct command_frame *frame)
 {
     if (host_link_greeted() && action_is(frame)) {
         action_repeat();
@@ -45,12 +45,12 @@ static void obey(const struct command_frame *frame)
         command_handle(frame, &command);
 }
 
-// A command that fires a ping or changes the speed of the line ends the receiving.
+// Stops receiving after a command that starts a ping or changes the baud rate.
 static void receive(void)
 {
     struct command_frame frame;
     while (!action_listening() && host_link_receive(&frame))
-        obey(&frame);
+        handle(&frame);
 }
 
 static void watch_host(uint64_t now_us)
@@ -64,7 +64,7 @@ static void watch_host(uint64_t now_us)
     host_link_drop();
 }
 
-// One message at a time, the most urgent first; an answer always finds room in between.
+// Send one message, the most urgent first. Answers are sent between these messages.
 static void send_next(uint64_t now_us)
 {
     if (!outbox_idle() || action_listening())

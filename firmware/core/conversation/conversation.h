@@ -1,8 +1,8 @@
-/* The main loop of the device: receives commands, carries them out, sends what is due. */
+/* Main loop of the device: receives commands, carries them out and sends messages. */
 #ifndef CONVERSATION_H
 #define CONVERSATION_H
 
 void conversation_reset(void);
-void conversation_run(void); // does what is due; to be called all the time
+void conversation_run(void); // one round of the main loop; call it continuously
 
 #endif

@@ -6,15 +6,15 @@
 
 static struct receiver receiver;
 static bool greeted;
-static bool watched; // the host promised signs of life
-static uint64_t heard_us; // when the last sound frame came
-static uint64_t heartbeat_us; // when the next is due
+static bool watched; // the host has version 1.1 and sends messages regularly
+static uint64_t last_frame_us; // time of the last valid frame
+static uint64_t heartbeat_us; // when the next one is due
 
 static struct {
     uint32_t now;
     uint32_t next; // to change to; 0: none
-    uint32_t former; // to return to if nothing comes at the new speed; 0: none
-    bool on_trial; // the next speed must prove itself
+    uint32_t former; // to return to if no valid frame arrives at the new baud rate; 0: none
+    bool on_trial; // the next baud rate needs a valid frame to become permanent
 } baud;
 
 void host_link_reset(void)
@@ -31,7 +31,7 @@ bool host_link_receive(struct command_frame *frame)
     for (int16_t byte; !baud.next && (byte = line_read()) >= 0;) {
         if (!receiver_take(&receiver, (uint8_t)byte, frame))
             continue;
-        heard_us = clock_us();
+        last_frame_us = clock_us();
         baud.former = 0;
         return true;
     }
@@ -61,7 +61,7 @@ bool host_link_heartbeat_due(uint64_t now_us)
     return true;
 }
 
-/* The speed of the line. */
+/* Baud rate. */
 
 void host_link_change_baud(uint32_t wanted)
 {
@@ -82,18 +82,18 @@ void host_link_work(uint64_t now_us)
     baud.former = baud.on_trial ? baud.now : 0;
     use_baud(baud.next);
     baud.next = 0;
-    heard_us = now_us;
+    last_frame_us = now_us;
 }
 
 /* Silence. */
 
 bool host_link_lost(uint64_t now_us)
 {
-    uint64_t silence_us = now_us - heard_us;
+    uint64_t silence_us = now_us - last_frame_us;
     if (baud.former && silence_us >= BAUD_TIMEOUT_US) {
         use_baud(baud.former);
         baud.former = 0;
-        heard_us = now_us;
+        last_frame_us = now_us;
         return false;
     }
     return greeted && watched && silence_us >= HOST_SILENCE_US;

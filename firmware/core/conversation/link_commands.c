@@ -3,7 +3,7 @@
 
 #include "action.h" // action_stop
 #include "answers.h" // answer_accepted
-#include "board_facts.h" // what the board can do
+#include "board_facts.h" // limits of the board
 #include "hardware.h" // thermometer
 #include "host_link.h" // host_link_greet
 #include "kept.h" // ECHOES_MOST
@@ -75,27 +75,27 @@ void on_ask_statistics(const struct command_frame *frame)
     });
 }
 
-void on_set_baud(const struct command_frame *frame, const struct set_baud *order)
+void on_set_baud(const struct command_frame *frame, const struct set_baud *request)
 {
     if (refused_while_busy(frame))
         return;
-    if (!line_can(order->baud)) {
+    if (!line_can(request->baud)) {
         answer_out_of_range(frame, FLASH_TEXT("the line can run at 250000, 500000 or 1000000 baud"));
         return;
     }
     answer_accepted(frame);
-    host_link_change_baud(order->baud);
+    host_link_change_baud(request->baud);
 }
 
-void on_test_link(const struct command_frame *frame, const struct test_link *wish)
+void on_test_link(const struct command_frame *frame, const struct test_link *request)
 {
-    if (!wish->data.count || wish->data.count > MAX_TEST || wish->size > MAX_TESTED) {
+    if (!request->data.count || request->data.count > MAX_TEST || request->size > MAX_TESTED) {
         answer_out_of_range(frame, FLASH_TEXT("1 to 64 bytes, to come back as at most 480"));
         return;
     }
     send_link_tested(&(struct link_tested){
         .command = frame->sequence,
-        .data = {.bytes = wish->data.bytes, .count = wish->size, .period = wish->data.count},
+        .data = {.bytes = request->data.bytes, .count = request->size, .period = request->data.count},
     });
-    outbox_finish(); // the bytes lie in the receiver
+    outbox_finish(); // the bytes are in the receive buffer
 }

@@ -1,10 +1,12 @@
-/* Reasons to refuse that several commands share. Each function refuses and returns true, or returns false. */
+/* Checks that several commands share. Each refuses the command and returns true, or returns false. */
 #ifndef REFUSALS_H
 #define REFUSALS_H
 
 #include "frames.h" // struct command_frame
 
-bool refused_while_busy(const struct command_frame *frame); // a home, turn or scan is under way
-bool refused_angle(const struct command_frame *frame, int64_t microdegrees); // not homed, or beyond the cable
+// If a Home, Turn or StartScan is running.
+bool refused_while_busy(const struct command_frame *frame);
+// If the zero is unknown or the angle is beyond the limits of the cable.
+bool refused_angle(const struct command_frame *frame, int64_t microdegrees);
 
 #endif

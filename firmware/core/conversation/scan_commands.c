@@ -3,53 +3,53 @@
 
 #include "action.h" // action_scan
 #include "answers.h" // answer_accepted
-#include "board_facts.h" // what the board can do
+#include "board_facts.h" // limits of the board
 #include "kept.h" // ECHOES_MOST
 #include "refusals.h" // refused_while_busy
 #include "send_messages.h" // send_settings
 
-// Refuse a command whose values have no meaning; true if they have.
-static bool sensible(const struct command_frame *frame, const struct configure *wish)
+// Refuse a command with invalid values. True if all are valid.
+static bool valid(const struct command_frame *frame, const struct configure *request)
 {
-    if (wish->trace > TRACE_KIND_CARRIER)
+    if (request->trace > TRACE_KIND_CARRIER)
         answer_out_of_range(frame, FLASH_TEXT("trace is 0, 1 or 2"));
-    else if (wish->trace_bits != 0 && wish->trace_bits != 8 && wish->trace_bits != 16)
+    else if (request->trace_bits != 0 && request->trace_bits != 8 && request->trace_bits != 16)
         answer_out_of_range(frame, FLASH_TEXT("traces have 8 or 16 bits; 0 is the board's own"));
-    else if (wish->echoes < 1 || wish->echoes > MAX_ECHOES)
+    else if (request->echoes < 1 || request->echoes > MAX_ECHOES)
         answer_out_of_range(frame, FLASH_TEXT("1 to 122 echoes of a ping"));
-    else if (!wish->listen_us)
+    else if (!request->listen_us)
         answer_out_of_range(frame, FLASH_TEXT("listen is 0 us; nothing would be heard"));
-    else if (!wish->speed_of_sound)
+    else if (!request->speed_of_sound)
         answer_out_of_range(frame, FLASH_TEXT("speed of sound is 0 mm/s"));
     else
         return true;
     return false;
 }
 
-// The nearest settings that this board can do.
-static struct configure feasible(struct configure wish)
+// The nearest settings that this board supports.
+static struct configure feasible(struct configure request)
 {
-    if (wish.listen_us > LISTEN_MOST_US)
-        wish.listen_us = LISTEN_MOST_US;
-    if (wish.blanking_us < BLANKING_LEAST_US)
-        wish.blanking_us = BLANKING_LEAST_US;
-    if (wish.rearm_us < REARM_LEAST_US)
-        wish.rearm_us = REARM_LEAST_US;
-    wish.pulses = PULSES_SENT;
-    wish.trace = wish.trace ? TRACE_KIND : TRACE_KIND_NONE;
-    wish.trace_rate = wish.trace ? TRACE_RATE : 0;
-    wish.trace_bits = wish.trace ? 8 : 0;
-    uint8_t most = wish.trace ? ECHOES_BESIDE_TRACE : ECHOES_MOST;
-    if (wish.echoes > most)
-        wish.echoes = most;
-    return wish;
+    if (request.listen_us > LISTEN_MOST_US)
+        request.listen_us = LISTEN_MOST_US;
+    if (request.blanking_us < BLANKING_LEAST_US)
+        request.blanking_us = BLANKING_LEAST_US;
+    if (request.rearm_us < REARM_LEAST_US)
+        request.rearm_us = REARM_LEAST_US;
+    request.pulses = PULSES_SENT;
+    request.trace = request.trace ? TRACE_KIND : TRACE_KIND_NONE;
+    request.trace_rate = request.trace ? TRACE_RATE : 0;
+    request.trace_bits = request.trace ? 8 : 0;
+    uint8_t most = request.trace ? ECHOES_BESIDE_TRACE : ECHOES_MOST;
+    if (request.echoes > most)
+        request.echoes = most;
+    return request;
 }
 
-void on_configure(const struct command_frame *frame, const struct configure *wish)
+void on_configure(const struct command_frame *frame, const struct configure *request)
 {
-    if (refused_while_busy(frame) || !sensible(frame, wish))
+    if (refused_while_busy(frame) || !valid(frame, request))
         return;
-    struct configure can = feasible(*wish);
+    struct configure can = feasible(*request);
     if (can.listen_us <= can.blanking_us) {
         struct words words = {.size = 0};
         words_add(&words, FLASH_TEXT("nothing is heard with "));
@@ -95,12 +95,12 @@ void on_stop(const struct command_frame *frame)
     answer_accepted(frame);
 }
 
-void on_resend(const struct command_frame *frame, const struct resend *wish)
+void on_resend(const struct command_frame *frame, const struct resend *request)
 {
-    if (wish->count < 1 || wish->count > KEPT_MOST) {
+    if (request->count < 1 || request->count > KEPT_MOST) {
         answer_out_of_range(frame, FLASH_TEXT("1 to 64 readings can be sent again"));
         return;
     }
     answer_accepted(frame);
-    action_send_again(wish->first, wish->count);
+    action_send_again(request->first, request->count);
 }

@@ -25,20 +25,20 @@ static uint32_t microsteps(uint32_t microdegrees)
     return microdegrees ? 1 + (microdegrees - 1) / MICRODEGREES_A_STEP : 0;
 }
 
-void on_configure_turntable(const struct command_frame *frame, const struct configure_turntable *wish)
+void on_configure_turntable(const struct command_frame *frame, const struct configure_turntable *request)
 {
     if (refused_while_busy(frame))
         return;
-    if (wish->approach > APPROACH_CLOCKWISE) {
+    if (request->approach > APPROACH_CLOCKWISE) {
         answer_out_of_range(frame, FLASH_TEXT("approach is 0, 1 or 2"));
         return;
     }
-    uint32_t speed = microsteps(wish->speed);
+    uint32_t speed = microsteps(request->speed);
     turntable_set_manner((struct turntable_manner){
         .speed = speed < SPEED ? (uint16_t)speed : SPEED,
-        .acceleration = microsteps(wish->acceleration),
-        .settle_us = wish->settle_us,
-        .approach = wish->approach,
+        .acceleration = microsteps(request->acceleration),
+        .settle_us = request->settle_us,
+        .approach = request->approach,
     });
     struct turntable_manner manner = turntable_manner();
     send_turntable_settings(&(struct turntable_settings){

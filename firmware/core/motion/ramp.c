@@ -17,7 +17,7 @@ struct ramp ramp_of(uint16_t steps, uint32_t acceleration, uint16_t speed)
     uint16_t first = root((uint32_t)(8000000000000ULL / acceleration));
     uint32_t even = TICKS_PER_SECOND / speed;
     uint32_t top = (uint32_t)speed * speed / (2 * acceleration);
-    // slower than its first step would be it does not need to accelerate at all
+    // at a speed below that of the first step, there is no acceleration
     return (struct ramp){
         .left = steps,
         .top = top < RAMP_STEPS ? (uint16_t)top : RAMP_STEPS - 1,
@@ -31,7 +31,7 @@ uint16_t ramp_next(struct ramp *ramp)
         return 0;
     uint16_t ticks = ((uint32_t)ramp->first * flash_u16(&ramp_table[ramp->index])) >> 16;
     ramp->left--;
-    // the steps left must suffice to come to rest
+    // the remaining steps must suffice for deceleration
     if (ramp->index + 1 < ramp->left && ramp->index < ramp->top)
         ramp->index++;
     else if (ramp->index >= ramp->left && ramp->left)

@@ -1,7 +1,7 @@
-/* A trapezoidal ramp: how long each step of a move lasts, so that speed grows and falls at constant acceleration.
+/* Trapezoidal ramp: the duration of each step of a movement, for constant acceleration and deceleration.
  *
- * Step n from rest lasts sqrt(2 / a) (sqrt(n + 1) - sqrt(n)); the roots stand in a table, so a step costs one
- * multiplication. Slowing down runs through the same steps backwards.
+ * Step n from rest lasts sqrt(2 / a) (sqrt(n + 1) - sqrt(n)). The roots are in a table, so a step needs one
+ * multiplication. Deceleration uses the same steps in reverse order.
  */
 #ifndef RAMP_H
 #define RAMP_H
@@ -12,7 +12,7 @@
 
 struct ramp {
     uint16_t left; // steps to make
-    uint16_t index; // of the next one, counted from rest
+    uint16_t index; // of the next step, counted from rest
     uint16_t top; // index at full speed
     uint16_t first; // duration of step 0, ticks
 };
@@ -20,11 +20,11 @@ struct ramp {
 #define SLOWEST_RAMP 31 // steps/s
 #define GENTLEST_RAMP 2000 // steps/s²
 
-// A move of some steps; acceleration in steps/s², speed in steps/s, both no less than what stands above.
+// A movement of `steps`. Acceleration in steps/s², speed in steps/s; both at least the limits above.
 struct ramp ramp_of(uint16_t steps, uint32_t acceleration, uint16_t speed);
-// How long the next step lasts, in ticks; 0: there is none. It is called by an interrupt.
+// Duration of the next step in ticks, or 0 if there is none. Called by an interrupt.
 uint16_t ramp_next(struct ramp *ramp);
-// Come to rest as soon as acceleration allows.
+// Stop as soon as the acceleration allows.
 void ramp_halt(struct ramp *ramp);
 
 #endif

@@ -10,11 +10,11 @@
 
 enum leg {
     STILL,
-    SEEKING_ABOVE, // counter-clockwise until the cam says: above zero
-    SEEKING_BELOW, // clockwise until it says: below
-    CREEPING, // counter-clockwise onto the mark
-    PASSING, // past the heading, to come back to it
-    APPROACHING, // onto the heading
+    SEEKING_ABOVE, // counter-clockwise until the cam reports: above zero
+    SEEKING_BELOW, // clockwise until the cam reports: below zero
+    CREEPING, // counter-clockwise to the mark
+    PASSING, // past the heading, to return to it
+    APPROACHING, // to the heading
     HALTING,
     SETTLING,
 };
@@ -23,11 +23,11 @@ enum order { NOTHING, HOMING, TURNING };
 
 static struct {
     enum leg leg;
-    enum order order; // begun as soon as it stands still
+    enum order order; // starts as soon as the table is at rest
     enum turntable_trouble trouble;
     bool homed;
     int32_t target; // steps
-    int32_t awaited; // where the mark has to come by next, steps
+    int32_t awaited; // next expected position of the mark, steps
     int32_t lost; // steps
     uint64_t settled_us;
     struct turntable_manner manner;
@@ -38,7 +38,7 @@ static struct ramp ramp;
 static volatile int32_t position; // steps
 static int8_t direction;
 static bool was_marked;
-static volatile bool mark_passed; // counter-clockwise, the only way its edge counts
+static volatile bool mark_passed; // counter-clockwise; only this edge is exact
 static volatile int32_t mark_position;
 
 uint16_t turntable_step(void)
@@ -72,17 +72,17 @@ void turntable_reset(void)
     turntable_set_manner((struct turntable_manner){0, 0, SETTLING_US, APPROACH_COUNTER_CLOCKWISE});
 }
 
-void turntable_set_manner(struct turntable_manner wish)
+void turntable_set_manner(struct turntable_manner request)
 {
-    if (!wish.speed || wish.speed > SPEED)
-        wish.speed = SPEED;
-    if (wish.speed < SLOWEST_RAMP)
-        wish.speed = SLOWEST_RAMP;
-    if (!wish.acceleration || wish.acceleration > ACCELERATION)
-        wish.acceleration = ACCELERATION;
-    if (wish.acceleration < GENTLEST_RAMP)
-        wish.acceleration = GENTLEST_RAMP;
-    table.manner = wish;
+    if (!request.speed || request.speed > SPEED)
+        request.speed = SPEED;
+    if (request.speed < SLOWEST_RAMP)
+        request.speed = SLOWEST_RAMP;
+    if (!request.acceleration || request.acceleration > ACCELERATION)
+        request.acceleration = ACCELERATION;
+    if (request.acceleration < GENTLEST_RAMP)
+        request.acceleration = GENTLEST_RAMP;
+    table.manner = request;
 }
 
 struct turntable_manner turntable_manner(void) { return table.manner; }
@@ -106,7 +106,7 @@ bool turntable_reaches(int64_t microdegrees)
     return microdegrees >= -REACH_DEGREES * 1000000L && microdegrees <= REACH_DEGREES * 1000000L;
 }
 
-// The first place of the mark that no play of the gear hides, counter-clockwise of here; one that is waited for stays.
+// Expect the mark at its next position counter-clockwise of here that is beyond the backlash; keep an earlier one.
 static void await_mark(void)
 {
     int32_t clear = position_now() + STEPS_OF_DEGREES(BACKLASH_DEGREES);
@@ -142,7 +142,7 @@ static void settle(uint64_t now_us)
     table.settled_us = now_us + table.manner.settle_us;
 }
 
-// Head for the target from where it stands; false where it stands there already.
+// Start towards the target. False if the table is already there.
 static bool approach(void)
 {
     int32_t way = table.target - position_now();
@@ -213,7 +213,7 @@ static void give_up(enum turntable_trouble trouble)
     stop();
 }
 
-// The mark was passed while creeping: that is where zero is.
+// The mark was passed while creeping: set zero to its position.
 static void set_zero(void)
 {
     interrupts_off();
@@ -224,7 +224,7 @@ static void set_zero(void)
     table.homed = true;
     table.awaited = MICROSTEPS;
     table.target = 0;
-    // it rolls out first, then comes back onto zero
+    // the table first slows down, then returns to zero
     table.leg = APPROACHING;
 }
 
@@ -236,7 +236,7 @@ static void lose(int32_t steps)
 
 static void check_mark(void)
 {
-    int32_t here = position_now(); // asked before the mark, which may come meanwhile and is not missing then
+    int32_t here = position_now(); // read before mark_passed: a mark that passes in between is not missing
     if (!mark_passed) {
         if (here > table.awaited + STEPS_OF_DEGREES(MISSING_DEGREES))
             lose(here - table.awaited);
@@ -310,7 +310,7 @@ bool turntable_work(uint64_t now_us)
     if (table.leg == STILL)
         return false;
     bool turning = motor_turning();
-    // asked before, so that what the last steps of a leg passed counts too
+    // `turning` is read first, so that a mark passed in the last steps of a leg is seen
     watch();
     if (!turning)
         next_leg(now_us);

@@ -1,7 +1,7 @@
-/* The turntable: where it points, how it finds its zero, and how it gets somewhere.
+/* Turns the table, finds its zero and checks the zero mark.
  *
- * It comes to every heading from the same side, so that play in the gear makes no difference, and never turns beyond the
- * reach of the cable. Takes orders; is stepped by an interrupt and looked after by `turntable_work`.
+ * Approaches every heading in the same direction, so that backlash has no effect, and never turns beyond the limits of
+ * the cable. An interrupt makes the steps; `turntable_work` controls the movement.
  */
 #ifndef TURNTABLE_H
 #define TURNTABLE_H
@@ -11,8 +11,8 @@
 
 enum turntable_trouble {
     TROUBLE_NONE,
-    TROUBLE_NO_MARK, // turned as far as the cable allows, and saw no zero mark
-    TROUBLE_LOST_STEPS, // the zero mark came elsewhere than counted, or not at all
+    TROUBLE_NO_MARK, // no zero mark within the limits of the cable
+    TROUBLE_LOST_STEPS, // the zero mark was not at its position, or missing
 };
 
 struct turntable_manner {
@@ -23,25 +23,25 @@ struct turntable_manner {
 };
 
 void turntable_reset(void);
-// How to turn from now on: 0 is its own speed, or acceleration; what it cannot do is brought to what it can.
-void turntable_set_manner(struct turntable_manner wish);
+// Set speed, acceleration, settling and approach. 0 selects the default; values out of range are limited.
+void turntable_set_manner(struct turntable_manner request);
 struct turntable_manner turntable_manner(void);
 bool turntable_homed(void);
 int32_t turntable_microdegrees(void); // 0 before it is homed
 bool turntable_reaches(int64_t microdegrees);
-int32_t turntable_nearest(int32_t microdegrees); // where a microstep lies
+int32_t turntable_nearest(int32_t microdegrees); // angle of the nearest microstep
 
 void turntable_home(void);
 void turntable_turn(int32_t microdegrees); // to the nearest microstep; must be homed and within reach
-void turntable_halt(void); // as soon as the ramp allows; a home that is stopped leaves it without its zero
-void turntable_release(void); // without current it may be turned by hand: it must be homed again
+void turntable_halt(void); // as soon as the ramp allows; after a Home that was stopped, the zero is unknown
+void turntable_release(void); // without current it can be turned by hand, so it must be homed again
 
-// Goes on to the next leg of a move when one has ended; true while it turns or settles.
+// Starts the next leg of a movement when one has ended. True while turning or settling.
 bool turntable_work(uint64_t now_us);
-enum turntable_trouble turntable_trouble(void); // of the last move
-int32_t turntable_lost(void); // microsteps found missing since the start, all together
+enum turntable_trouble turntable_trouble(void); // of the last movement
+int32_t turntable_lost(void); // sum of microsteps missing at the mark since the start
 
-// Called by the step interrupt after each step: ticks until the next, 0 to end.
+// Called by the step interrupt after each step. Returns the ticks until the next, or 0 to end.
 uint16_t turntable_step(void);
 
 #endif

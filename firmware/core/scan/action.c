@@ -11,28 +11,28 @@
 #include "turntable.h" // turntable
 #include "words.h" // struct words
 
-#define KEY_MOST 24 // bytes of an order's payload by which it is known again, and its size; no order of ours has more
+#define KEY_MOST 24 // bytes of a payload compared to recognize a repeated command; commands of version 1.1 are shorter
 
 enum phase { AIMING, TURNING_THERE, READY, LISTENING, SENDING_TRACE };
 
 struct configure ping_settings;
 struct place ping_place;
 
-// the home, turn or scan that runs, or the last that ran
+// the running Home, Turn or StartScan, or the last one
 static struct {
-    uint8_t type; // 0: there is none
+    uint8_t type; // 0: none
     bool running;
     uint16_t sequence;
     uint8_t key[KEY_MOST];
     uint8_t size; // of its payload
     enum outcome outcome;
     enum turntable_trouble trouble;
-    uint32_t next; // number of the next reading, for its Finished
+    uint32_t next; // number of the next reading, for Finished
 } action;
 
 static struct {
     struct start_scan order;
-    uint32_t end; // number behind the last reading
+    uint32_t end; // number after the last reading
     enum phase phase;
     uint64_t next_ping;
 } scan;
@@ -82,7 +82,7 @@ bool action_listening(void) { return action_state() == STATE_SCANNING && scan.ph
 
 uint32_t action_pings(void) { return pings; }
 
-/* The order that is remembered. */
+/* The remembered command. */
 
 static uint8_t key_size(const struct command_frame *order) { return order->size < KEY_MOST ? order->size : KEY_MOST; }
 
@@ -124,7 +124,7 @@ void action_repeat(void)
         answer_ended();
 }
 
-/* Beginning and ending. */
+/* Begin and end. */
 
 static void begin(const struct command_frame *order)
 {
@@ -196,7 +196,7 @@ static void send_kept(uint32_t number)
         .temperature = reading.temperature,
         .echoes = {reading.echoes, reading.echo_count},
     });
-    outbox_finish(); // the echoes lie on the stack
+    outbox_finish(); // the echoes are on the stack
 }
 
 static void send_chunk(void)
@@ -217,7 +217,7 @@ static void send_chunk(void)
     send_trace_chunk(&chunk);
 }
 
-// The echoes of a ping that count, moved to the front; how many they are.
+// Move the valid echoes of a ping to the front. Returns their number.
 static uint8_t sift(uint32_t *echoes, uint8_t count)
 {
     uint8_t sifted = 0;
@@ -261,13 +261,13 @@ bool action_send(void)
     return true;
 }
 
-/* Going on. */
+/* Main loop. */
 
-// Fire where nothing is left to be said, so that the line is silent while it listens.
+// Start a ping when nothing is left to send, so that the line is silent while listening.
 static void fire_when_quiet(uint64_t now_us)
 {
-    bool all_said = outbox_idle() && trace.sent == trace.total && again.next == again.end;
-    if (now_us < scan.next_ping || !all_said || !line_quiet())
+    bool all_sent = outbox_idle() && trace.sent == trace.total && again.next == again.end;
+    if (now_us < scan.next_ping || !all_sent || !line_quiet())
         return;
     ping_start(&(struct ping_order){
         .listen_us = ping_settings.listen_us,

@@ -1,14 +1,14 @@
 #include "kept.h"
 
-#define LONG_DELTA 0xFFFF // stands for as many ticks, and the delta goes on behind it
+#define LONG_DELTA 0xFFFF // means this many ticks, and that the next value is added to it
 
-_Static_assert(KEPT_STORE >= 8 * KEPT_SIZE(ECHOES_MOST), "the protocol wants eight readings kept at least");
+_Static_assert(KEPT_STORE >= 8 * KEPT_SIZE(ECHOES_MOST), "the protocol requires at least eight kept readings");
 
-// A reading in the store: lower half of fired_us, temperature, number of echoes, ticks from one to the next.
+// Format of a reading: lower half of fired_us, temperature, number of echoes, ticks from each echo to the next.
 static struct {
     uint32_t end;
     uint64_t fired_us; // of the newest
-    uint16_t from, used; // the stretch of the store that is in use
+    uint16_t from, used; // the part of the store that is in use
     uint8_t count;
     uint8_t store[KEPT_STORE];
 } kept;
@@ -34,7 +34,7 @@ static void take(struct cursor *cursor, struct reading *reading)
 {
     uint32_t low = take_u16(cursor);
     low |= (uint32_t)take_u16(cursor) << 16;
-    // the store holds far less than the 71 minutes after which the lower half comes round
+    // all readings are much younger than 71 minutes, after which the lower half wraps
     reading->fired_us = kept.fired_us - (uint32_t)((uint32_t)kept.fired_us - low);
     reading->temperature = (int16_t)take_u16(cursor);
     reading->echo_count = take_u8(cursor);

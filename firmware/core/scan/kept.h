@@ -1,6 +1,6 @@
-/* The last readings of a scan, packed tight, to be sent again when the host asks.
+/* The last readings of a scan, in compressed form, for Resend.
  *
- * They share one store: the fewer echoes they have, the more of them there is room for, up to 64.
+ * They share one store: readings with few echoes need less space, so more of them are kept, up to 64.
  */
 #ifndef KEPT_H
 #define KEPT_H
@@ -22,11 +22,11 @@ struct reading {
 };
 
 void kept_clear(uint32_t next); // the number that the next reading will have
-// The next one; its echoes are ticks like those of a reading, at most ECHOES_MOST.
+// Store the next reading. Echoes are in ticks, as in struct reading, at most ECHOES_MOST.
 void kept_add(uint64_t fired_us, int16_t temperature, const uint32_t *echoes, uint8_t echo_count);
-uint32_t kept_first(void); // number of the oldest still there
-uint32_t kept_end(void); // number the next one will have
-void kept_get(uint32_t number, struct reading *reading); // one that is still there
-uint8_t kept_promised(uint8_t echoes); // how many are kept at least where none has more echoes
+uint32_t kept_first(void); // number of the oldest kept reading
+uint32_t kept_end(void); // number of the next reading
+void kept_get(uint32_t number, struct reading *reading); // `number` must still be kept
+uint8_t kept_promised(uint8_t echoes); // number of readings kept at least, if none has more echoes
 
 #endif

@@ -1,4 +1,4 @@
-/* The scan program: which heading, sweep and ping belongs to a reading's number. */
+/* Heading, sweep and ping of each reading number of a scan. */
 #ifndef SCAN_H
 #define SCAN_H
 
@@ -7,15 +7,15 @@
 struct place {
     uint16_t sweep;
     uint8_t ping;
-    int32_t angle; // µdeg, as asked for
+    int32_t angle; // µdeg, as commanded
 };
 
-// How many readings the whole of a scan has.
+// Number of readings of the whole scan.
 uint64_t scan_readings(const struct start_scan *scan);
-// How many of them are asked for; 0 where they are not all of that scan, or it has more than can be counted.
+// Number of readings that are requested; 0 if `first` or `count` is out of range or the scan is longer than u32.
 uint32_t scan_count(const struct start_scan *scan);
 struct place scan_place(const struct start_scan *scan, uint32_t number);
-// The heading farthest from `start`, µdeg; it may be beyond any cable.
+// The last heading of a sweep, µdeg; may be beyond the limits of the cable.
 int64_t scan_end(const struct start_scan *scan);
 
 #endif

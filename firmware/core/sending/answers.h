@@ -1,4 +1,4 @@
-/* The two short answers to a command: accepted, and refused with a reason for people. */
+/* The two short answers to a command: Accepted, and Refused with a text for the user. */
 #ifndef ANSWERS_H
 #define ANSWERS_H
 

@@ -1,4 +1,4 @@
-/* Texts for people, put together from pieces in flash and numbers. What does not fit is cut off. */
+/* Texts for the user, composed of pieces in flash and numbers. Texts that are too long are cut off. */
 #ifndef WORDS_H
 #define WORDS_H
 
@@ -17,7 +17,7 @@ struct words {
 void words_add(struct words *words, const char *flash_text);
 void words_number(struct words *words, int64_t number);
 void words_hex(struct words *words, uint8_t byte);
-void words_degrees(struct words *words, int64_t microdegrees); // 12.5, without zeros behind
+void words_degrees(struct words *words, int64_t microdegrees); // 12.5, without trailing zeros
 struct text words_text(const struct words *words);
 
 #endif

@@ -1,7 +1,7 @@
-/* Fields of messages as they lie on the wire: little-endian, nothing padded.
+/* Encoding and decoding of message fields: little-endian, without padding.
  *
- * Takes a payload and a value; a payload that ends too soon, or is full, is no longer `whole` and takes no further harm.
- * What is long is not copied: it is the payload's tail, sent from where it lies.
+ * If a payload ends too soon or is full, `whole` becomes false and nothing is written. Arrays are not copied: they
+ * become the tail of the payload, which is sent from its present address.
  */
 #ifndef FIELDS_H
 #define FIELDS_H
@@ -11,13 +11,13 @@
 
 struct payload {
     uint8_t *bytes;
-    uint16_t size; // bytes there are, or room for them
+    uint16_t size; // length or capacity in bytes
     uint16_t at;
     bool whole;
-    const uint8_t *tail; // goes between the bytes before and behind `tail_at`
+    const uint8_t *tail; // is inserted at `tail_at`
     uint16_t tail_at;
     uint16_t tail_size;
-    uint16_t tail_period; // from there on its bytes come again
+    uint16_t tail_period; // the tail repeats after this many bytes
 };
 
 struct text {
@@ -26,24 +26,24 @@ struct text {
 };
 
 struct numbers {
-    const uint32_t *values; // little-endian, as on every machine this is built for
+    const uint32_t *values; // little-endian, as all supported processors are
     uint8_t count;
 };
 
 struct samples {
     const uint8_t *bytes;
     uint16_t count;
-    uint16_t period; // where they come over and over: after how many; 0 where they do not
+    uint16_t period; // the bytes repeat after this many; 0: no repetition
 };
 
 struct payload payload_of(uint8_t *bytes, uint16_t size);
 
-bool more(const struct payload *from); // whether anything is left of it
+bool more(const struct payload *from); // whether bytes are left
 uint8_t get_u8(struct payload *from);
 uint16_t get_u16(struct payload *from);
 uint32_t get_u32(struct payload *from);
 int32_t get_i32(struct payload *from);
-struct samples get_samples(struct payload *from); // they stay where they are
+struct samples get_samples(struct payload *from); // not copied
 
 void put_u8(struct payload *to, uint8_t value);
 void put_u16(struct payload *to, uint16_t value);
@@ -52,7 +52,7 @@ void put_u64(struct payload *to, uint64_t value);
 void put_i16(struct payload *to, int16_t value);
 void put_i32(struct payload *to, int32_t value);
 void put_text(struct payload *to, const struct text *text);
-void put_numbers(struct payload *to, const struct numbers *numbers); // one of these two a message, once
+void put_numbers(struct payload *to, const struct numbers *numbers); // each message has at most one array
 void put_samples(struct payload *to, const struct samples *samples);
 
 #endif

@@ -35,11 +35,11 @@ static void keep(struct receiver *receiver, uint8_t byte)
 
 static bool ended(struct receiver *receiver, struct command_frame *frame)
 {
-    bool sound = !receiver->broken && !receiver->piece && receiver->size >= HEADER_SIZE + CRC_SIZE &&
+    bool valid = !receiver->broken && !receiver->piece && receiver->size >= HEADER_SIZE + CRC_SIZE &&
                  receiver->crc == CRC_RESIDUE;
-    // a block of nothing is silence; zero_due tells it from one that came to nothing
+    // an empty block is not an error; zero_due distinguishes it from a block that decodes to nothing
     bool silence = !receiver->size && !receiver->piece && !receiver->zero_due && !receiver->broken;
-    if (sound) {
+    if (valid) {
         struct payload header = payload_of(receiver->bytes, HEADER_SIZE);
         frame->type = get_u8(&header);
         frame->sequence = get_u16(&header);
@@ -50,7 +50,7 @@ static bool ended(struct receiver *receiver, struct command_frame *frame)
         receiver->rejected++;
     }
     receiver_start(receiver);
-    return sound;
+    return valid;
 }
 
 bool receiver_take(struct receiver *receiver, uint8_t byte, struct command_frame *frame)
@@ -112,7 +112,7 @@ void sender_send(struct sender *sender, uint8_t type, uint64_t time_us, const st
     sender->sending = true;
 }
 
-// A stretch of the frame that lies together: from byte `at` on, `*size` bytes.
+// The contiguous bytes of the frame from byte `at` on; `*size` of them.
 static const uint8_t *stretch(const struct sender *sender, uint16_t at, uint16_t *size)
 {
     if (at < sender->head_front) {
@@ -131,7 +131,7 @@ static const uint8_t *stretch(const struct sender *sender, uint16_t at, uint16_t
     return sender->head + in_head;
 }
 
-// Bytes from `at` on in front of the next zero, or of the frame's end; at most the longest piece.
+// Number of bytes from `at` to the next zero or the end of the frame; at most LONGEST_PIECE.
 static uint8_t piece_at(const struct sender *sender, uint16_t at)
 {
     uint8_t length = 0;
@@ -149,7 +149,7 @@ static uint8_t piece_at(const struct sender *sender, uint16_t at)
     }
 }
 
-// Send what goes between two pieces: the next code, or the delimiter. False where the line takes no more.
+// Send the next code or the delimiter. False if the line accepts no more bytes.
 static bool send_code(struct sender *sender, uint16_t frame_size)
 {
     uint16_t from = sender->at + (sender->zero_due ? 1 : 0);
@@ -160,7 +160,7 @@ static bool send_code(struct sender *sender, uint16_t frame_size)
         return false;
     sender->at = from;
     sender->piece = length;
-    // a piece of full length, and the last one, stand for no zero
+    // no zero follows a piece of full length or the last piece
     sender->zero_due = length < LONGEST_PIECE && from + length < frame_size;
     sender->sending = !over;
     return true;

@@ -1,4 +1,4 @@
-"""What is tested here is built first; that is quick where nothing has changed."""
+"""Fixtures of the firmware tests. They build the firmware first, which is quick if nothing has changed."""
 
 import subprocess
 from pathlib import Path
@@ -13,7 +13,7 @@ FIRMWARE = CHECKOUT / "firmware"
 
 @pytest.fixture(scope="session", autouse=True)
 def built() -> Path:
-    """The folder with firmware, emulator and the library of the portable part, all of them new."""
+    """The folder with up-to-date builds of firmware, emulator and the library of the portable part."""
     make = ["make", "-C", FIRMWARE, "WERROR=-Werror", "all", "emulator", "host"]
     made = subprocess.run(make, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr
@@ -22,5 +22,5 @@ def built() -> Path:
 
 @pytest.fixture
 def board(built: Path) -> PortableBoard:
-    """The portable part on a board of plain variables, just switched on."""
+    """The portable part on the test board, just switched on."""
     return PortableBoard(built / "libsonar.so")

@@ -1,4 +1,4 @@
-"""docs/how_to/firmware.md is what people wire and build by: its tables are held against the sources."""
+"""The tables of docs/how_to/firmware.md match the sources."""
 
 import re
 
@@ -9,7 +9,7 @@ DOCUMENT = (FIRMWARE.parent / "docs" / "how_to" / "firmware.md").read_text()
 DRAWING = (FIRMWARE.parent / "docs" / "how_to" / "firmware_wiring.svg").read_text()
 
 
-def test_pins_are_documented_and_drawn_as_the_firmware_sets_them() -> None:
+def test_documented_and_drawn_pins_match_the_firmware() -> None:
     pins = (FIRMWARE / "atmega2560" / "pins.h").read_text()
     in_firmware = dict(re.findall(r"^#define (\w+) [A-L], \d //\s+(\d+)", pins, re.M)) | {"ECHO": "49"}
     assert "L0: 49" in pins
@@ -19,21 +19,21 @@ def test_pins_are_documented_and_drawn_as_the_firmware_sets_them() -> None:
         assert f">{pin}</text>" in DRAWING
 
 
-def test_budgets_of_handlers_are_documented_as_they_stand_beside_them() -> None:
+def test_documented_budgets_match_the_comments_at_the_handlers() -> None:
     sources = "".join(file.read_text() for file in sorted((FIRMWARE / "atmega2560").glob("*.c")))
-    beside = {
+    commented = {
         name: re.findall(r"Budget (\d+) cycles", comment)[0]
         for comment, name in re.findall(r"((?://.*\n)+)ISR\((\w+)\)", sources)
     }
-    assert dict(re.findall(r"^\| `(\w+_vect)`.*? \| (\d+) \|", DOCUMENT, re.M)) == beside
+    assert dict(re.findall(r"^\| `(\w+_vect)`.*? \| (\d+) \|", DOCUMENT, re.M)) == commented
 
 
-def test_memory_is_documented_as_it_is_held() -> None:
+def test_documented_memory_matches_the_tested_limits() -> None:
     (memory,) = re.findall(r"\| memory \|.*\n\| --- \| --- \|\n((?:\|.*\n)+)", DOCUMENT)
     assert re.findall(r"\| (\d+) \|\n", memory) == [str(TRACE_STORE), str(OTHER_VARIABLES), str(FREE_STACK)]
 
 
-def test_every_file_named_is_there() -> None:
+def test_every_documented_file_exists() -> None:
     (listing,) = re.findall(r"```text\n(firmware/core/.*?)```", DOCUMENT, re.S)
     sources = {file.name for file in FIRMWARE.rglob("*.[ch]")}
     assert set(re.findall(r"\w+\.[ch]\b", listing)) <= sources

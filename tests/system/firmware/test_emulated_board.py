@@ -1,7 +1,8 @@
-"""The firmware as it is flashed, on the emulated board: driver, protocol, chip and virtual ranging board together.
+"""The flashed firmware on the emulated board: driver, protocol, chip and simulated ranging board together.
 
-Three times real time: no faster, for the firmware misses a host that says nothing for two of its seconds. Where a test
-is about the board's own time, nothing is said to the board meanwhile: how often a host speaks depends on the machine.
+The emulator runs at three times real time. It must not be faster, because the firmware treats a host as gone after 2 s
+of board time without a frame. Tests of the board's timing send nothing meanwhile: the times of host messages depend on
+the load of the machine.
 """
 
 import re
@@ -53,7 +54,7 @@ FREE_STACK = 1_024
 
 
 class Echoes:
-    """The same echoes at every heading, and a trace that is the sine of its time."""
+    """Echo source with the same echoes at every heading and a sine as trace."""
 
     temperature_c = 21.3
 
@@ -62,26 +63,26 @@ class Echoes:
         self.pings: list[Ping] = []
 
     def receive(self, ping: Ping) -> PingResult:
-        """What was laid down."""
+        """Return the given echoes and the trace."""
         self.pings.append(ping)
         time = np.arange(0, 0.0655, 2e-6)
         return PingResult(self._times, Trace(envelope(time), 500_000.0, 0.0))
 
 
 def envelope(time: np.ndarray) -> np.ndarray:
-    """Slow enough that a sample stands for its time to a hundredth."""
+    """Return a sine of 50 Hz, so slow that a level identifies its time to a hundredth."""
     return 0.5 + 0.5 * np.sin(2 * np.pi * 50 * time)
 
 
 @contextmanager
 def scanner_on(echoes: Echoes | RoomEchoes, **options: object) -> Iterator[tuple[EmulatedBoard, Scanner]]:
-    """A board that hears these echoes, and a scanner that has greeted it."""
+    """A board with these echoes, and a scanner that is connected to it."""
     with emulated_board(echoes, pace=PACE, **options) as board, Scanner.open(board.url) as scanner:  # type: ignore[arg-type]
         yield board, scanner
 
 
 def demo_echoes() -> RoomEchoes:
-    """The demo's room; the same for the same seed."""
+    """Return an echo source for the demo room with a fixed seed."""
     with demo_room() as file:
         room = load_room(file)
     echoes = RoomEchoes(room, room.place(PLACE), load_board("polaroid-6500"), seed=1)
@@ -90,13 +91,13 @@ def demo_echoes() -> RoomEchoes:
 
 
 def scanned(scanner: Scanner, traces: bool, step: float) -> list[Reading]:
-    """A whole turn, in the order of its numbers."""
+    """Scan a whole turn and return its readings in the order of their numbers."""
     scanner.configure(trace=traces)
     return sorted(scanner.scan(sector(0, 360, step)), key=lambda reading: reading.number)
 
 
 @pytest.mark.parametrize(("traces", "step"), [(False, 5.0), (True, 30.0)])
-def test_the_demo_room_is_heard_as_by_the_fake_to_two_timer_ticks(traces: bool, step: float) -> None:
+def test_echo_times_in_the_demo_room_match_the_fake_board_to_two_timer_ticks(traces: bool, step: float) -> None:
     with serve(FakeBoard(demo_echoes()), tcp="127.0.0.1:0", pace="max") as fake, Scanner.open(fake.url) as scanner:
         expected = scanned(scanner, traces, step)
     with scanner_on(demo_echoes()) as (_, scanner):
@@ -108,7 +109,7 @@ def test_the_demo_room_is_heard_as_by_the_fake_to_two_timer_ticks(traces: bool, 
         assert ours.temperature_c == pytest.approx(theirs.temperature_c, abs=0.2)
 
 
-def test_a_trace_has_the_level_and_the_time_of_what_was_heard() -> None:
+def test_levels_and_times_of_a_trace_are_correct() -> None:
     with scanner_on(Echoes(0.020)) as (_, scanner):
         (reading,) = scanned(scanner, True, 360)
     trace = reading.trace
@@ -119,7 +120,7 @@ def test_a_trace_has_the_level_and_the_time_of_what_was_heard() -> None:
     assert np.abs(trace.samples - envelope(time)).max() < 0.005
 
 
-def test_pings_come_as_often_as_the_document_says() -> None:
+def test_pings_are_as_frequent_as_documented() -> None:
     rows = re.findall(r"^\| ([\d.]+) ms, [\d.]+ m \| ([\d.]+)° \| (yes|yes or no) \| ([\d.]+) \|$", DOCUMENT, re.M)
     assert len(rows) == 4
     with emulated_board(Echoes(0.020), pace=PACE) as board, Link(board.url) as link:
@@ -128,16 +129,16 @@ def test_pings_come_as_often_as_the_document_says() -> None:
         talk.ask(SetBaud(1_000_000), Accepted)
         link.set_baud(1_000_000)
         talk.home()
-        for listen, step, traces, told in rows:
+        for listen, step, traces, documented in rows:
             for trace in [True, False][: len(traces.split(" or "))]:
                 talk.ask(Configure(round(float(listen) * 1000), 2_380, int(trace), 343_200), Settings)
-                # in the time of the board, which answers nobody meanwhile
-                fired = fired_unheard(talk, StartScan(0, round(float(step) * 1e6), 9, 1, 1))
-                assert 1e6 / np.median(np.diff(fired)) == pytest.approx(float(told), abs=0.1)
+                # in board time, without host messages in between
+                fired = fire_times_without_host_messages(talk, StartScan(0, round(float(step) * 1e6), 9, 1, 1))
+                assert 1e6 / np.median(np.diff(fired)) == pytest.approx(float(documented), abs=0.1)
 
 
-def fired_unheard(talk: Talk, order: StartScan) -> list[int]:
-    """When the pings of a scan were fired to which nothing was said, µs; it must be over before the host is missed."""
+def fire_times_without_host_messages(talk: Talk, order: StartScan) -> list[int]:
+    """Return the times of the pings of a scan, µs. Sends nothing meanwhile, so the scan must end within 2 s."""
     since = len(talk.heard)
     talk.send(order)
     messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), since, alive=False)
@@ -145,7 +146,7 @@ def fired_unheard(talk: Talk, order: StartScan) -> list[int]:
     return [message.fired_us for message in readings(messages)]
 
 
-def test_memory_holds_the_trace_and_1600_bytes_and_leaves_1_kb_of_stack(built: Path) -> None:
+def test_memory_and_stack_stay_within_the_documented_limits(built: Path) -> None:
     sizes = subprocess.run(["avr-size", "-A", built / "sonar.elf"], capture_output=True, text=True, check=True).stdout
     used = sum(int(size) for size in re.findall(r"^\.(?:data|bss|noinit)\s+(\d+)", sizes, re.M))
     assert used <= TRACE_STORE + OTHER_VARIABLES
@@ -156,7 +157,7 @@ def test_memory_holds_the_trace_and_1600_bytes_and_leaves_1_kb_of_stack(built: P
         assert scanner.device_statistics().stack_free >= FREE_STACK
 
 
-def test_interrupt_handlers_keep_to_the_budgets_beside_them() -> None:
+def test_interrupt_handlers_stay_within_their_budgets() -> None:
     listing = ["avr-gcc", "-mmcu=atmega2560", "-E", "-dM", "-include", "avr/io.h", "-x", "c", "/dev/null"]
     numbers = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     number = {name: int(n) for name, n in re.findall(r"#define (\w+_vect)_num\s+(\d+)", numbers)}
@@ -174,15 +175,17 @@ def test_interrupt_handlers_keep_to_the_budgets_beside_them() -> None:
         assert 0 < longest[number[name]] <= int(budget), name
 
 
-@pytest.mark.parametrize(("blanking", "heard"), [(0.0006, [1, 7, 14]), (0.00238, [7, 14]), (0.010, [14]), (0.040, [])])
-def test_no_echo_counts_before_the_blanking_that_was_set(blanking: float, heard: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("blanking", "expected"), [(0.0006, [1, 7, 14]), (0.00238, [7, 14]), (0.010, [14]), (0.040, [])]
+)
+def test_echoes_before_the_blanking_are_ignored(blanking: float, expected: list[int]) -> None:
     with scanner_on(Echoes(0.001, 0.007, 0.014)) as (_, scanner):
         scanner.configure(blanking=blanking)
         (reading,) = scanner.scan(sector(0, 5, 5))
-    assert [round(time * 1e3) for time in reading.echo_times] == heard
+    assert [round(time * 1e3) for time in reading.echo_times] == expected
 
 
-def test_the_noise_of_the_transmitter_is_no_echo() -> None:
+def test_noise_of_the_transmitter_is_ignored() -> None:
     with scanner_on(Echoes(0.007)) as (_, scanner):
         for blanking in (0.0006, 0.00238, 0.005):
             scanner.configure(blanking=blanking, echoes=1)
@@ -190,7 +193,7 @@ def test_the_noise_of_the_transmitter_is_no_echo() -> None:
             assert reading.echo_times == pytest.approx([0.007], rel=0, abs=TWO_TICKS)
 
 
-def test_echoes_after_one_another_are_heard_by_arming_the_board_again() -> None:
+def test_several_echoes_are_detected_by_rearming_the_board() -> None:
     times = np.arange(3, 60) * 1e-3
     with scanner_on(Echoes(*times)) as (_, scanner):
         assert scanner.configure(echoes=122).echoes == 34
@@ -204,7 +207,7 @@ def test_echoes_after_one_another_are_heard_by_arming_the_board_again() -> None:
     assert spaced.echo_times == pytest.approx([0.003, 0.013, 0.023, 0.033, 0.043, 0.053], rel=0, abs=TWO_TICKS)
 
 
-def test_an_echo_later_than_the_timer_counts_is_timed_all_the_same() -> None:
+def test_echoes_after_the_wrap_of_the_timer_are_timed_correctly() -> None:
     times = (TIMER_WRAP - 1e-6, TIMER_WRAP + 0.5e-3, 0.0601)
     with scanner_on(Echoes(*times)) as (_, scanner):
         for reading in scanner.scan(sector(0, 20, 1)):
@@ -212,21 +215,21 @@ def test_an_echo_later_than_the_timer_counts_is_timed_all_the_same() -> None:
 
 
 class AtTheWrap(Echoes):
-    """One echo a ping, a little before or behind the moment at which the timer begins anew, each time later."""
+    """Echo source with one echo per ping around the wrap of the timer, later at each ping."""
 
     board: EmulatedBoard
-    born = 0.0  # when the firmware's clock began, s of the board's time
+    born = 0.0  # start of the firmware's clock, s of board time
     step = 0.25e-6  # s
 
     def receive(self, ping: Ping) -> PingResult:
-        """A trace, for its interrupts, and the echo."""
+        """Return the echo, and a trace for its interrupts."""
         since = self.board.fired - self.born
         wrap = (since // TIMER_WRAP + 1) * TIMER_WRAP - since
         self._times = (wrap + (len(self.pings) - 8) * self.step,)
         return super().receive(ping)
 
 
-def test_an_echo_at_the_very_moment_the_timer_begins_anew_is_timed_all_the_same() -> None:
+def test_echoes_at_the_wrap_of_the_timer_are_timed_correctly() -> None:
     echoes = AtTheWrap()
     with scanner_on(echoes) as (echoes.board, scanner):
         scanner.configure(trace=True)
@@ -236,13 +239,13 @@ def test_an_echo_at_the_very_moment_the_timer_begins_anew_is_timed_all_the_same(
         for reading in scanner.scan(sector(0, 40, 1)):
             since = reading.time % TIMER_WRAP
             if since > TIMER_WRAP - 0.0024:
-                continue  # the echo came in the blanking
+                continue  # the echo was within the blanking
             expected = TIMER_WRAP - since + (reading.number - 8) * echoes.step
-            # fired_us, from which it is reckoned, is a whole number
+            # fired_us is rounded to a whole number
             assert reading.echo_times == pytest.approx([expected], rel=0, abs=TWO_TICKS + 1e-6)
 
 
-def test_a_board_that_is_reset_in_a_scan_is_homed_again_and_the_scan_has_every_angle_once() -> None:
+def test_a_scan_continues_after_a_reset_with_every_angle_once() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         readings = []
         for reading in scanner.scan(sector(0, 90, 5)):
@@ -255,7 +258,7 @@ def test_a_board_that_is_reset_in_a_scan_is_homed_again_and_the_scan_has_every_a
     assert sorted(reading.number for reading in readings) == [*range(18)]
 
 
-def test_firmware_that_hangs_is_started_again_by_its_watchdog_and_the_scan_goes_on() -> None:
+def test_a_scan_continues_after_a_watchdog_reset() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         readings = []
         for reading in scanner.scan(sector(0, 60, 5)):
@@ -267,17 +270,17 @@ def test_firmware_that_hangs_is_started_again_by_its_watchdog_and_the_scan_goes_
 
 
 class Interrupted(Echoes):
-    """Puts bytes on the line at the start of each ping, when they have to wait until it is over."""
+    """Echo source that sends bytes to the board at the start of each ping, when the board does not read them."""
 
     line: Link
 
     def receive(self, ping: Ping) -> PingResult:
-        """What was laid down, and noise."""
+        """Send noise and return the given echoes."""
         self.line.write(b"\x55" * 400 + b"\0")
         return super().receive(ping)
 
 
-def test_bytes_that_come_faster_than_they_are_taken_are_counted_and_do_no_harm() -> None:
+def test_lost_received_bytes_are_counted_and_cause_no_error() -> None:
     echoes = Interrupted(0.020)
     with emulated_board(echoes, pace=PACE) as board, Link(board.url) as echoes.line:
         talk = Talk(echoes.line)
@@ -289,7 +292,7 @@ def test_bytes_that_come_faster_than_they_are_taken_are_counted_and_do_no_harm()
         assert talk.ask(AskStatistics(), Statistics).overruns >= 3 * (400 - 128)
 
 
-def test_a_table_that_slipped_is_noticed_at_the_mark() -> None:
+def test_a_slipped_table_is_detected_at_the_mark() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         scanner.turn(np.radians(-60))
         board.slip(64)
@@ -299,7 +302,7 @@ def test_a_table_that_slipped_is_noticed_at_the_mark() -> None:
 
 
 @pytest.mark.parametrize("mishap", ["slips", "is held"])
-def test_a_table_that_loses_steps_in_a_single_sweep_is_found_out_behind_it(mishap: str) -> None:
+def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
     readings = []
     with scanner_on(Echoes(0.020)) as (board, scanner):
         with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be off, from 40° on"):  # noqa: PT012
@@ -311,31 +314,31 @@ def test_a_table_that_loses_steps_in_a_single_sweep_is_found_out_behind_it(misha
         assert scanner.device_statistics().lost_steps
 
 
-def test_a_table_that_is_held_finds_no_zero_and_says_so() -> None:
+def test_homing_a_blocked_table_reports_the_missing_mark() -> None:
     with scanner_on(Echoes(0.020)) as (board, scanner):
         board.wedge(60)
         with pytest.raises(DeviceError, match="zero mark"):
             scanner.home()
 
 
-def test_the_table_points_where_it_says_and_stands_still_when_it_pings() -> None:
+def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:
     echoes = Echoes(0.020)
     with scanner_on(echoes, stands_deg=-300) as (_, scanner):
         order = replace(sector(-45, 45, 4.5), sweeps=2)
-        told = [reading.angle for reading in scanner.scan(order)]
-    assert [ping.angle for ping in echoes.pings] == pytest.approx(told, abs=1e-9)
+        reported = [reading.angle for reading in scanner.scan(order)]
+    assert [ping.angle for ping in echoes.pings] == pytest.approx(reported, abs=1e-9)
     assert [ping.sweep for ping in echoes.pings] == [0] * 20 + [1] * 20
 
 
 class Broken(Echoes):
-    """Fails at the first ping."""
+    """Echo source that fails at the first ping."""
 
     def receive(self, ping: Ping) -> PingResult:
-        """Nothing."""
+        """Raise ZeroDivisionError."""
         raise ZeroDivisionError
 
 
-def test_an_echo_source_that_fails_ends_the_board_and_is_heard_of() -> None:
+def test_a_failing_echo_source_ends_the_board_and_its_error_is_raised() -> None:
     with pytest.raises(ZeroDivisionError), emulated_board(Broken(), pace=PACE) as board:  # noqa: PT012
         with Link(board.url) as link:
             talk = Talk(link)
@@ -345,7 +348,7 @@ def test_an_echo_source_that_fails_ends_the_board_and_is_heard_of() -> None:
         assert board.wait() == 0
 
 
-def test_serial_number_and_count_of_starts_outlive_a_power_cut(tmp_path: Path) -> None:
+def test_serial_number_and_count_of_starts_survive_a_power_failure(tmp_path: Path) -> None:
     infos = []
     for _ in range(2):
         with scanner_on(Echoes(0.020), eeprom=tmp_path / "eeprom") as (_, scanner):
@@ -355,8 +358,8 @@ def test_serial_number_and_count_of_starts_outlive_a_power_cut(tmp_path: Path) -
     assert [info.boot for info in infos] == [1, 2]
 
 
-def test_a_board_just_switched_on_knows_why_it_started() -> None:
+def test_the_reset_cause_after_power_on_is_power() -> None:
     with scanner_on(Echoes(0.020)) as (_, scanner):
         assert scanner.device_statistics().reset_cause == ResetCause.POWER
-        beats = [reading.time for reading in scanner.scan(sector(0, 10, 5))]
-        assert all(after - before >= 0.1 for before, after in pairwise(beats))
+        times = [reading.time for reading in scanner.scan(sector(0, 10, 5))]
+        assert all(after - before >= 0.1 for before, after in pairwise(times))

@@ -1,4 +1,4 @@
-"""What is written in C because it is written elsewhere must be the same in both places."""
+"""Generated C files match their sources."""
 
 import ctypes
 import subprocess
@@ -14,7 +14,7 @@ from hypothesis import strategies as some
 from tests.system.firmware.conftest import FIRMWARE
 
 
-def test_messages_and_tables_in_c_are_those_the_protocol_has_now() -> None:
+def test_generated_files_are_up_to_date() -> None:
     check = subprocess.run([sys.executable, FIRMWARE / "generate.py", "--check"], capture_output=True, text=True)
     assert check.returncode == 0, check.stderr
 
@@ -27,8 +27,8 @@ def test_the_checksum_is_that_of_zlib(built: Path, data: bytes) -> None:
 
 
 @pytest.mark.parametrize("celsius", [-20.0, 0.0, 20.0, 25.0, 45.0])
-def test_the_thermistor_table_inverts_its_beta_equation_to_a_tenth_of_a_kelvin(built: Path, celsius: float) -> None:
+def test_the_thermistor_table_matches_the_beta_equation(built: Path, celsius: float) -> None:
     table = np.array((ctypes.c_int16 * 33).in_dll(ctypes.CDLL(str(built / "libsonar.so")), "thermistor_table"))
-    resistance = np.exp(3950 * (1 / (celsius + 273.15) - 1 / 298.15))  # of that at 25 degrees
+    resistance = np.exp(3950 * (1 / (celsius + 273.15) - 1 / 298.15))  # relative to that at 25 °C
     ratio = resistance / (1 + resistance)
     assert np.interp(ratio * 32, np.arange(33), table) == pytest.approx(celsius * 100, abs=30)

@@ -1,4 +1,4 @@
-"""The firmware at work for long: over the 36 minutes after which its timer's ticks come round, in a soak."""
+"""Long runs of the firmware. A soak is longer than 36 minutes, after which the ticks of its timer wrap."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tests.conftest import Count
 from tests.system.firmware.test_emulated_board import FREE_STACK, TWO_TICKS, Echoes, scanner_on
 
 
-def test_scan_after_scan_with_traces_every_reading_is_right_and_memory_holds(count: Count) -> None:
+def test_repeated_scans_with_traces_stay_correct_and_memory_suffices(count: Count) -> None:
     times = (0.0151, 0.0337, 0.0604)
     with scanner_on(Echoes(*times)) as (_, scanner):
         scanner.configure(trace=True)

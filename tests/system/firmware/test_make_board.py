@@ -1,4 +1,4 @@
-"""`make board`: a process that prints a URL, behind which the firmware answers, and that leaves nothing behind."""
+"""`make board` prints the URL of a board that runs the firmware, and leaves nothing behind."""
 
 import signal
 import subprocess
@@ -14,7 +14,7 @@ from tests.hang_guard import HANG, wait_until
 
 @pytest.fixture
 def board(built: Path, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
-    """The process, behind a link."""
+    """The process, with a link to its pseudo-terminal."""
     entry = "from sonarhw_cli.entry import main; main()"
     command = [sys.executable, "-c", entry, "board", "--pty", str(tmp_path / "scanner")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -22,9 +22,7 @@ def board(built: Path, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
         process.kill()
 
 
-def test_its_first_line_is_a_url_and_sigterm_ends_it_with_nothing_left(
-    board: "subprocess.Popen[str]", tmp_path: Path
-) -> None:
+def test_its_first_line_is_a_url_and_sigterm_ends_it_cleanly(board: "subprocess.Popen[str]", tmp_path: Path) -> None:
     assert board.stdout is not None
     url = board.stdout.readline().strip()
     assert url == str(tmp_path / "scanner")
@@ -37,7 +35,7 @@ def test_its_first_line_is_a_url_and_sigterm_ends_it_with_nothing_left(
     assert board.stdout.read() == ""
 
 
-def test_a_board_whose_owner_is_killed_ends_too(board: "subprocess.Popen[str]", tmp_path: Path) -> None:
+def test_the_emulator_ends_if_its_parent_is_killed(board: "subprocess.Popen[str]", tmp_path: Path) -> None:
     assert board.stdout is not None
     terminal = Path(board.stdout.readline().strip()).resolve()
     board.kill()

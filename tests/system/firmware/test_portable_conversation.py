@@ -1,4 +1,4 @@
-"""The portable part in conversation: the document's own, what it refuses, what it sends again, and silence."""
+"""Protocol of the portable part: the documented conversation, refusals, repeated messages and silence."""
 
 import re
 from dataclasses import fields
@@ -42,35 +42,35 @@ from sonarhw.wire.messages import (
 from tests.system.firmware.portable import AT_ONCE, HELD, PortableBoard
 from tests.unit.sonarhw.wire.test_firmware_protocol import rows, rows_of_code
 
-OF_THE_BOARD = (Info, Capabilities, Settings)  # say what a board is and can, and so differ from the fake's
+OF_THE_BOARD = (Info, Capabilities, Settings)  # describe the board, so they differ from those of the fake board
 FULL_TRACE = bytes(range(256)) * 19
 
 
 def documented() -> list[tuple[str, int, bytes]]:
-    """Who says it, when (µs), and the bytes of each frame of the document's conversation."""
+    """Return sender, time (µs) and bytes of each frame in the documented conversation."""
     entries = re.findall(
         r"^(host  |device)  #\d+ at (\d+) us  .*\n((?:        .*\n)+)", rows_of_code("conversation"), re.M
     )
     return [(side.strip(), int(time), bytes.fromhex(wire)) for side, time, wire in entries]
 
 
-def test_it_holds_the_documented_conversation_byte_for_byte(board: PortableBoard) -> None:
+def test_it_repeats_the_documented_conversation_byte_for_byte(board: PortableBoard) -> None:
     board.identity("sonarhw-fake 0.1.0", "FAKE-0031", "")
     board.c.host_temperature(2150)
-    board.hear([7_000_000, 14_100_000], bytes.fromhex("0000ff80331a0000"), 2_500_000)
+    board.set_echoes([7_000_000, 14_100_000], bytes.fromhex("0000ff80331a0000"), 2_500_000)
     board.c.host_motor(HELD)
-    said = b""
+    sent = b""
     for side, time, wire in documented():
         if side == "host":
-            said += board.advance(time)
+            sent += board.advance(time)
             board.send(wire)
-        elif time == 36_278:  # the fake's way home; it settles for 20 ms
-            said += board.advance(time - 20_000)
+        elif time == 36_278:  # the fake board homes until then; it settles for 20 ms
+            sent += board.advance(time - 20_000)
             board.c.host_motor(AT_ONCE)
-    said += board.advance(355_000)
+    sent += board.advance(355_000)
     expected = [wire for side, _, wire in documented() if side == "device"]
-    assert len(expected) == said.count(DELIMITER)
-    for ours, theirs in zip(FrameDecoder().feed(said), FrameDecoder().feed(b"".join(expected)), strict=True):
+    assert len(expected) == sent.count(DELIMITER)
+    for ours, theirs in zip(FrameDecoder().feed(sent), FrameDecoder().feed(b"".join(expected)), strict=True):
         assert isinstance(ours, Frame)
         assert isinstance(theirs, Frame)
         if isinstance(unpack_message(theirs.type, theirs.payload), OF_THE_BOARD):
@@ -81,21 +81,21 @@ def test_it_holds_the_documented_conversation_byte_for_byte(board: PortableBoard
 
 
 @pytest.mark.parametrize("row", rows("What is refused"), ids=lambda row: row[0])
-def test_it_refuses_what_the_document_says(board: PortableBoard, row: list[str]) -> None:
+def test_documented_refusals_have_the_documented_code(board: PortableBoard, row: list[str]) -> None:
     command, code = row
     name, values = re.fullmatch(r"(\w+)\((.*)\)", command).groups()  # type: ignore[union-attr]
     kind = next(kind for kind in FROM_HOST if kind.__name__ == name)
     given_values = dict(re.findall(r"(\w+)=([^,)]*)", values))
-    wanted = {key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given_values.items()}
+    arguments = {key: bytes.fromhex(value) if key == "data" else int(value) for key, value in given_values.items()}
     board.greet_and_home()
-    (refused,) = board.ask(kind(**wanted))
+    (refused,) = board.ask(kind(**arguments))
     assert isinstance(refused, Refused)
     assert Refusal(refused.code).name == code
     assert refused.text
 
 
 @pytest.mark.parametrize("kind", FROM_HOST[1:], ids=lambda kind: kind.__name__)
-def test_before_hello_everything_else_is_refused_and_nothing_is_said_unasked(
+def test_before_hello_all_commands_are_refused_and_nothing_else_is_sent(
     board: PortableBoard, kind: type[Message]
 ) -> None:
     example = {TestLink: TestLink(1, b"x"), StartScan: StartScan(0, 1, 1, 1, 1)}.get(kind)
@@ -107,33 +107,33 @@ def test_before_hello_everything_else_is_refused_and_nothing_is_said_unasked(
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
 @given(trace=some.binary(min_size=1, max_size=1500))
-def test_any_trace_arrives_as_it_was(board: PortableBoard, trace: bytes) -> None:
+def test_any_trace_is_transmitted_unchanged(board: PortableBoard, trace: bytes) -> None:
     board.c.host_start()
     board.now = 0
     board.greet_and_home()
-    board.hear([7_000_000], trace)
+    board.set_echoes([7_000_000], trace)
     board.ask(Configure(20_000, 2_380, 1, 343_200))
-    said = board.ask(StartScan(0, 1, 1, 1, 1), 100_000)
-    chunks = [message for message in said if isinstance(message, TraceChunk)]
+    received = board.ask(StartScan(0, 1, 1, 1, 1), 100_000)
+    chunks = [message for message in received if isinstance(message, TraceChunk)]
     assert [chunk.offset for chunk in chunks] == [*range(0, len(trace), 256)]
     assert b"".join(chunk.samples for chunk in chunks) == trace
 
 
-def test_a_piece_of_254_bytes_is_stuffed_as_the_library_does_it(board: PortableBoard) -> None:
-    # 228 bytes of samples without a zero bring head and samples of a chunk to pieces about the longest there are
+def test_pieces_of_about_254_bytes_are_encoded_as_by_the_library(board: PortableBoard) -> None:
+    # about 228 samples without a zero give pieces of about the maximum length
     board.greet_and_home()
     board.ask(Configure(20_000, 2_380, 1, 343_200))
     for size in range(215, 257):
-        board.hear([], bytes([7]) * size)
+        board.set_echoes([], bytes([7]) * size)
         board.send(encode_frame(Frame(StartScan.TYPE, 1000 + size, 0, StartScan(0, 1, 1, 1, 1).pack())))
         for block in board.advance(board.now + 150_000).split(DELIMITER)[:-1]:
             assert cobs.encode(cobs.decode(block)) == block
 
 
 def scanned(board: PortableBoard, readings: int, echoes: int = 2) -> list[Message]:
-    """Everything said in a scan of so many readings."""
+    """Return all messages of a scan with so many readings."""
     board.greet_and_home()
-    board.hear([3_000_000 + 1_000_000 * echo for echo in range(echoes)])
+    board.set_echoes([3_000_000 + 1_000_000 * echo for echo in range(echoes)])
     board.ask(Configure(62_400, 500, 0, 343_200))
     return board.ask(StartScan(0, 50_000, readings, 1, 1), readings * 100_000 + 200_000)
 
@@ -145,133 +145,133 @@ def test_the_last_readings_are_kept_and_sent_again_unchanged(board: PortableBoar
     assert all(len(reading.echoes) == echoes for reading in readings)
     again = board.ask(Resend(16, 64), 100_000)
     assert isinstance(again[0], Accepted)
-    assert [*filter(lambda said: not isinstance(said, Heartbeat), again[1:])] == readings[-kept:]
+    assert [*filter(lambda message: not isinstance(message, Heartbeat), again[1:])] == readings[-kept:]
 
 
 @pytest.mark.parametrize("echoes_ms", [[40], [3, 45], [32.767, 32.768], [1, 33.7675, 62.4], [61, 62]])
 def test_echoes_far_apart_are_sent_again_unchanged(board: PortableBoard, echoes_ms: list[float]) -> None:
     board.greet_and_home()
-    board.hear([round(time * 1e6) for time in echoes_ms])
+    board.set_echoes([round(time * 1e6) for time in echoes_ms])
     board.ask(Configure(62_400, 500, 0, 343_200))
     readings = [m for m in board.ask(StartScan(0, 1, 3, 1, 1), 500_000) if isinstance(m, ReadingMessage)]
     assert [list(reading.echoes) for reading in readings] == [[round(time * 1e6) for time in echoes_ms]] * 3
     assert [m for m in board.ask(Resend(0, 3), 100_000) if isinstance(m, ReadingMessage)] == readings
 
 
-def test_a_part_of_a_scan_is_as_it_stands_in_the_whole(board: PortableBoard) -> None:
+def test_readings_of_a_partial_scan_match_those_of_the_whole_scan(board: PortableBoard) -> None:
     board.greet_and_home()
     whole = [m for m in board.ask(StartScan(0, 5_000_000, 4, 2, 2), 2_000_000) if isinstance(m, ReadingMessage)]
     part = board.ask(StartScan(0, 5_000_000, 4, 2, 2, first=6, count=5), 2_000_000)
     assert Started(part[0].command, 5, 6) == part[0]  # type: ignore[attr-defined]
     parts = [m for m in part if isinstance(m, ReadingMessage)]
-    name = [(m.number, m.sweep, m.ping, m.angle) for m in whole]
-    assert [(m.number, m.sweep, m.ping, m.angle) for m in parts] == name[6:11]
+    expected = [(m.number, m.sweep, m.ping, m.angle) for m in whole]
+    assert [(m.number, m.sweep, m.ping, m.angle) for m in parts] == expected[6:11]
 
 
-@pytest.mark.parametrize("behind", [b"", b"1.2", bytes(59)], ids=["as we know it", "newer", "as long as can be"])
-def test_a_command_that_comes_twice_is_carried_out_once(board: PortableBoard, behind: bytes) -> None:
+@pytest.mark.parametrize("extra", [b"", b"1.2", bytes(59)], ids=["this version", "newer", "longest"])
+def test_a_repeated_command_is_carried_out_once(board: PortableBoard, extra: bytes) -> None:
     board.greet_and_home()
-    order = encode_frame(Frame(StartScan.TYPE, 900, 0, StartScan(0, 5_000_000, 2, 1, 1).pack() + behind))
-    board.send(order)
-    first = [m for _, m in board.says(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
-    board.send(order)
-    second = [m for _, m in board.says(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
+    wire = encode_frame(Frame(StartScan.TYPE, 900, 0, StartScan(0, 5_000_000, 2, 1, 1).pack() + extra))
+    board.send(wire)
+    first = [m for _, m in board.frames_until(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
+    board.send(wire)
+    second = [m for _, m in board.frames_until(board.now + 1_000_000) if not isinstance(m, Heartbeat)]
     assert [type(m) for m in first] == [Started, ReadingMessage, ReadingMessage, Finished]
     assert second == [first[0], first[-1]]
 
 
-def test_heartbeats_come_every_250_ms_while_it_homes_and_turns_too(board: PortableBoard) -> None:
+def test_heartbeats_arrive_every_250_ms_also_while_homing_and_turning(board: PortableBoard) -> None:
     board.c.host_grain(100)
-    board.c.host_stand(4_000)
+    board.c.host_set_position(4_000)
     board.ask(Hello(1, 0))
     board.send(encode_frame(Frame(Home.TYPE, 50, 0, b"")))
-    said = board.says(3_000_000)
+    received = board.frames_until(3_000_000)
     board.send(encode_frame(Frame(Turn.TYPE, 51, 0, Turn(300_000_000).pack())))
-    said += board.says(6_000_000)
-    beats = [frame.time_us for frame, message in said if isinstance(message, Heartbeat)]
+    received += board.frames_until(6_000_000)
+    beats = [frame.time_us for frame, message in received if isinstance(message, Heartbeat)]
     assert max(after - before for before, after in pairwise(beats)) <= 251_000
-    assert {message.state for _, message in said if isinstance(message, Heartbeat)} == {0, 1, 2}
+    assert {message.state for _, message in received if isinstance(message, Heartbeat)} == {0, 1, 2}
 
 
 def test_nothing_is_sent_and_no_motor_steps_while_it_listens(board: PortableBoard) -> None:
     board.greet_and_home()
     board.c.host_motor(0)
-    board.hear([7_000_000], FULL_TRACE[:4800])
+    board.set_echoes([7_000_000], FULL_TRACE[:4800])
     board.ask(Configure(62_400, 500, 1, 343_200))
     board.send(encode_frame(Frame(StartScan.TYPE, 70, 0, StartScan(0, 5_000_000, 5, 2, 2).pack())))
     for _ in range(400):
         board.ask(AskStatistics(), 10_000)
-    assert board.c.host_trespasses() == 0
+    assert board.c.host_violations() == 0
 
 
-def test_a_host_of_1_1_that_falls_silent_is_missed_after_2_s(board: PortableBoard) -> None:
+def test_a_host_of_version_1_1_is_gone_after_2_s_of_silence(board: PortableBoard) -> None:
     board.c.host_grain(100)
     board.c.host_motor(AT_ONCE)
     board.ask(Hello(1, 1))
     board.ask(SetBaud(1_000_000))
     board.ask(Home(), 100_000)
     assert board.c.host_powered()
-    heard = board.now - 100_000
-    assert board.says(heard + 1_990_000)
+    last_frame = board.now - 100_000
+    assert board.frames_until(last_frame + 1_990_000)
     assert board.c.host_powered()
-    board.says(heard + 2_010_000)
+    board.frames_until(last_frame + 2_010_000)
     assert not board.c.host_powered()
     assert board.c.host_baud() == 250_000
-    assert board.says(board.now + 2_000_000) == []
+    assert board.frames_until(board.now + 2_000_000) == []
     (info,) = board.ask(Hello(1, 1))
     assert isinstance(info, Info)
     assert info.homed == 0
 
 
-def test_a_host_that_has_gone_is_sent_nothing_more(board: PortableBoard) -> None:
+def test_nothing_is_sent_after_the_host_is_gone(board: PortableBoard) -> None:
     scanned(board, 70)
     board.ask(Hello(1, 1))
     board.send(encode_frame(Frame(Resend.TYPE, 7, 0, Resend(0, 64).pack())))
     board.c.host_grain(2_100_000)
-    board.says(board.now + 2_100_000)
+    board.frames_until(board.now + 2_100_000)
     board.c.host_grain(100)
-    assert board.says(board.now + 1_000_000) == []
+    assert board.frames_until(board.now + 1_000_000) == []
 
 
-def test_a_host_of_1_0_is_not_watched(board: PortableBoard) -> None:
+def test_silence_of_a_host_of_version_1_0_is_ignored(board: PortableBoard) -> None:
     board.greet_and_home()
-    assert len(board.says(board.now + 10_000_000)) == 40
+    assert len(board.frames_until(board.now + 10_000_000)) == 40
     assert board.c.host_powered()
 
 
-def test_a_speed_at_which_nothing_sound_comes_is_left_after_half_a_second(board: PortableBoard) -> None:
+def test_a_baud_rate_without_a_valid_frame_ends_after_half_a_second(board: PortableBoard) -> None:
     board.c.host_grain(100)
     board.ask(Hello(1, 0))
     (accepted,) = board.ask(SetBaud(500_000))
     assert isinstance(accepted, Accepted)
     assert board.c.host_baud() == 500_000
     board.send(b"\x55" * 300 + b"\0")
-    board.says(board.now + 490_000)
+    board.frames_until(board.now + 490_000)
     assert board.c.host_baud() == 500_000
-    board.says(board.now + 20_000)
+    board.frames_until(board.now + 20_000)
     assert board.c.host_baud() == 250_000
 
 
-def test_a_speed_at_which_something_sound_came_stays(board: PortableBoard) -> None:
+def test_a_baud_rate_with_a_valid_frame_is_kept(board: PortableBoard) -> None:
     board.c.host_grain(100)
     board.ask(Hello(1, 0))
     board.ask(SetBaud(500_000))
     (tested,) = board.ask(TestLink(7, b"\1\2\3"))
     assert isinstance(tested, LinkTested)
     assert tested.data == bytes([1, 2, 3, 1, 2, 3, 1])
-    board.says(board.now + 3_000_000)
+    board.frames_until(board.now + 3_000_000)
     assert board.c.host_baud() == 500_000
 
 
 @pytest.mark.parametrize(("size", "data"), [(0, b"x"), (480, b"\0"), (480, bytes(range(64))), (256, b"ab\0")])
-def test_a_link_test_brings_back_what_it_says(board: PortableBoard, size: int, data: bytes) -> None:
+def test_link_test_returns_the_repeated_bytes(board: PortableBoard, size: int, data: bytes) -> None:
     board.ask(Hello(1, 0))
     (tested,) = board.ask(TestLink(size, data))
     assert isinstance(tested, LinkTested)
     assert tested.data == (data * size)[:size]
 
 
-def test_rubbish_is_counted_and_followed_by_the_next_whole_frame(board: PortableBoard) -> None:
+def test_invalid_blocks_are_counted_and_the_next_frame_is_received(board: PortableBoard) -> None:
     board.ask(Hello(1, 0))
     board.send(b"\x03\x41\x42" + b"\0" + b"\xff" * 200 + b"\0")
     (statistics,) = board.ask(AskStatistics())
@@ -279,12 +279,12 @@ def test_rubbish_is_counted_and_followed_by_the_next_whole_frame(board: Portable
     assert (statistics.frames, statistics.rejected) == (2, 2)
 
 
-def test_a_stop_in_a_scan_is_obeyed_and_the_readings_made_are_kept(board: PortableBoard) -> None:
+def test_stop_ends_a_scan_and_its_readings_are_kept(board: PortableBoard) -> None:
     board.greet_and_home()
     board.ask(StartScan(0, 5_000_000, 10, 1, 1), 350_000)
-    said = [m for m in board.ask(Stop(), 100_000) if not isinstance(m, Heartbeat | ReadingMessage)]
-    assert [type(m) for m in said] == [Finished, Accepted]
-    assert isinstance(said[0], Finished)
-    assert said[0].outcome == Outcome.STOPPED
+    received = [m for m in board.ask(Stop(), 100_000) if not isinstance(m, Heartbeat | ReadingMessage)]
+    assert [type(m) for m in received] == [Finished, Accepted]
+    assert isinstance(received[0], Finished)
+    assert received[0].outcome == Outcome.STOPPED
     again = [m for m in board.ask(Resend(0, 64), 100_000) if isinstance(m, ReadingMessage)]
-    assert len(again) == said[0].readings == 4
+    assert len(again) == received[0].readings == 4

@@ -1,4 +1,4 @@
-"""A move accelerates evenly: held against the closed form, not against the table it is made from."""
+"""Movements have constant acceleration, compared with the closed form and not with the table."""
 
 import ctypes
 from pathlib import Path
@@ -10,13 +10,13 @@ TICK = 0.5e-6  # s
 
 
 class Ramp(ctypes.Structure):
-    """`struct ramp`."""
+    """`struct ramp` of C."""
 
     _fields_ = [(name, ctypes.c_uint16) for name in ("left", "index", "top", "first")]
 
 
 def step_times(built: Path, steps: int, acceleration: int, speed: int) -> np.ndarray:
-    """How long each step of a move lasts, s."""
+    """Return the duration of each step of a movement, s."""
     library = ctypes.CDLL(str(built / "libsonar.so"))
     library.ramp_of.restype = Ramp
     library.ramp_next.restype = ctypes.c_uint16
@@ -28,30 +28,30 @@ def step_times(built: Path, steps: int, acceleration: int, speed: int) -> np.nda
 
 
 @pytest.mark.parametrize("acceleration", [2_000, 36_000, 80_000])
-def test_from_rest_step_n_is_made_at_the_root_of_2_n_over_a(built: Path, acceleration: int) -> None:
+def test_step_n_from_rest_ends_at_the_root_of_2_n_over_a(built: Path, acceleration: int) -> None:
     made = np.cumsum(step_times(built, 400, acceleration, 65_000)[:200])
     assert made == pytest.approx(np.sqrt(2 * np.arange(1, 201) / acceleration), rel=2e-3)
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4, 5, 99, 100, 5_000])
-def test_a_move_makes_its_steps_and_slows_down_as_it_sped_up(built: Path, steps: int) -> None:
+def test_deceleration_mirrors_acceleration(built: Path, steps: int) -> None:
     times = step_times(built, steps, 80_000, 3_600)
     assert len(times) == steps
     assert times == pytest.approx(times[::-1])
 
 
-def test_a_long_move_runs_at_full_speed_and_a_short_one_never_comes_to_it(built: Path) -> None:
+def test_a_long_movement_reaches_full_speed_and_a_short_one_does_not(built: Path) -> None:
     assert step_times(built, 5_000, 80_000, 3_600).min() == pytest.approx(1 / 3_600, rel=0.01)
-    # a move of n steps is fastest in its middle: v = sqrt(a n)
+    # a movement of n steps is fastest in its middle: v = sqrt(a n)
     assert step_times(built, 50, 80_000, 3_600).min() == pytest.approx(1 / np.sqrt(80_000 * 50), rel=0.05)
 
 
-def test_a_move_slower_than_its_first_step_would_be_is_even(built: Path) -> None:
+def test_a_very_slow_movement_has_constant_speed(built: Path) -> None:
     times = step_times(built, 30, 80_000, 40)
     assert times == pytest.approx(1 / 40, rel=1e-3)
 
 
-def test_a_halt_comes_to_rest_over_the_steps_it_sped_up_over(built: Path) -> None:
+def test_a_halt_needs_as_many_steps_as_the_acceleration(built: Path) -> None:
     library = ctypes.CDLL(str(built / "libsonar.so"))
     library.ramp_of.restype = Ramp
     library.ramp_next.restype = ctypes.c_uint16

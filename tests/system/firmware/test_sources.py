@@ -1,4 +1,4 @@
-"""The firmware's folders: few files in each, names used once, no files that include each other."""
+"""Structure of the firmware: few files per folder, unique names, no circular includes."""
 
 import re
 from collections import Counter
@@ -14,12 +14,12 @@ BOARDS = ["atmega2560", "host"]
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_names_are_used_once_on_the_include_path(board: str) -> None:
+def test_file_names_are_unique_on_the_include_path(board: str) -> None:
     names = Counter(file.name for folder in (CORE, FIRMWARE / board) for file in folder.rglob("*.[ch]"))
     assert [name for name, times in names.items() if times > 1] == []
 
 
-def test_a_folder_has_at_most_twelve_files_and_that_of_a_board_fifteen() -> None:
+def test_a_folder_has_at_most_twelve_files_or_fifteen_for_a_board() -> None:
     for folder in [*CORE.iterdir(), *(FIRMWARE / board for board in BOARDS), FIRMWARE / "emulator"]:
         files = [file for file in folder.iterdir() if file.suffix in (".c", ".h")]
         assert len(files) <= (12 if folder.parent == CORE else 15), folder
@@ -34,7 +34,7 @@ def test_no_two_files_include_each_other(board: str) -> None:
     TopologicalSorter(includes).prepare()  # raises CycleError
 
 
-def test_the_portable_part_names_no_chip() -> None:
+def test_the_portable_part_mentions_no_chip() -> None:
     for file in CORE.rglob("*.[ch]"):
         text = file.read_text()
         assert "avr" not in text.lower(), file
