@@ -1,8 +1,7 @@
-"""Paths heading by heading: for carriers and faces that stand somewhere else, or stand in the way, as the head turns.
+"""Paths heading by heading, for carriers and faces that move when the head turns.
 
-Takes a room, a place, a board and headings; hands on the `HeadingPaths` of all of them together. Every path is
-there at one heading only, so each heading costs a search of its own; where nothing turns but the beam, one search
-serves them all (`sonarhw_sim.predict.prediction`).
+Every path exists at one heading only, so each heading needs its own search. If nothing but the beam turns, one search
+serves all headings (`sonarhw_sim.predict.prediction`).
 """
 
 from collections.abc import Callable, Iterator
@@ -14,26 +13,26 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.mount import FACE, Mount, TransducerPose, with_body, with_faces
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.rays.paths import Paths, join_paths
+from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
-_AT_ONCE = 1e-9  # m: a leg between transducer and its own face that is no longer leads nowhere
+_AT_ONCE = 1e-9  # m: longest leg between a transducer and its own face
 
 
 @dataclass(frozen=True)
 class HeadingPaths:
     """The paths of several headings, shortest first."""
 
-    room: Room  # with the carrier's body in it, and the faces as they stand at the first heading
+    room: Room  # with the carrier's body, and the faces as they are at the first heading
     paths: Paths  # (p,)
-    only_at: NDArray[np.intp]  # (p,): row of the heading at which each is heard
-    sender_headings: FloatArray  # (p,), rad: where its sender points
-    lateness: FloatArray  # (p,), m: how much longer each seems, its ping having been sent later than the listener's
+    only_at: NDArray[np.intp]  # (p,): row of the heading at which each path exists
+    sender_headings: FloatArray  # (p,), rad: heading of its sender
+    lateness: FloatArray  # (p,), m: apparent extra length, as its ping was sent later than the receiver's
 
 
 @dataclass(frozen=True)
 class SensorPair:
-    """One sender and one listener, and how long paths between them may be."""
+    """One sender and one receiver, and the greatest length of paths between them."""
 
     sender: TransducerPose
     listener: TransducerPose
@@ -41,16 +40,16 @@ class SensorPair:
     max_length: float  # m
 
 
-Find = Callable[[Room, SensorPair], Paths]  # the paths of a leg in the room, those worth keeping
+Find = Callable[[Room, SensorPair], Paths]  # returns the paths of a pair in the room that are worth keeping
 
 
 def find_by_heading(
     room: Room, place: Place, board: Board, headings: FloatArray, find: Find, face_reflectance: float | None
 ) -> HeadingPaths:
-    """The paths heard at `headings` (n,) rad, one at least, within the board's range by the listener's own time.
+    """Return the paths received at `headings` (n,) rad, at least one, within range by the receiver's own time.
 
-    No longer than twice that range either: what has gone farther is taken for lost. `face_reflectance` is what faces
-    leave of sound that meets them; None: it passes.
+    Paths longer than twice that range are omitted too. `face_reflectance` is the reflectance of the faces; with None
+    sound passes them.
     """
     carrier, speed = board.carrier, room.air.speed_of_sound
     room = with_body(room, place, carrier.body_radius)
@@ -67,9 +66,9 @@ def find_by_heading(
 
 
 def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
-    """Where the listening transducer stands at `headings` (n,) rad in the room, (n, 2) float, m.
+    """Return the position of the receiving transducer at `headings` (n,) rad in the room, (n, 2) float, m.
 
-    For a ring, where a sensor would that points there.
+    For a ring, this is the position of a sensor with that heading.
     """
     ahead, left = arm(board)
     cosines, sines = np.cos(headings), np.sin(headings)
@@ -78,7 +77,7 @@ def standpoints(board: Board, place: Place, headings: FloatArray) -> FloatArray:
 
 
 def arm(board: Board) -> tuple[float, float]:
-    """How far ahead of the turning axis the listening transducer stands, and how far to the left, m."""
+    """Return how far the receiving transducer is ahead of the turning axis, and to its left, m."""
     mount = board.mount if board.ring is None else Mount(ahead=board.ring.radius)
     return mount.ahead, mount.aside - mount.separation / 2
 
@@ -89,13 +88,13 @@ def _pairs(
     for sender in senders:
         lateness = (sender.ping_time - listener.ping_time) * speed
         longest = min(max_length, max_length - lateness)
-        # else it is over before the listener's own ping, or comes after its time
+        # otherwise all sound arrives before the receiver's own ping or after its range
         if longest > max(0.0, -lateness):
             yield SensorPair(sender, listener, lateness, longest)
 
 
 def _without_idle(paths: Paths, room: Room) -> Paths:
-    """The paths but for those that go off a face right where they start or end: that sound is counted without."""
+    """Return the paths without those that reflect at a face where they start or end: that sound counts already."""
     is_face = np.append(np.array(room.names) == FACE, False)[paths.surfaces].any(axis=1)
     idle = (_first_legs(paths) <= _AT_ONCE) | (_last_legs(paths) <= _AT_ONCE)
     return paths.select(np.flatnonzero(~(idle & is_face)))
@@ -112,7 +111,7 @@ def _last_legs(paths: Paths) -> FloatArray:
 
 def _joined(room: Room, found: list[tuple[Paths, int, SensorPair]]) -> HeadingPaths:
     counts = [len(paths) for paths, _, _ in found]
-    paths = join_paths([paths for paths, _, _ in found])
+    paths = Paths.join([paths for paths, _, _ in found])
     lateness = np.repeat(np.array([pair.lateness for _, _, pair in found], dtype=np.float64), counts)
     order = np.argsort(paths.lengths + lateness, kind="stable")
     return HeadingPaths(

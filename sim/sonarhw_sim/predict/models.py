@@ -1,6 +1,6 @@
 """Prediction by any model: ray following, and the baseline models that the paper compares with.
 
-Every model takes what `predict_scan` takes and returns a `PredictedScan`.
+Every model is a function with the arguments of `predict_scan` that returns a `PredictedScan`.
 """
 
 import math
@@ -24,9 +24,9 @@ from sonarhw_sim.vertical.sections import cut, standing_at
 
 CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
 _CONE_RAYS = 121
-# How far readings of one surface at range z lie about: σ = 0.01 m + 0.015 z, as maps made with Polaroid units took it,
-# errors of the map included. The paper (§1, citing Lange, Korba, Wong 1989) adds only that the far tail is slightly
-# longer; that it is exponential, and half as long as σ, is ours.
+# Spread of readings of one surface at range z: σ = 0.01 m + 0.015 z, as used in maps made with Polaroid units, errors
+# of the map included. The paper (§1, citing Lange, Korba, Wong 1989) only adds that the far tail is slightly longer.
+# Its exponential form and its scale of σ/2 are our assumption.
 SPREAD = 0.01  # m
 SPREAD_BY_RANGE = 0.015
 FAR_TAIL = 0.5
@@ -70,7 +70,7 @@ def _single_reflections(
 def _nearest_ahead(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
-    scan = _nearest_wall(room, place, _hearing(board, options), headings, np.zeros(1))
+    scan = _nearest_wall(room, place, _without_blanking(board, options), headings, np.zeros(1))
     return received_by(scan if options.seed is None else _with_errors(scan, options.seed), options)
 
 
@@ -79,18 +79,18 @@ def _nearest_in_cone(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions
 ) -> PredictedScan:
     cone = np.linspace(-CONE_HALF_ANGLE, CONE_HALF_ANGLE, _CONE_RAYS)
-    return received_by(_nearest_wall(room, place, _hearing(board, options), headings, cone), options)
+    return received_by(_nearest_wall(room, place, _without_blanking(board, options), headings, cone), options)
 
 
-def _hearing(board: Board, options: PredictionOptions) -> Board:
-    """The board as the two models of nearest walls believe it: with the paper's receiver nothing is too near for it."""
+def _without_blanking(board: Board, options: PredictionOptions) -> Board:
+    """Return the board for the two models of nearest walls: with the paper's receiver, it has no blanking."""
     if options.receiver is Receiver.BOARD:
         return board
     return replace(board, blanking=0.0, blanking_inhibit=None)
 
 
 def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
-    """The scan with every range off at random, a function of the seed and its heading."""
+    """Return the scan with a random error on every range, a function of the seed and its heading."""
     assert scan.only_at is not None
     distances = scan.paths.lengths / 2
     drawn = np.array([_range_error(seed, float(heading)) for heading in scan.headings[scan.only_at]])
@@ -99,14 +99,14 @@ def _with_errors(scan: PredictedScan, seed: int) -> PredictedScan:
 
 
 def _range_error(seed: int, heading: float) -> float:
-    """An error of mean 0 in units of σ: normal of spread 1, and exponential of scale FAR_TAIL towards far."""
+    """Return an error of mean 0 in units of σ: normal with σ 1, plus exponential with scale FAR_TAIL."""
     microdegrees = round(math.degrees(heading) * 1e6) % 360_000_000
     random = np.random.default_rng((seed, 4, microdegrees))
     return float(random.normal() + FAR_TAIL * (random.exponential() - 1))
 
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
-    """One straight path a heading: to the nearest surface in sight among the directions heading + `cone`, and back."""
+    """Return a scan with one path a heading: straight to the nearest surface within heading + `cone`, and back."""
     starts = np.array([board.carrier.pose(place, float(heading)).receiver for heading in headings])
     standing = standing_at(room, place.height)
     section = cut(room, standing)
@@ -116,7 +116,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
     distances, directions, surfaces = distances[rows], directions[rows], surfaces[rows]
     paths = Paths(
         lengths=2 * distances,
-        departures=headings[rows],  # these models take whatever they meet for straight ahead
+        departures=headings[rows],  # these models treat every surface as straight ahead
         arrivals=headings[rows],
         gains=np.ones(len(rows)),
         surfaces=np.array(standing, dtype=np.int32)[surfaces].reshape(-1, 1),
@@ -132,9 +132,10 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
 def _nearest_hits(
     starts: FloatArray, directions: FloatArray, surfaces: Surfaces
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Of each row of directions (n, m) rad the nearest hit from its start (n, 2) m: distance (m), direction, surface.
+    """Return distance, direction and surface of the nearest hit of each row of directions (n, m) from starts (n, 2).
 
-    Surface -1, and no distance, where all look out; the first of equal distances.
+    Distances and starts are in m, directions in rad. Without a hit, the distance is inf and the surface -1. Of equal
+    distances, the first is used.
     """
     count = len(starts)
     distances, chosen, hit = np.full(count, np.inf), np.zeros(count), np.full(count, -1, np.intp)

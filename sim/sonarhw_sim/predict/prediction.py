@@ -1,8 +1,8 @@
-"""The prediction: what the board would report at each heading, and by which path.
+"""The prediction: the reading of the board at each heading, and its path.
 
-Takes a room, a place, a board and headings; hands on a `PredictedScan`, which still knows every echo. Paths are
-found once for a whole scan; here they are only weighed by the transducer and held against blanking, threshold, range.
-Where more than the beam turns with the head, every heading has paths of its own (`sonarhw_sim.predict.by_heading`).
+Paths are found once for a whole scan, then weighted by the transducer at each heading and compared with blanking,
+threshold and range. If more than the beam turns with the head, every heading has paths of its own
+(`sonarhw_sim.predict.by_heading`).
 """
 
 from dataclasses import dataclass, replace
@@ -17,20 +17,20 @@ from sonarhw_sim.board.receiver import counted_time
 from sonarhw_sim.board.weighing import beam_table, first_detected
 from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.predict.by_heading import HeadingPaths, SensorPair, find_by_heading
-from sonarhw_sim.predict.levels import faintest_kept, is_blanked, leg_amplitudes, loud_enough, strengths
+from sonarhw_sim.predict.levels import faintest_kept, is_blanked, loud_enough, path_amplitudes, strengths
 from sonarhw_sim.predict.predicted_scan import PredictedScan, silent_scan, with_first_echoes
 from sonarhw_sim.rays.detectable import TransducerAxes
 from sonarhw_sim.rays.paths import MAX_BOUNCES, RAYS, SLACK, Paths, PathSearch
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.sections import paths_from
 
-# Of paths bent by an edge there is no end; only those are sought that could be heard if they were a little louder. dB
+# dB. The number of diffracted paths is infinite; only those are searched that are at most so far below the threshold.
 DIFFRACTED_BELOW_THRESHOLD = 3.0
 
 
 @dataclass(frozen=True)
 class PredictionOptions:
-    """How to follow the sound; the defaults are those of every command."""
+    """Options of a prediction; the defaults are those of every command."""
 
     unit: Unit = Unit.PASS
     max_bounces: int = MAX_BOUNCES
@@ -38,18 +38,18 @@ class PredictionOptions:
     rays: int = RAYS
     edge_strength: EdgeStrength = EdgeStrength.PAPER
     receiver: Receiver = Receiver.FIRST_ECHO
-    noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; the board's own hears it, the paper's not
-    seed: int | None = None  # of whatever is random; None: 0 for `noise`, and a model that errs at random does not
-    single: bool = False  # only what one surface or one edge sends straight back
-    sections: int = 1  # horizontal ones, one above the other across the face, where a place has a height
+    noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; no effect on the paper's receiver
+    seed: int | None = None  # of random numbers; None: 0 for `noise`, and no random range errors
+    single: bool = False  # only paths of one reflection or one edge
+    sections: int = 1  # number of horizontal sections across the face, for a place with a height
 
 
 def predict_scan(
     room: Room, place: Place, board: Board, headings: FloatArray, options: PredictionOptions | None = None
 ) -> PredictedScan:
-    """What `board` would report from `place` at `headings` (n,) rad in the room.
+    """Return the scan that `board` would report at `place` and at `headings` (n,) rad in the room.
 
-    Raises InputError where the board is a ring and no sensor of it points along one of the headings.
+    Raises InputError if the board is a ring and has no sensor at one of the headings.
     """
     options = options or PredictionOptions()
     if len(headings) and not paths_serve_all_headings(board, options.unit):
@@ -59,34 +59,34 @@ def predict_scan(
 
 
 def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedScan:
-    """A scan of the paper's receiver as the one of `options` reports it, with their noise."""
+    """Return a scan of the paper's receiver as reported by the receiver of `options`, with their noise."""
     scan = replace(scan, receiver=options.receiver, noise=options.noise, seed=options.seed or 0)
     if options.receiver is Receiver.FIRST_ECHO:
         return scan
     winners = np.full(len(scan.headings), -1, dtype=np.intp)
     distances = np.full(len(scan.headings), np.nan)
     for k in range(len(scan.headings)):
-        heard = scan.first_detected_at(k)
-        if len(heard.times):
-            winners[k] = heard.winner
-            distances[k] = counted_time(heard.times[0], scan.board) * scan.room.air.speed_of_sound / 2
+        detected = scan.first_detected_at(k)
+        if len(detected.times):
+            winners[k] = detected.winner
+            distances[k] = counted_time(detected.times[0], scan.board) * scan.room.air.speed_of_sound / 2
     return replace(scan, winners=winners, distances=distances)
 
 
 def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
-    """Whether sound goes the same ways at every heading, so that one search is enough for a scan."""
+    """Return whether the paths are the same at every heading, so that one search is enough for a scan."""
     return board.carrier.turns_about_face and unit is not Unit.REFLECT
 
 
 def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:
-    """Every path that `board` could hear at `place`, whatever its heading, where one search serves all headings."""
+    """Return every path that `board` could detect at `place` at any heading, if one search serves all headings."""
     return _paths(room, place, board, search_for(room, board, options), options)
 
 
 def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSearch:
-    """Which paths `board` could hear."""
+    """Return the search for all paths that `board` could detect."""
     max_length = 2 * board.max_range
-    # weather makes little difference to an edge; a gain that gives nothing back, much
+    # other air hardly changes the level at an edge; a fixed gain changes it much
     gained = largest_gain(board, room.air, max_length) if board.fixed_gain else 1.0
     return PathSearch(
         max_length,
@@ -124,10 +124,10 @@ def _predict_by_heading(
         start, end = replace(place, position=pair.sender.sender), pair.listener.receiver
         axes = TransducerAxes(pair.sender.heading, pair.listener.heading, ka, faintest / gained)
         search_pair = replace(search, max_length=pair.max_length, axes=axes)
-        # one point for both lets a search use every way twice
+        # with one point for both, a search uses every partial path twice
         paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
         sender_headings = np.full(len(paths), pair.sender.heading)
-        amplitudes = leg_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
+        amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
         return paths.select(np.flatnonzero(amplitudes >= faintest))
 
     found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
@@ -142,23 +142,23 @@ def _scan_of(found: HeadingPaths, place: Place, board: Board, headings: FloatArr
 def weigh_paths(
     room: Room, place: Place, board: Board, headings: FloatArray, paths: Paths, unit: Unit = Unit.PASS
 ) -> PredictedScan:
-    """The scan that known paths give at `headings` (n,) rad; those too faint to notice at any heading are left out."""
+    """Return the scan of known paths at `headings` (n,) rad, without paths that are too faint at every heading."""
     headings = np.ascontiguousarray(headings, dtype=np.float64)
     paths = paths.select(loud_enough(room, board, paths))
-    heard = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
+    in_time = np.flatnonzero(~is_blanked(paths.lengths, board, room) & (paths.lengths <= 2 * board.max_range + SLACK))
     ka = board.wavenumber(room.air) * board.aperture_radius
     first = first_detected(
         headings,
-        paths.leaving[heard],
-        paths.arriving[heard],
-        strengths(room, board, paths)[heard],
-        paths.points[heard] - np.array(place.position),
+        paths.leaving[in_time],
+        paths.arriving[in_time],
+        strengths(room, board, paths)[in_time],
+        paths.points[in_time] - np.array(place.position),
         board.aperture_radius if unit is Unit.BLOCK else 0.0,
         10 ** (board.threshold_db / 20),
         ka,
         beam_table(ka),
     )
-    # row -1, "no echo", picks what is appended
-    winners = np.append(heard, -1)[first]
+    # row -1, "no echo", selects the appended value
+    winners = np.append(in_time, -1)[first]
     distances = np.append(paths.lengths, np.nan)[winners] / 2
     return PredictedScan(room, place, board, headings, paths, unit, winners, distances)

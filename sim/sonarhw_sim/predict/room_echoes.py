@@ -1,7 +1,6 @@
-"""The world in front of a fake scanner: the room as it really is, which is never quite as its file says.
+"""Echoes for a fake scanner in a room that deliberately differs a little from its file.
 
-Takes a room, a place, a board and a seed; hands on an echo source for a fake board. Everything random is a function of
-seed, angle, sweep and ping, never of the order of calls.
+All random values are functions of seed, angle, sweep and ping, independent of the order of calls.
 """
 
 import math
@@ -29,28 +28,28 @@ from sonarhw_sim.room.model import Place, Room, with_post
 from sonarhw_sim.vertical.sections import paths_from
 
 MAX_ECHOES = 5  # a ping
-_FIRST_LISTEN = 0.01  # s, of the ping that compiles
-_HEADINGS_KEPT = 720  # whose paths are not sought again, where each has its own
+_FIRST_LISTEN = 0.01  # s, of the ping in `prepare`
+_HEADINGS_KEPT = 720  # headings whose paths are cached, if each has its own
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """How far the truth is from the room file; standard deviations."""
+    """Differences between the simulated room and its file; standard deviations."""
 
     position: float = 0.003  # m, each of x and y
     temperature: float = 1.0  # K
-    thermometer: float = 0.2  # K, error of what the board reports
+    thermometer: float = 0.2  # K, error of the reported temperature
     timing: float = 6e-6  # s on every echo time, about 1 mm
-    level_db: float = 0.5  # on every echo, so that faint ones come and go
+    level_db: float = 0.5  # on every echo, so that faint echoes are sometimes missing
     trace_noise: float = 0.0012  # of full scale; an 8-bit sample is 0.0039
-    furniture: bool = True  # one post that the file does not know
+    furniture: bool = True  # one post that is not in the file
 
 
-EXACT = Disturbance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)  # the truth is the room file
+EXACT = Disturbance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)  # the room as in its file
 
 
 class RoomEchoes:
-    """An echo source (sonarhw.echo_source) that hears a room by following its sound."""
+    """An echo source (`sonarhw.echo_source`) that predicts the echoes of a room by following sound."""
 
     def __init__(
         self, room: Room, place: Place, board: Board, seed: int = 0, disturbance: Disturbance | None = None
@@ -58,8 +57,8 @@ class RoomEchoes:
         self._seed = seed
         self._disturbance = disturbance or Disturbance()
         self._board = board
-        self._asked = room, place
-        self._known: tuple[Room, Place, Paths | None] | None = None
+        self._nominal = room, place
+        self._actual: tuple[Room, Place, Paths | None] | None = None
         self._turned = lru_cache(maxsize=_HEADINGS_KEPT)(self._predict)
         self._ready = threading.Event()
         random = np.random.default_rng((seed, 1))
@@ -69,11 +68,11 @@ class RoomEchoes:
 
     @property
     def ready(self) -> bool:
-        """Whether `prepare` is done, so that `hear` answers at once."""
+        """Whether `prepare` is done, so that `receive` returns at once."""
         return self._ready.is_set()
 
     def prepare(self) -> None:
-        """Find the paths and hear one ping, compiling what is still to compile; seconds, so a thread may do it."""
+        """Find the paths and receive one ping, which compiles the kernels. Takes seconds; may run in a thread."""
         _, place, _ = self._truth()
         ping, random = Ping(0.0, 0, 0, _FIRST_LISTEN, trace=True), np.random.default_rng(0)
         scan = self._scan(place.heading)
@@ -82,7 +81,7 @@ class RoomEchoes:
         self._ready.set()
 
     def receive(self, ping: Ping) -> PingResult:
-        """What the board hears of one ping; the same for the same ping, whatever was asked before."""
+        """Return the echoes of one ping; equal pings have equal results."""
         _, place, _ = self._truth()
         heading = self._board.heading_at(ping.angle, place.heading)
         if self._board.ring is not None and self._board.ring.sensor_at(place, heading) is None:
@@ -94,16 +93,16 @@ class RoomEchoes:
         return PingResult(times, self._trace(scan, ping, random) if ping.trace else None)
 
     def _truth(self) -> tuple[Room, Place, Paths | None]:
-        """Room and place as they are, and the paths, where they are those of every heading."""
-        if self._known is None:
+        """Return the actual room and place, and the paths if they are the same at every heading."""
+        if self._actual is None:
             room, place = self._disturbed()
             if paths_serve_all_headings(self._board, Unit.PASS):
                 search = search_for(room, self._board, PredictionOptions())
-                self._known = room, place, paths_from(room, place, search)
+                self._actual = room, place, paths_from(room, place, search)
             else:
-                self._known = room, place, None
+                self._actual = room, place, None
                 self._turned(place.heading)
-        return self._known
+        return self._actual
 
     def _scan(self, heading: float) -> PredictedScan:
         room, place, paths = self._truth()
@@ -116,7 +115,7 @@ class RoomEchoes:
         return predict_scan(room, place, self._board, np.array([heading]))
 
     def _disturbed(self) -> tuple[Room, Place]:
-        room, place = self._asked
+        room, place = self._nominal
         room = replace(room, air=replace(room.air, temperature_c=self._temperature_c))
         random = np.random.default_rng((self._seed, 3))
         x, y = np.array(place.position) + random.normal(0, self._disturbance.position, 2)
@@ -127,11 +126,11 @@ class RoomEchoes:
     def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
         levels = scan.levels_at(0) + random.normal(0, self._disturbance.level_db, count)
-        told = scan.apparent_lengths + 2 * self._board.range_offset
-        times = told / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
-        heard = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
+        lengths = scan.apparent_lengths + 2 * self._board.range_offset
+        times = lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
+        detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []
-        for time in np.sort(heard):
+        for time in np.sort(detected):
             if not echoes or time - echoes[-1] >= self._board.rearm:
                 echoes.append(float(time))
         return tuple(echoes[:MAX_ECHOES])
@@ -143,9 +142,9 @@ class RoomEchoes:
 
 
 def with_furniture(room: Room, position: tuple[float, float], random: np.random.Generator) -> Room:
-    """The room with one slim post more, in sight of `position` and between it and some wall.
+    """Return the room with one additional thin post, visible from `position`, between it and a wall.
 
-    Its radius is 3 % of the way to that wall; the room stays as it is where no wall is in sight.
+    Its radius is 3 % of the distance to that wall. Without a visible wall, the room is returned unchanged.
     """
     x, y = position
     for direction in random.uniform(0, math.tau, 32):

@@ -1,1 +1,1 @@
-"""Ray following: every path of sound from a place back to it."""
+"""Ray following: all paths of sound from a place back to it."""

@@ -14,39 +14,39 @@ import numpy as np
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.transducer import beam_gain
 
-_ANGLES = 1441  # from 0 to π at which beams are looked up
-# By how much the exact path may be off the ray that found it. Rays are a sixteenth of a degree apart, but past a post
-# the tube between two of them opens wide, and a path along its rim is louder than the ray in its middle.
+_ANGLES = 1441  # from 0 to π at which the beam is tabulated
+# Allowance for the distance between the exact path and the ray that found it. Rays are a sixteenth of a degree apart,
+# but behind a post the tube between two rays widens, and a path at its rim is louder than the ray at its centre.
 _ASIDE = math.radians(1.0)
 _LOUDER = 2.0  # 6 dB
 
 
 class Detectable(NamedTuple):
-    """How loud rays leave, and how loud they must come to be of use."""
+    """Amplitude of each ray at departure, and the least amplitude at each target."""
 
-    leaving: FloatArray  # (n,): amplitude with which each ray leaves, at most
-    least: FloatArray  # (t,): amplitude that a way to each target must have more of
-    axis_x: float  # where the receiver points
+    leaving: FloatArray  # (n,): upper bound of the amplitude of each ray at departure
+    least: FloatArray  # (t,): a path to a target must exceed this amplitude
+    axis_x: float  # unit vector of the receiver's axis
     axis_y: float
-    receiving: FloatArray  # (a,): the most it hears of sound so far or farther aside, evenly from 0 to π
+    receiving: FloatArray  # (a,): upper bound of the receiver's beam at or beyond each angle, evenly from 0 to π
 
 
 @dataclass(frozen=True)
 class TransducerAxes:
-    """Where sender and receiver point; wanted is what leaves and comes back in front of them, loud enough."""
+    """Axes of sender and receiver, for a search of paths that leave and arrive in front of them, loud enough."""
 
     leaving: float  # rad
     arriving: float  # rad
     ka: float  # of both
-    faintest: float  # amplitude, with beams, reflectances and curvature; fainter paths may be left out
+    faintest: float  # amplitude, with beams, reflectances and curvature; fainter paths may be omitted
 
     @property
     def reversed(self) -> "TransducerAxes":
-        """The same for paths gone backwards."""
+        """The axes for reversed paths."""
         return TransducerAxes(self.arriving, self.leaving, self.ka, self.faintest)
 
     def detectable(self, directions: FloatArray, onward: FloatArray) -> Detectable:
-        """For rays in those directions (n,) rad and targets that leave `onward` (t,) of a way's amplitude at most."""
+        """Return the limits for rays in these directions (n,) rad, and targets with a gain of at most `onward` (t,)."""
         loudest = _loudest_aside(self.ka)
         aside = np.abs(directions - self.leaving)
         return Detectable(
@@ -59,13 +59,13 @@ class TransducerAxes:
 
 
 def all_rays(rays: int, targets: int) -> Detectable:
-    """For a search that drops nothing but what has no sound left at all."""
+    """Return the limits for a search that drops only rays without any sound left."""
     return Detectable(np.ones(rays), np.zeros(targets), 1.0, 0.0, np.ones(1))
 
 
 @lru_cache(maxsize=16)
 def _loudest_aside(ka: float) -> FloatArray:
-    """The most that a beam leaves one way of sound so far or farther aside, less a degree, (1441,) for 0 to π."""
+    """Return the largest beam factor, one way, at or beyond each angle less one degree, (1441,) for 0 to π."""
     angles = np.linspace(0, math.pi, _ANGLES)
     loudest = np.maximum.accumulate(beam_gain(np.maximum(angles - _ASIDE, 0.0), ka)[::-1])[::-1]
     loudest.flags.writeable = False

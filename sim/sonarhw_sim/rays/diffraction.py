@@ -1,7 +1,6 @@
-"""Bends: paths that an edge bends, put together from the ways to the edge.
+"""Edge diffraction: paths source → walls → edge → walls → receiver, joined from the paths to each edge.
 
-Takes the ways that lead to each edge (reflected or straight) from the source and from the receiver; hands on every
-pair that makes a path, source → walls → edge → walls → receiver, with its strength. Compiled by numba.
+Each pair of a path from the source and a reversed path from the receiver gives one diffracted path. Compiled by numba.
 """
 
 import math
@@ -23,19 +22,19 @@ _AT_EDGE = 1e-7  # m
 
 @dataclass(frozen=True)
 class EdgeDiffraction:
-    """What is asked of edges."""
+    """Which diffracted paths to find, and how strongly edges diffract."""
 
     wavelength: float  # m
-    faintest: float  # gain under which a bent path is not wanted
+    faintest: float  # gain; fainter diffracted paths are omitted
     strength: EdgeStrength = EdgeStrength.PAPER
 
     def longest_partial(self, distances: FloatArray) -> FloatArray:
-        """The longest way to edges so far (n,) m from the other end whose path can still be loud enough, (n,) m.
+        """Return the longest path to edges at `distances` (n,) m from the other end that can be loud enough, (n,) m.
 
-        The way on is no shorter than the straight distance; 0 where not even that will do, inf where any will.
+        The second leg is at least the straight distance. The result is 0 if no path is loud enough, inf if all are.
         """
         if self.strength is EdgeStrength.KELLER:
-            # near reflection it grows without bound
+            # the coefficient diverges towards reflection
             return np.full(len(distances), np.inf)
         z = self.wavelength / (math.tau * max(self.faintest, 1e-9)) ** 2
         with np.errstate(divide="ignore"):
@@ -45,7 +44,7 @@ class EdgeDiffraction:
         return np.where(longest >= distances, longest, 0.0)
 
     def loudest(self, there: FloatArray, on: FloatArray) -> FloatArray:
-        """The most that edges leave of paths whose legs are no shorter than those (n,) m, (n,) gain."""
+        """Return the largest gain of edges, for legs not shorter than these (n,) m, (n,) float."""
         if self.strength is EdgeStrength.KELLER:
             return np.ones(len(there))
         legs = zip(there, on, strict=True)
@@ -54,12 +53,12 @@ class EdgeDiffraction:
 
 @dataclass(frozen=True)
 class EdgePaths:
-    """PartialPaths to edges, in order of edge and then of length; one row each."""
+    """Paths to edges, in order of edge and then of length; one row each."""
 
     edges: IntArray  # (n,): row in the room's edges
     lengths: FloatArray  # (n,), m
     gains: FloatArray  # (n,): reflectances and curvature
-    angles: FloatArray  # (n,), rad from the wedge's first face to where the way comes from
+    angles: FloatArray  # (n,), rad from the wedge's first face to the direction from which the path comes
 
 
 def diffracted_paths(
@@ -70,7 +69,7 @@ def diffracted_paths(
     max_length: float,
     max_bounces: int,
 ) -> PartialPaths:
-    """Every path there by a way of `out` to an edge and on by one of `back`, gone backwards."""
+    """Return all paths that combine a path of `out` to an edge with a reversed one of `back`."""
     out, out_edges = _paths_to_edges(room, out)
     back, back_edges = (out, out_edges) if back is out else _paths_to_edges(room, back)
     first, second, gains = join_at_edges(out_edges, back_edges, room.edges, edge_diffraction, max_length)
@@ -82,13 +81,13 @@ def diffracted_paths(
 
 
 def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, EdgePaths]:
-    """The ways that reach an edge through its own wedge of air, in order of edge and length, and how they stand."""
+    """Return the paths that reach an edge through its own wedge of air, by edge and length, with their angles."""
     paths = paths.select(np.flatnonzero(paths.edges >= 0))
     rows = np.arange(len(paths.lengths))
     before = paths.points[rows, paths.bends] - room.edges.points[paths.edges]
     direction = np.arctan2(before[:, 1], before[:, 0])
     within = inside_wedge(direction, room.edges.starts[paths.edges], room.edges.openings[paths.edges])
-    # a reflection at the very edge is no way to it
+    # a reflection at the edge itself does not count as a path to it
     within &= np.hypot(*before.T) > _AT_EDGE
     order = np.lexsort((paths.lengths, paths.edges))
     order = order[within[order]]
@@ -107,7 +106,7 @@ def _thread(
     back_points: FloatArray,
     most: int,
 ) -> tuple[IntArray, FloatArray]:
-    """Surfaces and points of paths there by one way and back by another, which is gone backwards."""
+    """Return surfaces and points of paths that follow one path and then another one reversed."""
     count = first.shape[0]
     surfaces = np.full((count, most), -1, np.int32)
     points = np.full((count, most + 3, 2), np.nan)
@@ -133,7 +132,7 @@ def _thread(
 def join_at_edges(
     out: EdgePaths, back: EdgePaths, edges: Edges, edge_diffraction: EdgeDiffraction, max_length: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """Rows of `out` and of `back` (m,) that make a path of at most `max_length`, loud enough, and its gain (m,)."""
+    """Return the rows of `out` and `back` (m,) that form paths up to `max_length`, loud enough, and the gains (m,)."""
     pairs, gains = _join(
         (out.edges, out.lengths, out.gains, out.angles),
         (back.edges, back.lengths, back.gains, back.angles),
@@ -161,7 +160,10 @@ def _join(
     faintest: float,
     by_angle: bool,
 ) -> tuple[NDArray[np.intp], FloatArray]:
-    """Rows of both that make a path, (m, 2), and its gain (m,); `starts` (o,): the first row of `back` at each edge."""
+    """Return row pairs that form a path, (m, 2), and the gains (m,).
+
+    `starts` (o,) is the first row of `back` at the edge of each row of `out`.
+    """
     found = 0
     pairs, gains = np.empty((0, 2), np.intp), np.empty(0)
     for filling in (False, True):
@@ -184,9 +186,9 @@ def _join(
 
 @compiled
 def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
-    """Amplitude of a bent path relative to a reflected one of its length, for its two legs (m).
+    """Return the amplitude of a diffracted path relative to a reflected one of its length, for its two legs (m).
 
-    (2π √(z/λ))⁻¹ (CIM-92-9 §4) with z = 2 s s′/(s + s′); never over 1.
+    (2π √(z/λ))⁻¹ (CIM-92-9 §4) with z = 2 s s′/(s + s′), at most 1.
     """
     z = 2 * to_edge * from_edge / max(to_edge + from_edge, 1e-300)
     gain: float = min(1.0, 1 / (math.tau * math.sqrt(z / wavelength)))
@@ -195,15 +197,15 @@ def edge_gain(to_edge: float, from_edge: float, wavelength: float) -> float:
 
 @compiled
 def keller(one: float, other: float, n: float) -> float:
-    """Strength of an edge relative to the paper's factor, for ways at two angles (rad) from its first face.
+    """Return the strength of an edge relative to the paper's factor, for two angles (rad) from its first face.
 
     Keller's coefficient for a hard wedge of outer angle nπ, over √2: straight back from a thin plate (n = 2) at angle
-    φ it is |1 + 1/cos φ| / √2. It grows without bound towards reflection, where the caller caps it at the wall's own
-    strength (Keller 1962, eq. 28; the cap stands for the uniform theory of Kouyoumjian and Pathak 1974).
+    φ it is |1 + 1/cos φ| / √2. It diverges towards reflection, where the caller limits it to the strength of the wall
+    (Keller 1962, eq. 28; the limit replaces the uniform theory of Kouyoumjian and Pathak 1974).
     """
     turn = math.cos(math.pi / n)
     apart, mirrored = turn - math.cos((one - other) / n), turn - math.cos((one + other) / n)
-    bound = 1e-9  # beside the cap it makes no difference
+    bound = 1e-9  # without effect, because of the caller's limit
     apart = apart if abs(apart) > bound else bound
     mirrored = mirrored if abs(mirrored) > bound else bound
     strength: float = 2 * abs(math.sin(math.pi / n) * (1 / apart + 1 / mirrored)) / n / math.sqrt(2.0)

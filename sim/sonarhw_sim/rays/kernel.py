@@ -1,9 +1,8 @@
-"""The ray kernel: a fan of rays followed round the room, noting where each comes near the receiver or an edge.
+"""The ray kernel: follows a fan of rays through the room and notes where each passes the receiver or an edge.
 
-Takes surfaces and a fan of directions; hands on the surfaces each ray touched and the candidates: "ray r, after its
-first b reflections, passes near target t". `rays.sequences` solves every candidate exactly, so nearness may be
-generous, and what nobody could hear (`sonarhw_sim.rays.detectable`) is dropped first.
-Compiled by numba; plain arrays only.
+A candidate is "ray r, after its first b reflections, passes near target t". `rays.sequences` solves every candidate
+exactly, so the limit of nearness may be generous. Rays that no receiver can detect (`sonarhw_sim.rays.detectable`) are
+dropped. Compiled by numba; plain arrays only.
 """
 
 import math
@@ -16,18 +15,18 @@ from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 
-# How near, in ray spacings, a ray must pass to be a candidate. A path midway between two rays is half a spacing from
-# both; what lies beyond that finds paths seen through gaps narrower than the spacing.
+# Distance, in ray spacings, within which a ray is a candidate. A path midway between two rays is half a spacing from
+# both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
-_STANDING = 1e-11  # m
+_AT_START = 1e-11  # m
 _FULL = 0.5  # share of a hash table's slots in use at which it grows
 
 
 @compiled
 def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: Surfaces) -> tuple[float, int]:
-    """Distance (m) to the first surface along a ray and its number; (inf, -1) where there is none.
+    """Return the distance (m) to the first surface along a ray and its number; (inf, -1) if there is none.
 
-    `leaving` is the surface the ray starts from, -1 for none: it is convex or flat, so the ray cannot meet it again.
+    `leaving` is the surface on which the ray starts, or -1. It is convex or flat, so the ray cannot meet it again.
     """
     walls, posts, cells, (starts, numbers) = surfaces
     return first_among(x, y, dx, dy, leaving, walls, posts, cells, starts, numbers)
@@ -46,7 +45,7 @@ def first_among(
     starts: IntArray,
     numbers: IntArray,
 ) -> tuple[float, int]:
-    """`first_hit` for inner loops: taking arrays out of a tuple costs as much as meeting a wall."""
+    """Return `first_hit`, for inner loops: unpacking arrays from a tuple costs as much as the test of a wall."""
     nearest, surface = np.inf, -1
     walk = enter(cells, x, y, dx, dy)
     while walk.inside:
@@ -65,7 +64,7 @@ def first_among(
 
 @compiled
 def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray) -> float:
-    """Distance (m) along a ray to a surface; inf where it misses."""
+    """Return the distance (m) along a ray to a surface; inf if the ray misses it."""
     if surface >= walls.shape[0]:
         near_side = post_distance(x, y, dx, dy, posts[surface - walls.shape[0]])
         return near_side if near_side > 0.0 else np.inf
@@ -74,8 +73,8 @@ def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: F
     across = dx * ey - dy * ex
     side = 1.0 if across > 0.0 else -1.0
     along, ahead, across = side * (rx * dy - ry * dx), side * (rx * ey - ry * ex), side * across
-    # where the ray stands it has just been: a second wall flush with the one it leaves is not met again
-    if (along < -1e-12 * across) | (along > (1.0 + 1e-12) * across) | (ahead <= _STANDING * across):
+    # a second wall flush with the one on which the ray starts is not met
+    if (along < -1e-12 * across) | (along > (1.0 + 1e-12) * across) | (ahead <= _AT_START * across):
         return np.inf
     distance: float = ahead / across
     return distance
@@ -83,7 +82,7 @@ def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: F
 
 @compiled
 def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) -> float:
-    """Distance (m) along a ray to the near side of a post (x, y, radius); inf where it misses."""
+    """Return the distance (m) along a ray to the near side of a post (x, y, radius); inf if the ray misses it."""
     cx, cy = post[0] - x, post[1] - y
     towards = cx * dx + cy * dy
     aside = cx * dy - cy * dx
@@ -98,9 +97,9 @@ def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) ->
 def reflect(
     x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray
 ) -> tuple[float, float, float]:
-    """Direction after reflection at (x, y), and by how much a reflected tube opens per metre of its width, 1/m.
+    """Return the direction after reflection at (x, y), and the opening of the tube per metre of its width, 1/m.
 
-    A flat wall opens it by nothing, a post of radius R at incidence i by 2 / (R cos i).
+    The opening is 0 for a flat wall and 2 / (R cos i) for a post of radius R at incidence i.
     """
     n = walls.shape[0]
     if surface < n:
@@ -115,14 +114,14 @@ def reflect(
 
 
 class _Leg(NamedTuple):
-    """A ray where it leaves a surface, and what has become of it so far."""
+    """A ray where it leaves a surface, and its state there."""
 
     x: float  # m
     y: float
     dx: float  # unit vector
     dy: float
     length: float  # m travelled
-    width: float  # m per radian of departure: how far from its neighbour
+    width: float  # m per radian of departure: distance from its neighbour
     opening: float  # growth of that width per metre
     amplitude: float
 
@@ -138,13 +137,13 @@ def follow_fan(
     max_bounces: int,
     detectable: Detectable,
 ) -> tuple[IntArray, IntArray]:
-    """Follow every ray until its path is longer than any way to a target may be, or too faint for all of them.
+    """Follow every ray until its path is too long or too faint for every target.
 
     `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges; `longest` (t,) m.
-    Hands on the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
-    target, row of the target; each sequence of surfaces to a target once.
+    Returns the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
+    target, row of the target. Each sequence of surfaces to a target is listed once.
     """
-    # in one piece: lists that grow, handed to and fro between compiled functions, cost 5 to 20 % of the time
+    # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, receiving = detectable
     faintest, max_length, max_return = least.min(), longest.max(), _longest_path(targets, longest)
@@ -154,7 +153,7 @@ def follow_fan(
     slots = np.full(4096, -1, np.int32)
     edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
     nearby, met, leg_number = np.empty(targets.shape[0], np.int32), np.zeros(targets.shape[0], np.int32), 0
-    hears_itself = targets[0, 0] == source[0] and targets[0, 1] == source[1]
+    same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     for ray in range(directions.shape[0]):
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
         leg, surface = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray]), -1
@@ -167,12 +166,12 @@ def follow_fan(
             )
             reach = min(distance, max_length - leg.length)
 
-            # note every target that this leg passes; the first leg only leaves a sensor that hears itself
+            # note every target that this leg passes; not the receiver on the first leg if that starts there
             leg_number += 1
             passed = _edges_along(
                 leg.x, leg.y, leg.dx, leg.dy, reach, leg.opening > 1.0, cells, edges, nearby, met, leg_number
             )
-            if bounces > 0 or not hears_itself:
+            if bounces > 0 or not same_transducer:
                 nearby[passed] = 0
                 passed += 1
             for target in nearby[:passed]:
@@ -189,13 +188,13 @@ def follow_fan(
                 if found > _FULL * slots.shape[0]:
                     slots = _grown(slots, candidates[:found], misses, touched)
 
-            # stop where the path leaves the room, is long enough or can no longer come home in time
+            # stop where the path leaves the room, is long enough or can no longer return in time
             if bounces == max_bounces or leg.length + distance > max_length:
                 break
             if _shortest_return(leg, distance, targets[0, 0], targets[0, 1], spacing) > max_return:
                 break
 
-            # reflect, and stop where too little is left; what a post has spread only gets fainter
+            # reflect, and stop where the sound is too faint; sound spread by a post only gets fainter
             leg = _reflected(leg, distance, following, reflectances[following], walls, posts)
             if leg.amplitude * math.sqrt(leg.length / leg.width) <= faintest:
                 break
@@ -206,7 +205,7 @@ def follow_fan(
 
 @compiled
 def _longest_path(targets: FloatArray, longest: FloatArray) -> float:
-    """The longest way to any target and straight on to the receiver, m."""
+    """Return the greatest length of a path to any target and straight on to the receiver, m."""
     most = longest[0]
     for target in range(1, targets.shape[0]):
         on = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
@@ -216,9 +215,9 @@ def _longest_path(targets: FloatArray, longest: FloatArray) -> float:
 
 @compiled
 def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing: float) -> tuple[float, float]:
-    """How far beside a target a leg passes, in widths of its tube, and the most that is left of it there.
+    """Return the distance at which a leg passes a target, in widths of its tube, and its largest amplitude there.
 
-    The first is negative where the leg does not come near, or comes too late.
+    The distance is negative if the leg is not near, or its path is too long.
     """
     tx, ty = x - leg.x, y - leg.y
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
@@ -232,7 +231,7 @@ def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing
 
 @compiled
 def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, receiving: FloatArray) -> float:
-    """The most that the receiver hears of a tube by where it comes from."""
+    """Return the largest beam factor of the receiver for the directions of a tube."""
     cosine = -leg.dx * axis_x - leg.dy * axis_y
     aside = max(math.acos(min(max(cosine, -1.0), 1.0)) - ALLOWANCE * spacing * leg.opening, 0.0)
     most: float = receiving[int(aside / math.pi * (receiving.shape[0] - 1))]
@@ -241,7 +240,7 @@ def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, rece
 
 @compiled
 def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
-    """How long a path is at least that goes on to the receiver from `distance` ahead: straight is the shortest."""
+    """Return the least length of a path that continues from `distance` ahead to the receiver: straight."""
     home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
     return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
 
@@ -250,7 +249,7 @@ def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: fl
 def _reflected(
     leg: _Leg, distance: float, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray
 ) -> _Leg:
-    """The leg behind the surface at `distance`; between this ray and the next the tube has grown."""
+    """Return the leg after the reflection at `distance`, where the tube is wider."""
     x, y, width = leg.x + distance * leg.dx, leg.y + distance * leg.dy, leg.width + leg.opening * distance
     dx, dy, curvature = reflect(x, y, leg.dx, leg.dy, surface, walls, posts)
     opening = leg.opening + curvature * width
@@ -259,7 +258,7 @@ def _reflected(
 
 @compiled
 def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Both with room for twice as many; numba takes a second to compile a concatenation."""
+    """Return both with twice the capacity; numba would need a second to compile a concatenation."""
     count = misses.shape[0]
     more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
     for k in range(count):
@@ -282,11 +281,11 @@ def _edges_along(
     met: IntArray,
     leg_number: int,
 ) -> int:
-    """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; hands on how many.
+    """Fill `nearby` with the targets (edge k is target k + 1) that a leg may pass; return their number.
 
-    An edge is listed in every cell from which a plain ray could be near it; a tube that a post has spread (`spread`) is
-    wider than that and is asked about all of them. `met` (t,) keeps the last leg that each target was near to, so that
-    one listed in many cells is taken once.
+    An edge is listed in every cell from which a ray without posts could be near it. A tube spread by a post (`spread`)
+    is wider, so all edges are targets. `met` (t,) contains the last leg near each target, so that a target listed in
+    many cells is taken once.
     """
     count = 0
     if spread:
@@ -310,10 +309,10 @@ def _edges_along(
 
 @compiled
 def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
-    """Enter the last candidate in the hash table, unless one before it has its sequence and target.
+    """Enter the last candidate in the hash table, unless an earlier one has the same sequence and target.
 
-    Hands on whether it is new. Of alike ones the ray stays that passes nearest, in widths of its tube (`misses`): where
-    posts spread the tube, only from there is the exact path found.
+    Returns whether it is new. Of equal candidates, the ray that passes nearest in widths of its tube (`misses`) is
+    kept: where posts spread the tube, only that ray leads to the exact path.
     """
     last = candidates.shape[0] - 1
     slot = _hash(candidates[last], touched) & (slots.shape[0] - 1)
@@ -339,7 +338,7 @@ def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: I
 @compiled
 def _hash(candidate: IntArray, touched: IntArray) -> int:
     ray, bounces, target = candidate
-    # numbers of targets and surfaces are alike: unless the first is spread out, so many pairs of them fall together
+    # targets and surfaces have similar numbers, so the target is scrambled first to avoid collisions
     mixed: int = ((target + 1) * 2654435761) & 0xFFFFFFFF
     mixed ^= mixed >> 15
     for surface in touched[ray, :bounces]:
@@ -360,9 +359,9 @@ def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
 
 
 def fan(rays: int, heading: float | None = None) -> FloatArray:
-    """Directions of `rays` evenly spaced rays all round, (rays,) float, rad; those within 90° of a `heading` (rad).
+    """Return the directions of `rays` evenly spaced rays, (rays,) rad; with `heading` (rad) those within 90° of it.
 
-    Turned by a fraction of the spacing that no symmetric room has, so that no ray runs straight into a vertex.
+    They are turned by an irrational fraction of the spacing, so that in symmetric rooms no ray meets a vertex exactly.
     """
     all_round = (np.arange(rays, dtype=np.float64) + (math.sqrt(5) - 1) / 2) * (math.tau / rays)
     if heading is None:

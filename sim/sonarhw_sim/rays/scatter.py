@@ -1,7 +1,6 @@
-"""Diffuse scatter: the weak direct return of every patch of a rough surface in sight.
+"""Diffuse scatter: the weak direct return of every visible patch of a rough surface, one path each.
 
-Takes a room and a position; hands on one path a patch, straight there and straight back. What a rough surface mirrors
-is left to the ray follower (`Room.reflectances`); smooth surfaces have no patches and cost nothing.
+The specular part of a rough surface is in `Room.reflectances`. Smooth surfaces have no patches and cost nothing.
 """
 
 import math
@@ -15,8 +14,8 @@ from sonarhw_sim.rays.paths import SLACK, Paths, PathSearch
 from sonarhw_sim.rays.sequences import leg_is_free
 from sonarhw_sim.room.model import Room
 
-# A patch is about what a receiver hears together: on a wall at 45°, 1 to 2 m away, the 56 mm of range that a burst of
-# 16 cycles covers are 3° to 1.6° wide. Patches wider or narrower by half change a patch's level by 2 dB.
+# A patch has about the size that a receiver does not resolve. On a wall at 45°, 1 to 2 m away, the 56 mm of range that
+# a burst of 16 cycles covers are 3° to 1.6° wide. Patches wider or narrower by half change a patch's level by 2 dB.
 PATCHES = 180
 PATCH = math.tau / PATCHES  # rad, as seen from the sensor
 
@@ -24,7 +23,7 @@ PATCH = math.tau / PATCHES  # rad, as seen from the sensor
 def scattered_paths(
     room: Room, position: tuple[float, float], search: PathSearch, receiver: tuple[float, float] | None = None
 ) -> Paths:
-    """The direct returns of rough surfaces to `position`, or to `receiver` where that is elsewhere, shortest first."""
+    """Return the direct returns of rough surfaces to `position`, or to a separate `receiver`, shortest first."""
     source = np.array(position, dtype=np.float64)
     target = source if receiver is None else np.array(receiver, dtype=np.float64)
     directions, distances, surfaces = _rough_patches(room, source)
@@ -51,14 +50,14 @@ def scattered_paths(
 
 
 def patch_gain(cosines: FloatArray, there: FloatArray, back: FloatArray) -> FloatArray:
-    """Amplitude that a wholly diffuse, perfect patch returns, relative to a perfect mirror's at that length, 0..1.
+    """Return the amplitude of a fully diffuse, perfect patch relative to a perfect mirror at that length, 0..1.
 
     In two dimensions a source of power P lights the patch, `PATCH` = dφ wide as the source sees it, with P dφ/(2π),
     whatever its distance and slant. Lambert's law in two dimensions sends cos(e)/2 of that into each radian at an angle
     e from the normal (its integral over ±90° is 1), which at a distance s′ (`back`) is the intensity
     P dφ cos(e)/(4π s′). A mirror's at the same length s + s′ is P/(2π (s + s′)). The ratio is
-    dφ cos(e) (s + s′)/(2 s′): dφ cos(i) straight back at incidence i. The amplitude is its root, and no patch is louder
-    than a mirror.
+    dφ cos(e) (s + s′)/(2 s′): dφ cos(i) straight back at incidence i. The amplitude is its root, limited
+    to that of a mirror.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         power = PATCH * np.maximum(cosines, 0.0) * (there + back) / (2 * back)
@@ -66,12 +65,12 @@ def patch_gain(cosines: FloatArray, there: FloatArray, back: FloatArray) -> Floa
 
 
 def _rough_patches(room: Room, source: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
-    """Direction (rad), distance (m) and surface of each patch in sight of `source` that is rough, (k,) each."""
+    """Return direction (rad), distance (m) and surface of each rough patch visible from `source`, (k,) each."""
     x, y = source
     directions = fan(PATCHES)
     hits = [first_hit(x, y, math.cos(a), math.sin(a), -1, room.surfaces) for a in directions]
     distances, surfaces = np.array([hit[0] for hit in hits]), np.array([hit[1] for hit in hits], dtype=np.intp)
-    # the appended 0 is what surface -1, "none", picks
+    # surface -1, "none", selects the appended 0
     rough = np.flatnonzero(np.append(room.scattered, 0.0)[surfaces] > 0)
     if room.posts_at((x, y)):
         rough = rough[:0]
@@ -81,7 +80,7 @@ def _rough_patches(room: Room, source: FloatArray) -> tuple[FloatArray, FloatArr
 def _cosines(
     room: Room, surfaces: NDArray[np.intp], touches: FloatArray, source: FloatArray, target: FloatArray
 ) -> FloatArray:
-    """Cosine of the angle between a surface's normal, on the side that `source` lights, and `target`, (k,)."""
+    """Return the cosine of the angle between each surface's normal, on the side of `source`, and `target`, (k,)."""
     normals = np.empty_like(touches)
     flat = surfaces < len(room.walls)
     walls, posts = room.walls[surfaces[flat]], room.posts[surfaces[~flat] - len(room.walls)]

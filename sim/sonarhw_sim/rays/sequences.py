@@ -1,9 +1,8 @@
-"""Sequences of surfaces solved exactly: the path that touches just these, in this order, or the proof that none does.
+"""Exact solution of a sequence of surfaces: the path that touches just these, in this order, if it exists.
 
-Takes a sequence that a ray found; hands on the points of the exact path. Walls are solved by image reflection;
-where a post is among them there is no finite image, and the ray's own direction is refined by Newton's rule along the
-ray tube. Either way the path is then held against the room: every touch on its surface, every leg free. Compiled by
-numba.
+Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method refines
+the direction of the ray within its tube. A path is valid if every reflection point is on its surface and no leg is
+blocked. Compiled by numba.
 """
 
 import math
@@ -18,8 +17,8 @@ from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
 BoolArray = NDArray[np.bool_]
 
-_ON_WALL = 1e-9  # m: how far beyond its end a wall may still be touched; a vertex counts as on both its walls
-_LEG_ENDS = 1e-8  # m: what touches a leg this near to its end is the surface it starts or ends on
+_ON_WALL = 1e-9  # m: a wall may be touched this far beyond its end; a vertex is on both its walls
+_LEG_ENDS = 1e-8  # m: a surface that touches a leg this near to its end is the one on which it starts or ends
 _ON_TARGET = 1e-12  # of the length
 _NEAR_TARGET = 1e-7  # m
 _MOST_SHOTS = 60
@@ -37,9 +36,9 @@ def solve_candidates(
 ) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Solve candidates (c, 3) of `follow_fan`.
 
-    Hands on whether each is a way no longer than its target's `longest` (t,) m, (c,) bool; its points (c, b + 2, 2)
-    from the source to the target, m, NaN behind, with b the most reflections of any; its length (c,) m; and
-    the divergence (c,): width of its ray tube over its length, 1 without posts.
+    Returns four arrays: whether each is a valid path not longer than `longest` (t,) m of its target, (c,) bool; its
+    points from the source to the target, (c, b + 2, 2) m, padded with NaN, for up to b reflections; its length (c,) m;
+    its divergence (c,), the width of its ray tube over its length, 1 without posts.
     """
     walls, posts = surfaces.walls, surfaces.posts
     count, most = candidates.shape[0], 0
@@ -75,7 +74,7 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
 
 @compiled
 def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
-    """Fill in the touches between path[0] and path[-1] by image reflection; whether each lies on its wall."""
+    """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall."""
     bounces = sequence.shape[0]
     images = np.empty((bounces + 1, 2))
     images[bounces, 0], images[bounces, 1] = path[bounces + 1, 0], path[bounces + 1, 1]
@@ -110,7 +109,7 @@ def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
 def _refine(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float]:
-    """Turn a ray until it goes through path[-1] after touching `sequence`; whether it does, and its divergence."""
+    """Turn a ray until it meets path[-1] after `sequence`; return whether it does, and its divergence."""
     sign = -1.0 if sequence.shape[0] % 2 else 1.0  # every reflection swaps left and right
     step = 0.0
     for _ in range(_MOST_SHOTS):
@@ -118,11 +117,11 @@ def _refine(
         if not reached:
             if step == 0.0:
                 return False, 1.0
-            # too far: past a post, or the path's end
+            # turned too far: the ray misses a post or the end of the path
             step /= 2.0
             continue
         direction, step = direction + step, sign * miss / width
-        # where posts spread the tube so wide that the next direction is this one, no nearer is to be had
+        # where posts spread the tube so wide that rounding gives the same direction again, this is the best result
         if abs(miss) <= _ON_TARGET * length or direction + step == direction:
             return abs(miss) <= _NEAR_TARGET and _touches_lie_on_walls(path, sequence, walls), width / length
     return False, 1.0
@@ -132,9 +131,9 @@ def _refine(
 def _shoot(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float, float, float]:
-    """Follow one ray off `sequence`, filling in its touches.
+    """Follow one ray along `sequence` and fill in its points.
 
-    Hands on whether it met every surface, by how much it passes path[-1] (m, to its left), the width of its tube there
+    Returns whether it meets every surface, its distance from path[-1] (m, to its left), the width of its tube there
     (m/rad) and its length (m).
     """
     n, last = walls.shape[0], sequence.shape[0] + 1
@@ -162,7 +161,7 @@ def _shoot(
 
 @compiled
 def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
-    # the wall's whole line: a ray still being turned may run past the end
+    # the infinite line of the wall: during refinement a ray may pass its end
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     across = dx * ey - dy * ex
     return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
@@ -184,7 +183,7 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
 
 @compiled
 def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
-    """Whether no surface stands in any leg of a path (k, 2); surfaces touched at its corners do not."""
+    """Return whether no surface blocks any leg of a path (k, 2), apart from surfaces at its points."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
         if not leg_is_free(path[k], path[k + 1], surfaces):
             return False
@@ -193,7 +192,7 @@ def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
 
 @compiled
 def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
-    """Whether sound gets straight from `start` to `end`, (2,) each; what stands at either end is no hindrance."""
+    """Return whether the straight line from `start` to `end`, (2,) each, is free, apart from surfaces at its ends."""
     length = math.hypot(end[0] - start[0], end[1] - start[1])
     if length <= 2 * _LEG_ENDS:
         return True
@@ -202,10 +201,10 @@ def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     while walk.inside:
         for k in listed(surfaces.cells, surfaces.listing, walk):
             if k < surfaces.walls.shape[0]:
-                hindered = _crosses_wall(start, dx, dy, length, surfaces.walls[k])
+                blocked = _crosses_wall(start, dx, dy, length, surfaces.walls[k])
             else:
-                hindered = _crosses_post(start, dx, dy, length, surfaces.posts[k - surfaces.walls.shape[0]])
-            if hindered:
+                blocked = _crosses_post(start, dx, dy, length, surfaces.posts[k - surfaces.walls.shape[0]])
+            if blocked:
                 return False
         if min(walk.next_column, walk.next_row) > length:
             break

@@ -1,7 +1,4 @@
-"""Sight: how far it is to the first surface along a line, for many lines at once.
-
-Takes points, directions and a room's surfaces; hands on distances.
-"""
+"""Distances to the first surface along many lines."""
 
 import math
 
@@ -15,7 +12,7 @@ from sonarhw_sim.room.grid import Surfaces
 
 @compiled
 def distances_ahead(points: FloatArray, headings: FloatArray, surfaces: Surfaces) -> FloatArray:
-    """Distance (m) from each of `points` (n, 2) along `headings` (n,) rad to the first surface, (n,); inf: none."""
+    """Return the distance from `points` (n, 2) along `headings` (n,) rad to the first surface, or inf, (n,) m."""
     distances = np.empty(headings.shape[0])
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])

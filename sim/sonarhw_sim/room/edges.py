@@ -1,7 +1,7 @@
-"""Edges: the wall ends and corners that diffract sound.
+"""Edges: the wall ends and corners that diffract sound, one `Edges` row for each wedge of air at a vertex.
 
-Takes wall segments; hands on one `Edges` row for every wedge of air that meets at a vertex and bends sound. A wedge
-whose angle divides 180°, such as an inner right angle, does not diffract, it reflects: Keller's coefficient is 0.
+A wedge whose angle divides 180°, such as an inner right angle, reflects and does not diffract: Keller's coefficient
+is 0.
 """
 
 import math
@@ -15,9 +15,9 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, lay_grid, listed_at
 from sonarhw_sim.room.room_file import MEETING
 
-_DIVIDES = 1e-6  # how near 180° / angle must come to a whole number
+_DIVIDES = 1e-6  # largest distance of 180° / angle from a whole number
 _FLUSH = 1e-9  # rad
-_AT_ONCE = 1024  # vertices: all of a large room would take gigabytes
+_AT_ONCE = 1024  # vertices at a time: all of a large room would need gigabytes
 
 
 @dataclass(frozen=True)
@@ -26,21 +26,21 @@ class Edges:
 
     points: FloatArray  # (n, 2), m
     starts: FloatArray  # (n,), rad: direction of the wedge's first face
-    openings: FloatArray  # (n,), rad of air, counter-clockwise from the first face
-    names: tuple[str, ...]  # as `via` writes them
+    openings: FloatArray  # (n,), rad: angle of the air, counter-clockwise from the first face
+    names: tuple[str, ...]  # as in `via`
 
     def __len__(self) -> int:
         return len(self.names)
 
 
 def inside_wedge(direction: FloatArray, start: FloatArray, opening: FloatArray) -> NDArray[np.bool_]:
-    """Whether directions (rad) lie inside wedges, (n,) bool; along a face sound grazes past and is not bent."""
+    """Return whether directions (rad) lie inside wedges, (n,) bool; sound along a face is not diffracted."""
     turned = np.mod(direction - start, math.tau)
     return np.asarray((turned > _FLUSH) & (turned < opening - _FLUSH))
 
 
 class _Faces(NamedTuple):
-    """The faces of walls at vertices, one row each; a wall that goes on beyond a vertex has two there."""
+    """The faces of walls at vertices, one row each; a wall that continues beyond a vertex has two there."""
 
     vertices: IntArray  # (f,), numbers, in order
     directions: FloatArray  # (f,), rad, from the vertex along the wall, 0..2π, in order within a vertex
@@ -48,12 +48,12 @@ class _Faces(NamedTuple):
 
 
 def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
-    """The diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
+    """Return the diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
     vertices = np.unique(walls.reshape(-1, 2), axis=0)
     faces = _faces_at(vertices, lay_grid(walls, np.empty((0, 3))))
     following = _following(faces.vertices)
     openings = np.mod(faces.directions[following] - faces.directions, math.tau)
-    # one face alone has all the air round it
+    # a single face has 360° of air
     openings[openings == 0] = math.tau
     rows = np.flatnonzero(_diffracts(openings))
     beside = zip(faces.walls[rows].tolist(), faces.walls[following[rows]].tolist(), strict=True)
@@ -66,7 +66,7 @@ def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
 
 
 def edges_on_walls(edges: Edges, surfaces: Surfaces) -> Listing:
-    """For each wall, the edges that lie on it."""
+    """Return, for each wall, the edges that lie on it."""
     faces = _faces_at(edges.points, surfaces)
     wall, edge = np.unique(np.column_stack((faces.walls, faces.vertices)), axis=0).T
     starts = np.searchsorted(wall, np.arange(len(surfaces.walls) + 1)).astype(np.int32)
@@ -79,7 +79,7 @@ def _faces_at(vertices: FloatArray, surfaces: Surfaces) -> _Faces:
         for first in range(0, len(vertices) or 1, _AT_ONCE)
     ]
     vertex, direction, wall = (np.concatenate(column) for column in zip(*parts, strict=True))
-    # of walls flush with one another the first is the face
+    # of flush walls, the first is the face
     order = np.lexsort((wall, np.round(direction / _FLUSH), vertex))
     vertex, direction, wall = vertex[order], direction[order], wall[order]
     own = np.ones(len(order), dtype=np.bool_)
@@ -90,7 +90,7 @@ def _faces_at(vertices: FloatArray, surfaces: Surfaces) -> _Faces:
 def _list_faces(
     chosen: NDArray[np.intp], vertices: FloatArray, surfaces: Surfaces
 ) -> tuple[NDArray[np.intp], FloatArray, IntArray]:
-    """The faces at some of the vertices, in any order: number of the vertex, direction, rad, and number of the wall."""
+    """Return the faces at some vertices, in any order: number of the vertex, direction (rad) and number of the wall."""
     row, wall = listed_at(surfaces, vertices[chosen])
     vertex = chosen[row]
     are_walls = wall < len(surfaces.walls)
@@ -109,10 +109,10 @@ def _list_faces(
 
 
 def _following(vertices: IntArray) -> NDArray[np.intp]:
-    """For each face the next one round its vertex, (f,)."""
+    """Return, for each face, the next one round its vertex, (f,)."""
     following = np.arange(1, len(vertices) + 1)
     last = np.flatnonzero(np.append(vertices[1:] != vertices[:-1], True)[: len(vertices)])
-    # behind the last of a vertex comes its first again, which stands behind the last of the vertex before
+    # the last face of a vertex is followed by its first one, which is listed after the last of the vertex before
     following[last] = np.append(0, last + 1)[: len(last)]
     return following
 

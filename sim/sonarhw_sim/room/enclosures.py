@@ -1,7 +1,6 @@
-"""Enclosures: closed chains of walls, and the edges that no sound from a place can reach for lying beyond one.
+"""Enclosures: closed chains of walls, and the edges that no sound from a place can reach because they are beyond one.
 
-Takes walls and edges; hands on `Enclosures`, once a room. A closed room has an edge outside at every corner, and ways
-to those would be sought for as long as all the rest.
+A closed room has an outer edge at every corner. The search of paths to these would take as long as all the rest.
 """
 
 from collections.abc import Iterator
@@ -12,19 +11,20 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.edges import Edges
+from sonarhw_sim.room.outside import wall_distances
 from sonarhw_sim.room.room_file import MEETING
 
 BoolArray = NDArray[np.bool_]
 
-_MOST_CORNERS = 2000  # of a chain: telling inside from outside takes the square of it
-_BESIDE = 1e-6  # of a wall's length: how far from a corner its air is looked at
+_MOST_CORNERS = 2000  # of a chain: the test of inside and outside takes quadratic time
+_BESIDE = 1e-6  # of a wall's length: distance from a corner at which its air is tested
 
 
 @dataclass(frozen=True)
 class Enclosures:
     """The closed chains of a room, and the edges at their corners."""
 
-    walls: FloatArray  # (w, 4): chain after chain
+    walls: FloatArray  # (w, 4): one chain after the other
     starts: NDArray[np.intp]  # (c,): first row of each chain in `walls`
     edges: NDArray[np.intp]  # (e,): rows in the room's edges
     chains: NDArray[np.intp]  # (e,): the chain of each
@@ -32,17 +32,17 @@ class Enclosures:
     count: int  # of the room's edges
 
     def separated_from(self, point: FloatArray) -> BoolArray:
-        """Which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
+        """Return which edges have their air on the other side of their chain than `point` (2,), (count,) bool."""
         shut = np.zeros(self.count, dtype=np.bool_)
         if len(self.starts):
             within = np.add.reduceat(_passed(point[None], self.walls)[0].astype(np.intp), self.starts) % 2 == 1
-            # on a wall there is no telling
-            apart = np.minimum.reduceat(_distances(point, self.walls), self.starts) > MEETING
+            # a point on a wall is on both sides
+            apart = np.minimum.reduceat(wall_distances(point[None], self.walls)[0], self.starts) > MEETING
             shut[self.edges] = apart[self.chains] & (self.inside != within[self.chains])
         return shut
 
     def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:
-        """Whether `point` (2,) lies in no chain, where one goes round all `walls` (n, 4) of the room."""
+        """Return whether `point` (2,) is in no chain, and one chain encloses all `walls` (n, 4) of the room."""
         ends = walls.reshape(-1, 2)
         chains = np.split(self.walls, self.starts[1:]) if len(self.starts) else []
         round_all = any(
@@ -51,12 +51,12 @@ class Enclosures:
             for chain in chains
         )
         return round_all and not any(
-            inside(point[None], chain)[0] or _distances(point, chain).min() <= MEETING for chain in chains
+            inside(point[None], chain)[0] or wall_distances(point[None], chain).min() <= MEETING for chain in chains
         )
 
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:
-    """The closed chains of walls (n, 4) whose meeting ends have equal coordinates, each corner of two walls."""
+    """Return the closed chains of walls (n, 4) whose meeting ends have equal coordinates, two walls at each corner."""
     corners, at = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
     chains = [chain for chain in _closed_chains(at.reshape(-1, 2), len(corners)) if len(chain) <= _MOST_CORNERS]
     lengths = np.array([len(chain) for chain in chains], dtype=np.intp)
@@ -87,7 +87,7 @@ def _air_inside(
     middle = edges.starts[rows] + edges.openings[rows] / 2
     aside = np.column_stack((np.cos(middle), np.sin(middle)))
     within = np.zeros(len(rows), dtype=np.bool_)
-    # rows of one chain after those of another
+    # rows grouped by chain
     order = np.argsort(chain_of, kind="stable")
     bounds = np.searchsorted(chain_of[order], np.arange(len(chains) + 1))
     for number, chain in enumerate(chains):
@@ -99,12 +99,12 @@ def _air_inside(
 
 
 def inside(points: FloatArray, walls: FloatArray) -> BoolArray:
-    """Which points (m, 2) a closed chain of walls (k, 4) goes round an odd number of times, (m,) bool."""
+    """Return which points (m, 2) a closed chain of walls (k, 4) encloses an odd number of times, (m,) bool."""
     return np.asarray(_passed(points, walls).sum(axis=1) % 2 == 1)
 
 
 def _passed(points: FloatArray, walls: FloatArray) -> BoolArray:
-    """Which walls (k, 4) a ray from each point (m, 2) along x passes, (m, k) bool."""
+    """Return which walls (k, 4) a ray from each point (m, 2) along x passes, (m, k) bool."""
     x, y = points[:, :1], points[:, 1:]
     x0, y0, x1, y1 = walls.T
     crosses = (y0 > y) != (y1 > y)
@@ -113,7 +113,7 @@ def _passed(points: FloatArray, walls: FloatArray) -> BoolArray:
 
 
 def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
-    """The walls of each closed chain, in order; `ends` (n, 2) are the corners that each wall joins."""
+    """Yield the walls of each closed chain, in order; `ends` (n, 2) are the corners that each wall joins."""
     meeting: list[list[int]] = [[] for _ in range(corners)]
     for wall, (start, end) in enumerate(ends.tolist()):
         meeting[start].append(wall)
@@ -130,10 +130,3 @@ def _closed_chains(ends: NDArray[np.intp], corners: int) -> Iterator[list[int]]:
             wall = sum(meeting[corner]) - wall
         if len(chain) > 2 and wall == first and corner == ends[first, 0]:
             yield chain
-
-
-def _distances(point: FloatArray, walls: FloatArray) -> FloatArray:
-    """Distance of a point (2,) to each wall (k, 4), (k,) m."""
-    starts, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.hypot(*(starts + share[:, None] * along - point).T))

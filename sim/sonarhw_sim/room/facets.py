@@ -1,7 +1,7 @@
-"""Facets: closed chains of walls that draw a circle, where somebody may have meant a post.
+"""Facets: closed chains of walls that approximate a circle, where a post may be meant.
 
-Takes a room; hands on its `Facets`. A flat wall sends sound back only to who stands squarely before it, so a pillar of
-many is all but silent from most places, where a round one is heard from each.
+A flat wall returns sound only at normal incidence, so a pillar of many walls is almost silent from most places. A round
+one returns sound to all places.
 """
 
 import math
@@ -14,13 +14,13 @@ import numpy as np
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.model import Room
 
-_FEWEST = 12  # walls; what has fewer may be meant as it is
-_ROUND = 1.02  # times the least distance from the middle that the farthest corner may have
+_FEWEST = 12  # walls; a chain with fewer may be intended
+_ROUND = 1.02  # largest ratio of the distances of corners from the middle
 
 
 @dataclass(frozen=True)
 class Facets:
-    """A closed chain of walls that draws a circle."""
+    """A closed chain of walls that approximates a circle."""
 
     walls: range  # their numbers
     middle: tuple[float, float]  # m
@@ -28,19 +28,19 @@ class Facets:
 
 
 def facets_of(room: Room) -> tuple[Facets, ...]:
-    """The circles of walls that are things in the room, not the room: something stands outside, no place inside."""
+    """Return the circles of walls that are objects in the room: with another object outside, and no place inside."""
     places = np.array([place.position for place in room.places.values()], dtype=np.float64).reshape(-1, 2)
-    things = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], places))
+    objects = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], places))
 
-    def is_thing(circle: Facets) -> bool:
-        beyond = np.hypot(*(things - circle.middle).T) > _ROUND * circle.radius
-        return bool(beyond.any()) and bool(beyond[len(things) - len(places) :].all())
+    def is_object(circle: Facets) -> bool:
+        beyond = np.hypot(*(objects - circle.middle).T) > _ROUND * circle.radius
+        return bool(beyond.any()) and bool(beyond[len(objects) - len(places) :].all())
 
-    return tuple(circle for circle in _circles(room.walls) if is_thing(circle))
+    return tuple(circle for circle in _circles(room.walls) if is_object(circle))
 
 
 def _circles(walls: FloatArray) -> Iterator[Facets]:
-    """The closed chains among walls (n, 4) whose corners lie on a circle."""
+    """Yield the closed chains of walls (n, 4) whose corners lie on a circle."""
     goes_on = (walls[:-1, 2:] == walls[1:, :2]).all(axis=1)
     bounds = [0, *(np.flatnonzero(~goes_on) + 1).tolist(), len(walls)]
     for first, behind in pairwise(bounds):
@@ -53,7 +53,7 @@ def _circles(walls: FloatArray) -> Iterator[Facets]:
 
 
 def _winds_once(chain: FloatArray, middle: FloatArray) -> bool:
-    """Whether walls go round a point once, all one way."""
+    """Return whether walls wind round a point once, all in one direction."""
     start, end = chain[:, :2] - middle, chain[:, 2:] - middle
     turns = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))
     one_way = bool((turns > 0).all() or (turns < 0).all())

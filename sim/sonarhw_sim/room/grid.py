@@ -1,7 +1,6 @@
-"""The grid: which surfaces a ray can meet where, so that a room of thousands costs little more than one of few.
+"""A grid of square cells that lists the surfaces in each, so that a large room costs little more than a small one.
 
-Takes walls and posts; hands on `Surfaces`, what every kernel of `sim` that follows rays works on: the arrays
-themselves and, for each square cell laid over the room, the surfaces that reach into it. Compiled by numba.
+`Surfaces` is the input of every kernel that follows rays: walls, posts and grid. Compiled by numba.
 """
 
 import math
@@ -16,7 +15,7 @@ from sonarhw_sim.compiled import compiled
 IntArray = NDArray[np.int32]
 
 _MOST_CELLS = 1 << 20
-_MARGIN = 3e-6  # m: what ends on the line between two cells is listed in both, and so are ends that meet there
+_MARGIN = 3e-6  # m: a surface that ends on the line between two cells is listed in both
 
 
 class Cells(NamedTuple):
@@ -30,14 +29,14 @@ class Cells(NamedTuple):
 
 
 class Listing(NamedTuple):
-    """What reaches into each cell: the entries of cell c are numbers[starts[c] : starts[c + 1]]."""
+    """The objects in each cell: those of cell c are numbers[starts[c] : starts[c + 1]]."""
 
     starts: IntArray
     numbers: IntArray
 
 
 class Surfaces(NamedTuple):
-    """Everything sound can touch; surfaces are numbered walls first, then posts."""
+    """All walls and posts with their grid; surfaces are numbered walls first, then posts."""
 
     walls: FloatArray  # (n, 4): x, y of start and end, m
     posts: FloatArray  # (m, 3): x, y of the centre, radius, m
@@ -46,9 +45,9 @@ class Surfaces(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """A ray on its way through the cells."""
+    """The cell of a ray, and the distances to the next cells."""
 
-    inside: bool  # whether it is in a cell at all
+    inside: bool  # whether it is in a cell
     column: int
     row: int
     column_step: int
@@ -60,13 +59,13 @@ class Walk(NamedTuple):
 
 
 def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
-    """Walls (n, 4) and posts (m, 3) under a grid of about a cell for each."""
+    """Return walls (n, 4) and posts (m, 3) with a grid of about one cell for each."""
     corners = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] - posts[:, 2:], posts[:, :2] + posts[:, 2:]))
-    # a section of a room may have nothing in it
+    # a section of a room may be empty
     low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(2), np.zeros(2))
     wanted = max(1, min(len(walls) + len(posts), _MOST_CELLS))
     width, height = np.maximum(high - low, 1e-3)
-    # a long narrow room gets a single row of cells rather than a long row of slivers
+    # a long narrow room has a single row of square cells
     side = max(math.sqrt(width * height / wanted), max(width, height) / wanted)
     columns, rows = math.ceil(width / side) + 1, math.ceil(height / side) + 1
     cells = Cells(float(low[0] - side / 2), float(low[1] - side / 2), float(side), columns, rows)
@@ -75,7 +74,7 @@ def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
 
 @compiled
 def list_points(cells: Cells, points: FloatArray, reach: float) -> Listing:
-    """For each cell, the points (n, 2) that lie within `reach` (m) of it."""
+    """Return, for each cell, the points (n, 2) within `reach` (m) of it."""
     boxes = np.empty((points.shape[0], 4))
     for k in range(points.shape[0]):
         _set_box(boxes, k, points[k, 0], points[k, 1], reach)
@@ -88,9 +87,9 @@ def _set_box(boxes: FloatArray, k: int, x: float, y: float, reach: float) -> Non
 
 
 def listed_at(surfaces: Surfaces, points: FloatArray) -> tuple[NDArray[np.intp], IntArray]:
-    """The surfaces that reach into the cell of each point (p, 2): the row of the point and the surface, (k,) each.
+    """Return the surfaces in the cell of each point (p, 2): the row of the point and the surface, (k,) each.
 
-    The points lie between the outermost of the surfaces.
+    The points must be within the extent of the surfaces.
     """
     cells, (starts, numbers) = surfaces.cells, surfaces.listing
     column = ((points[:, 0] - cells.left) / cells.side).astype(np.intp)
@@ -114,9 +113,9 @@ def _list_surfaces(cells: Cells, walls: FloatArray, posts: FloatArray) -> Listin
 
 @compiled
 def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
-    """What reaches into each cell, of boxes (n, 4): x, y of the lower left and the upper right corner.
+    """Return the boxes in each cell; boxes (n, 4) are x, y of the lower left and of the upper right corner.
 
-    The first of them are the boxes of `walls` (w, 4), which are listed only where the wall itself reaches.
+    The first boxes are those of `walls` (w, 4), which are listed only in the cells that the wall itself crosses.
     """
     counts = np.zeros(cells.columns * cells.rows + 1, np.int32)
     numbers = np.empty(0, np.int32)
@@ -135,7 +134,7 @@ def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
                 for row in range(lowest, highest + 1):
                     cell = row * cells.columns + column
                     if filling:
-                        # filled from behind, so that what was an end becomes the start
+                        # filled backwards, so that each end becomes a start
                         counts[cell] -= 1
                         numbers[counts[cell]] = k
                     else:
@@ -145,7 +144,7 @@ def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
 
 @compiled
 def _span(start: float, side: float, count: int, low: float, high: float) -> tuple[int, int]:
-    """First and last of `count` cells between two coordinates; last before first where none is."""
+    """Return the first and last of `count` cells between two coordinates; if there is none, last < first."""
     first = math.floor((low - start - _MARGIN) / side)
     last = math.floor((high - start + _MARGIN) / side)
     return max(first, 0), min(last, count - 1)
@@ -153,7 +152,7 @@ def _span(start: float, side: float, count: int, low: float, high: float) -> tup
 
 @compiled
 def _within_column(cells: Cells, column: int, wall: FloatArray, low: float, high: float) -> tuple[float, float]:
-    """The heights between which a wall runs inside a column."""
+    """Return the lowest and highest coordinate of a wall inside a column."""
     across, up = wall[2] - wall[0], wall[3] - wall[1]
     if abs(across) <= _MARGIN:
         return low, high
@@ -165,7 +164,7 @@ def _within_column(cells: Cells, column: int, wall: FloatArray, low: float, high
 
 @compiled
 def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
-    """A ray from (x, y) along the unit vector (dx, dy) in the first cell it meets."""
+    """Return a ray from (x, y) along the unit vector (dx, dy) in its first cell."""
     right, top = cells.left + cells.columns * cells.side, cells.bottom + cells.rows * cells.side
     start = max(0.0, _ahead(x, dx, cells.left, right), _ahead(y, dy, cells.bottom, top))
     within_x = cells.left - _MARGIN <= x + start * dx <= right + _MARGIN
@@ -181,7 +180,7 @@ def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
 
 @compiled
 def advance(cells: Cells, walk: Walk) -> Walk:
-    """The ray in its next cell."""
+    """Return the ray in its next cell."""
     inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row = walk
     if next_column < next_row:
         column += column_step
@@ -196,14 +195,14 @@ def advance(cells: Cells, walk: Walk) -> Walk:
 
 @compiled
 def listed(cells: Cells, listing: Listing, walk: Walk) -> IntArray:
-    """What reaches into the cell where the ray is."""
+    """Return the objects in the cell of the ray."""
     cell = walk.row * cells.columns + walk.column
     return listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
 
 
 @compiled
 def _ahead(at: float, along: float, low: float, high: float) -> float:
-    """How far along a ray its coordinate comes between two bounds; 0 where it is there, inf where it never is."""
+    """Return the distance along a ray until its coordinate is between two bounds; 0 if it is there, inf if never."""
     if low <= at <= high:
         return 0.0
     bound = low if at < low else high
@@ -214,7 +213,7 @@ def _ahead(at: float, along: float, low: float, high: float) -> float:
 
 @compiled
 def _crossings(at: float, along: float, start: float, side: float, cell: int) -> tuple[float, float, int]:
-    """Distance along a ray to the next line between cells, the distance from line to line, and the step it takes."""
+    """Return the distance along a ray to the next grid line and between grid lines, and the step of the cell number."""
     if along > 0.0:
         return (start + (cell + 1) * side - at) / along, side / along, 1
     if along < 0.0:

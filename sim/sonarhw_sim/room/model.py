@@ -1,7 +1,7 @@
-"""The room as the ray follower sees it: walls, posts, reflectances and edges as arrays.
+"""The room as arrays: walls, posts, reflectances, edges, and its places.
 
-Takes a room file; hands on a frozen `Room` and its places. Surfaces are numbered walls first, then posts, both in the
-order of the file, then floor and ceiling, where there are any: only vertical sections meet those.
+Surfaces are numbered walls first, then posts, both in the order of the file, then floor and ceiling, if any. Floor and
+ceiling exist in vertical sections only.
 """
 
 import math
@@ -32,30 +32,30 @@ class Place:
 
     name: str
     position: tuple[float, float]  # m
-    heading: float = 0.0  # rad: where step 0 of the turntable points in the room
-    height: float | None = None  # m, of the transducer; None: the plan is all there is
+    heading: float = 0.0  # rad: direction of the turntable's step 0 in the room
+    height: float | None = None  # m, of the transducer; None: only the plan is used
 
 
 @dataclass(frozen=True)
 class Room:
-    """Everything sound can touch, and where the sensor may stand."""
+    """All surfaces of a room, its air, and its places."""
 
     name: str
     walls: FloatArray  # (n, 4): x, y of start and end, m
     posts: FloatArray  # (m, 3): x, y of the centre, radius, m
-    reflectances: FloatArray  # (s,), amplitude ratio of what each of the s surfaces mirrors
-    scattered: FloatArray  # (s,), amplitude ratio of what it scatters diffusely
-    heights: FloatArray  # (s, 2), m: lower and upper end; infinite where the file gives none
+    reflectances: FloatArray  # (s,), amplitude ratio of specular reflection by each of the s surfaces
+    scattered: FloatArray  # (s,), amplitude ratio of diffuse reflection
+    heights: FloatArray  # (s, 2), m: lower and upper end; infinite without a height in the file
     names: tuple[str, ...]  # of the s surfaces
     materials: tuple[str, ...]  # of the s surfaces
     edges: Edges
     air: Air
     places: dict[str, Place]
-    text: str  # the file, so that a log can carry it
+    text: str  # of the file, so that a log can contain it
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """Walls and posts as the kernels want them."""
+        """Walls and posts in the form that kernels use."""
         return lay_grid(self.walls, self.posts)
 
     @cached_property
@@ -74,45 +74,45 @@ class Room:
         return range(len(self.walls) + len(self.posts), len(self.names))
 
     def edge_between(self, first: int, second: int) -> int:
-        """Number of an edge that only sections see: where two surfaces meet, or the rim of one (given twice)."""
+        """Return the number of an edge in sections: between two surfaces, or the rim of one (given twice)."""
         return len(self.edges) + first * len(self.names) + second
 
     def edge_name(self, edge: int) -> str:
-        """The edge's name as `via` writes it: row of `edges`, or what `edge_between` gave."""
+        """Return the name of an edge as in `via`; `edge` is a row of `edges` or a result of `edge_between`."""
         if edge < len(self.edges):
             return self.edges.names[edge]
         first, second = divmod(edge - len(self.edges), len(self.names))
         return f"{self.names[first]}/{self.names[second] if second != first else ''}"
 
     def surfaces_at_edge(self, edge: int) -> tuple[int, ...]:
-        """Numbers of the one or two surfaces that an edge's name tells."""
+        """Return the numbers of the one or two surfaces in the name of an edge."""
         return tuple(self.names.index(name) for name in self.edge_name(edge).split("/") if name)
 
     def posts_at(self, position: tuple[float, float]) -> list[int]:
-        """Numbers of the posts, as surfaces, inside or on whose circle a point (m) lies."""
+        """Return the surface numbers of the posts that contain a point (m), inside or on the circle."""
         inside = np.hypot(*(self.posts[:, :2] - position).T) <= self.posts[:, 2]
         return (len(self.walls) + np.flatnonzero(inside)).tolist()
 
     def is_outside(self, position: tuple[float, float]) -> bool:
-        """Whether a point (m) lies outside of a room that its walls close; a room that is open has no outside."""
+        """Return whether a point (m) is outside of a room closed by its walls; an open room has no outside."""
         if self.enclosures.is_outside_of_all(np.array(position), self.walls):
             return True
-        # walls that meet elsewhere than at their ends close it where they go round its places
+        # walls that meet elsewhere than at their ends close the room if they enclose its places
         closed = any(walls_enclose(self.walls, place.position) for place in self.places.values())
         return closed and not walls_enclose(self.walls, position)
 
     def is_far_from(self, position: tuple[float, float]) -> bool:
-        """Whether a point (m) lies beyond walls and posts by more than 5 m and than they reach: outside any room."""
+        """Return whether a point (m) is farther from walls and posts than 5 m and than their extent."""
         ends = np.vstack((self.walls.reshape(-1, 2), self.posts[:, :2]))
         lowest, highest = ends.min(axis=0), ends.max(axis=0)
         beyond = np.maximum(lowest - position, position - highest)
-        # a plate or a post alone is small, and heard from further than it is long
+        # a single plate or post is small, and is detected from farther away than its size
         return bool(beyond.max() > max(5.0, float((highest - lowest).max())))
 
     def place(self, wanted: str | None) -> Place:
-        """The place of that name, or at `X,Y`; where None is wanted, the only one.
+        """Return the place with this name or at `X,Y`; for None, the only place.
 
-        Raises InputError where there is no such place, or it lies inside a post.
+        Raises InputError if there is no such place, or it is inside a post.
         """
         if wanted is None:
             if len(self.places) == 1:
@@ -136,16 +136,16 @@ class Room:
         return Place(wanted, (x, y))
 
     def _known_places(self) -> str:
-        return f"its places: {', '.join(self.places)}" if self.places else "it names no places"
+        return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
 
 
 def load_room(path: Path | str) -> Room:
-    """The room in a file. Raises InputError with file, key and reason where it is wrong."""
+    """Return the room in a file. Raises InputError with file, key and reason if it is wrong."""
     return parse_room(read_text(Path(path), "room file"), str(path))
 
 
 def parse_room(text: str, where: str) -> Room:
-    """The room in the text of a room file; `where` names it in errors. Raises InputError."""
+    """Return the room in the text of a room file. Raises InputError with `where`, key and reason."""
     file = parse_toml(text, where, RoomFile)
     walls = _join_ends(np.array([start + end for wall in file.walls for start, end in wall.segments], dtype=np.float64))
     names = tuple(name for wall in file.walls for name in wall.segment_names)
@@ -172,7 +172,7 @@ def parse_room(text: str, where: str) -> Room:
 
 
 def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
-    """What each surface belongs to, in the order in which surfaces are numbered."""
+    """Return the section of the file for each surface, in the order of their numbers."""
     return [*(wall for wall in file.walls for _ in wall.segments), *file.posts, *file.levels.values()]
 
 
@@ -183,24 +183,24 @@ def _span(surface: WallSection | PostSection | LevelSection) -> Span:
 
 
 def with_walls(room: Room, walls: FloatArray, name: str, reflectance: float, span: Span = ENDLESS) -> Room:
-    """The room with walls (k, 4) behind its own, all of one name and height; their ends bend no sound."""
+    """Return the room with additional walls (k, 4), all with one name and height; their ends do not diffract."""
     rows = _more_rows(room, len(room.walls), len(walls), name, reflectance, span)
     return replace(room, walls=np.vstack((room.walls, walls)), **rows)
 
 
 def with_post(room: Room, post: tuple[float, float, float], name: str, reflectance: float) -> Room:
-    """The room with a post (x, y, radius) behind its own, as high as sound goes."""
+    """Return the room with an additional post (x, y, radius) of unlimited height."""
     rows = _more_rows(room, room.levels.start, 1, name, reflectance, ENDLESS)
     return replace(room, posts=np.vstack((room.posts, [post])), **rows)
 
 
 def with_air(room: Room, air: Air) -> Room:
-    """The room in other air."""
+    """Return the room with other air."""
     return _with_same_geometry(room, air=air)
 
 
 def with_material(room: Room, material: str, reflectance: float, scatter: float = 0.0) -> Room:
-    """The room with another reflectance (amplitude ratio) and scatter (share of the reflected power) of a material."""
+    """Return the room with another reflectance (amplitude) and scatter (share of the reflected power) of a material."""
     of_it = np.array([name == material for name in room.materials], dtype=np.bool_)
     return _with_same_geometry(
         room,
@@ -210,11 +210,11 @@ def with_material(room: Room, material: str, reflectance: float, scatter: float 
 
 
 def _with_same_geometry(room: Room, **changes: Any) -> Room:
-    """The room with something changed that moves no wall: what is known of where things stand is kept."""
+    """Return the room with changes that move no surface, keeping what was computed from the geometry."""
     changed = replace(room, **changes)
-    for known in ("surfaces", "enclosures", "edges_on_walls"):
-        if known in room.__dict__:
-            changed.__dict__[known] = room.__dict__[known]
+    for computed in ("surfaces", "enclosures", "edges_on_walls"):
+        if computed in room.__dict__:
+            changed.__dict__[computed] = room.__dict__[computed]
     return changed
 
 
@@ -230,10 +230,10 @@ def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: floa
 
 
 def _join_ends(walls: FloatArray) -> FloatArray:
-    """The walls with ends that meet moved to one point, so that no sound slips through a gap of rounding."""
+    """Return the walls with meeting ends moved to one point, so that no sound passes through gaps of rounding."""
     ends = walls.reshape(-1, 2).copy()
     meeting = cKDTree(ends).query_pairs(MEETING, output_type="ndarray")
-    # in order, so that what moves to a point moves to where that has moved itself
+    # in order, so that an end that moves to a moved end moves to its new position
     for first, second in meeting[np.lexsort(meeting.T[::-1])]:
         ends[second] = ends[first]
     return ends.reshape(-1, 4)

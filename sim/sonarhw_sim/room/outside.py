@@ -1,8 +1,8 @@
-"""Outside: whether walls go all round a point, wherever along one another they meet.
+"""Test of whether walls enclose a point, wherever along one another they meet.
 
-Takes walls and a point; hands on yes or no. Seen from the point, the direction to a wall's points changes steadily
-along it, and where two walls touch, both see the contact in one direction but for whole turns. Where no choice of turns
-lets all contacts agree, a way along walls comes back a turn later: it went round the point.
+Seen from the point, the direction to a point on a wall changes steadily along the wall. Where two walls touch, both see
+the contact in one direction, except for whole turns. If no choice of turns makes all contacts agree, a closed path
+along walls changes the direction by a turn, so it encloses the point.
 """
 
 import math
@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from sonarhw.readings import FloatArray
 from sonarhw_sim.room.room_file import MEETING
 
-_MOST_WALLS = 500  # telling takes the square of them
+_MOST_WALLS = 500  # the test takes quadratic time
 
 
 def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
-    """Whether `point` (m) lies on one of the walls (n, 4) or a closed way along them goes round it.
+    """Return whether `point` (m) is on one of the walls (n, 4), or a closed path along them encloses it.
 
-    Of more than 500 walls it is not told: False.
+    With more than 500 walls the result is always False.
     """
     if not 0 < len(walls) <= _MOST_WALLS:
         return False
-    if _distances(np.array([point]), walls).min() <= MEETING:
+    if wall_distances(np.array([point]), walls).min() <= MEETING:
         return True
     one, other, contacts = _contacts(walls)
     before = walls[:, :2] - point
@@ -39,12 +39,12 @@ def walls_enclose(walls: FloatArray, point: tuple[float, float]) -> bool:
 
 
 def _contacts(walls: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """Every two walls that touch or cross, (m,) rows each, and a point where they do, (m, 2) m."""
+    """Return all pairs of walls that touch or cross, (m,) rows each, and their contacts, (m, 2) m."""
     ends = walls.reshape(-1, 2, 2)
     start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     found = []
     for end in (0, 1):
-        one, other = np.nonzero(_distances(ends[:, end], walls) <= MEETING)
+        one, other = np.nonzero(wall_distances(ends[:, end], walls) <= MEETING)
         found.append((one, other, ends[one, end]))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = _cross(start - start[:, None], along) / _cross(along[:, None], along)
@@ -54,8 +54,8 @@ def _contacts(walls: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], Fl
     return one[one != other], other[one != other], points[one != other]
 
 
-def _distances(points: FloatArray, walls: FloatArray) -> FloatArray:
-    """From each point (p, 2) to each wall (n, 4), (p, n) m."""
+def wall_distances(points: FloatArray, walls: FloatArray) -> FloatArray:
+    """Return the distance from each point (p, 2) to each wall (n, 4), (p, n) m."""
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
     foot = start + np.clip(share, 0.0, 1.0)[:, :, None] * along
@@ -67,7 +67,7 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _agree(count: int, contacts: Sequence[tuple[int, int, int]]) -> bool:
-    """Whether whole turns can be given to `count` walls so that each contact's two differ by what it says."""
+    """Return whether `count` walls can have whole turns that differ at each contact by its number."""
     neighbours: list[list[tuple[int, int]]] = [[] for _ in range(count)]
     for one, other, turns in contacts:
         neighbours[one].append((other, turns))

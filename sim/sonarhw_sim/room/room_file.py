@@ -1,7 +1,6 @@
-"""Room files: what may stand in one, checked at the door.
+"""Format of room files, and the checks of their values.
 
-Takes the text of a `*.toml`; hands on a `RoomFile` whose every value is sane, or refuses with one clear line. The
-format is a promise to users; `sonarhw_sim.room.model` makes arrays of it.
+The format is public and stays compatible. `sonarhw_sim.room.model` converts it to arrays.
 """
 
 import math
@@ -14,7 +13,7 @@ from pydantic import Field, model_validator
 from sonarhw_sim.toml_file import TomlModel
 
 MEETING = 1e-6  # m; wall ends closer than this meet
-MAX_COORDINATE = 1e6  # m; farther off, rounding would move walls
+MAX_COORDINATE = 1e6  # m; beyond, rounding would move walls
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -57,7 +56,7 @@ class WallSection(TomlModel):
 
     @property
     def segment_names(self) -> tuple[str, ...]:
-        """The name of every segment, as `via` writes it."""
+        """The name of every segment, as in `via`."""
         return self.edges or tuple(f"{self.name}[{k}]" for k in range(len(self.segments)))
 
     @model_validator(mode="after")
@@ -66,7 +65,7 @@ class WallSection(TomlModel):
             if math.dist(start, end) <= MEETING:
                 raise ValueError(f"segment {k} of wall {self.name!r}, at {start}, has no length")
         if self.closed and len(self.points) == 2:
-            raise ValueError(f"wall {self.name!r} is closed but has two points only; it would lie on itself")
+            raise ValueError(f"wall {self.name!r} is closed but has only two points; expected three or more")
         if self.edges is not None and len(self.edges) != len(self.segments):
             raise ValueError(f"wall {self.name!r}: expected a name in edges for each of {len(self.segments)} segments")
         _check_span(self.height, f"wall {self.name!r}")
@@ -74,7 +73,7 @@ class WallSection(TomlModel):
 
 
 class PostSection(TomlModel):
-    """`[[posts]]`: a round thing."""
+    """`[[posts]]`: a round object."""
 
     name: Name
     center: Point
@@ -88,7 +87,7 @@ class PostSection(TomlModel):
         return self
 
     def spans(self, height: float | None) -> bool:
-        """Whether it stands at that height, m; None: the plan is all there is."""
+        """Return whether it exists at this height, m; None: only the plan is used."""
         return height is None or self.height is None or self.height[0] <= height <= self.height[1]
 
 
@@ -104,7 +103,7 @@ class PlaceSection(TomlModel):
 
     position: Point
     heading_deg: float = 0.0
-    height: Coordinate | None = None  # of the transducer; given, floor, ceiling and heights are heard
+    height: Coordinate | None = None  # of the transducer; with it, floor, ceiling and heights are used
 
 
 class RoomFile(TomlModel):
@@ -131,7 +130,7 @@ class RoomFile(TomlModel):
 
     @property
     def levels(self) -> dict[str, LevelSection]:
-        """Floor and ceiling, those that there are."""
+        """Floor and ceiling, if any."""
         return {name: level for name, level in (("floor", self.floor), ("ceiling", self.ceiling)) if level is not None}
 
     def _materials_are_defined(self) -> None:
@@ -148,7 +147,7 @@ class RoomFile(TomlModel):
         names += self.levels
         twice, times = Counter(names).most_common(1)[0]
         if times > 1:
-            raise ValueError(f"two surfaces are named {twice!r}; a path could not say which it touched")
+            raise ValueError(f"two surfaces are named {twice!r}; expected different names")
 
     def _places_are_free(self) -> None:
         for name, place in self.places.items():

@@ -1,8 +1,7 @@
-"""Rooms written: the text of a room's file with something in it changed, the rest left as its author wrote it.
+"""Changes to the text of a room file that keep its comments, order and layout.
 
-Takes a room and what is to be different; hands on the room that the changed text describes, or refuses as a room file
-is refused. Comments, order and layout of the text stay. The text of a room is the room: what is saved reads back the
-same.
+Each function returns the room of the changed text, and raises InputError if the change makes the file invalid. The text
+of a room is the room, so a saved room reads back the same.
 """
 
 import math
@@ -27,25 +26,25 @@ _DIGITS = 9  # of a heading in degrees
 
 
 def changed_room(room: Room, change: Callable[[Document], None]) -> Room:
-    """The room after `change` has been at its text. Raises InputError where that is no room."""
+    """Return the room after `change` of its text. Raises InputError if the result is not a valid room."""
     where = f"room {room.name!r}"
     try:
         document = pickle.loads(_parsed(room.text))
         change(document)
         text = tomlkit.dumps(document)
     except TOMLKitError as error:
-        raise InputError(f"{where}: its file cannot be changed as it is written: {error}") from error
+        raise InputError(f"{where}: its text cannot be changed: {error}") from error
     return parse_room(text, where)
 
 
 @lru_cache(maxsize=8)
 def _parsed(text: str) -> bytes:
-    # while a wall is dragged one text is changed again and again: unpickling takes a fifth of the time of parsing
+    # while a wall is dragged, one text is changed many times; unpickling takes a fifth of the time of parsing
     return pickle.dumps(tomlkit.parse(text))
 
 
 def with_air(room: Room, air: Air) -> Room:
-    """The room in other air. Raises InputError where no room has such air."""
+    """Return the room with other air. Raises InputError if a value is out of range."""
 
     def change(document: Document) -> None:
         table = section(document, "air")
@@ -56,7 +55,7 @@ def with_air(room: Room, air: Air) -> Room:
 
 
 def with_place(room: Room, place: Place) -> Room:
-    """The room with a place of that name where and as `place` is. Raises InputError where it lies inside a post."""
+    """Return the room with `place` added or replaced by its name. Raises InputError if it is inside a post."""
 
     def change(document: Document) -> None:
         table = section(document, "places", place.name)
@@ -69,9 +68,9 @@ def with_place(room: Room, place: Place) -> Room:
 
 
 def with_material(room: Room, name: str, reflectance: float, scatter: float) -> Room:
-    """The room with a material of that name that leaves so much (amplitude ratio) and scatters so much (share).
+    """Return the room with the reflectance (amplitude ratio) and scatter (share of the power) of a material.
 
-    Raises InputError where one is not within 0..1.
+    Raises InputError if one is not within 0..1.
     """
 
     def change(document: Document) -> None:
@@ -84,9 +83,9 @@ def with_material(room: Room, name: str, reflectance: float, scatter: float) -> 
 
 
 def with_corners(room: Room, moved: Mapping[Point, Point]) -> Room:
-    """The room with every wall end that lies at one of those points (m) moved to another: walls that meet still meet.
+    """Return the room with all wall ends at these points (m) moved, so that meeting walls still meet.
 
-    Raises InputError where that leaves a wall no length.
+    Raises InputError if a wall then has no length.
     """
 
     def change(document: Document) -> None:
@@ -100,12 +99,12 @@ def with_corners(room: Room, moved: Mapping[Point, Point]) -> Room:
 
 
 def materials(room: Room) -> dict[str, Material]:
-    """The materials that the room's text defines, those that nothing is made of as well."""
+    """Return all materials that the room's text defines, also unused ones."""
     return parse_toml(room.text, f"room {room.name!r}", RoomFile).materials
 
 
 def section(document: Document, *names: str) -> Document:
-    """The table of that name within the table of the name before; made where it is missing."""
+    """Return the nested table with these names; missing tables are created."""
     for name in names:
         if name not in document:
             document[name] = tomlkit.table()
@@ -114,11 +113,11 @@ def section(document: Document, *names: str) -> Document:
 
 
 def save_room(room: Room, path: Path, overwrite: bool = False) -> None:
-    """Write the room's text. Raises InputError where there is such a file already, OutputError where it cannot be."""
+    """Write the room's text. Raises InputError if the file exists already, OutputError if it cannot be written."""
     try:
         with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
             file.write(room.text)
     except FileExistsError as error:
-        raise InputError(f"{path}: exists already; choose another name, or say that it may be overwritten") from error
+        raise InputError(f"{path}: exists already; choose another name, or allow overwriting") from error
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror}; choose another folder") from error

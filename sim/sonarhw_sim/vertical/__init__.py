@@ -1,1 +1,1 @@
-"""Paths over and under things: horizontal and vertical sections of a room."""
+"""Paths over and under surfaces: horizontal and vertical sections of a room."""

@@ -1,7 +1,6 @@
-"""Lifting: the paths of a vertical section in the words of the room it was cut from.
+"""Lifting: converts the paths of a vertical section to paths of the room, with directions in the plan and elevations.
 
-Takes a section and the paths that the two-dimensional core found in it; hands on `Paths` with directions in the plan
-and elevations, leaving out those that the plan or another plane has.
+Paths that the plan or another plane contains are omitted.
 """
 
 import math
@@ -17,12 +16,12 @@ from sonarhw_sim.vertical.vertical_section import LEVEL, Mirror, Owner, Plane, S
 
 @dataclass(frozen=True)
 class _Event:
-    """What a path of a section meets, in the words of the room."""
+    """A reflection or diffraction of a path of a section, with the room's numbers."""
 
-    surfaces: tuple[int, ...]  # that it reflects off
-    edge: int = -1  # that bends it
-    gain: float = 1.0  # on top of what the section has counted
-    squarely: bool = True  # whether it is one of the plane's mirrors, not floor or ceiling
+    surfaces: tuple[int, ...]  # reflecting surfaces
+    edge: int = -1  # diffracting edge
+    gain: float = 1.0  # in addition to the gain in the section
+    at_mirror: bool = True  # whether it is at one of the plane's mirrors, not at floor or ceiling
 
 
 @dataclass(frozen=True)
@@ -43,13 +42,13 @@ class _Lifted:
 
     @property
     def bend(self) -> int:
-        """Reflections before the edge; all of them where there is none."""
+        """Number of reflections before the edge; without an edge, of all."""
         at = next((k for k, event in enumerate(self.events) if event.edge >= 0), len(self.events))
         return sum(len(event.surfaces) for event in self.events[:at])
 
 
 def lifted(view: SectionQuery, plane: Plane, section: Section, found: Paths) -> Paths:
-    """The paths `found` in the section of a plane, as the room's; none that the plan or another plane has."""
+    """Return the paths `found` in the section of a plane as paths of the room, if no other plane contains them."""
     paths = [_lift(view, section, found, row) for row in range(len(found))]
     paths = [path for path in paths if _belongs(view, plane, path)]
     rows = np.array([path.row for path in paths], dtype=np.intp)
@@ -81,22 +80,22 @@ def _lift(view: SectionQuery, section: Section, found: Paths, row: int) -> _Lift
     if found.edges[row] >= 0:
         events.insert(int(found.bends[row]), _rim(view.room, section, int(found.edges[row])))
     corners = found.outline(row)
-    # in a corner sound meets both walls at one point
+    # in a corner, sound meets both walls at one point
     times = [1, *(max(1, len(event.surfaces)) for event in events), 1]
     return _Lifted(row, tuple(events), np.repeat(corners, times, axis=0))
 
 
 def _touched(owner: Owner, length: float) -> _Event:
     if isinstance(owner, Mirror):
-        return _Event(owner.surfaces) if owner.edge < 0 else _Event((), owner.edge, _obliquely(owner, length))
-    return _Event(() if owner is None else (owner,), squarely=False)
+        return _Event(owner.surfaces) if owner.edge < 0 else _Event((), owner.edge, _oblique_gain(owner, length))
+    return _Event(() if owner is None else (owner,), at_mirror=False)
 
 
-def _obliquely(edge: Mirror, length: float) -> float:
-    """By how much louder an edge is when met at the slant of a path so long (m) than when met squarely.
+def _oblique_gain(edge: Mirror, length: float) -> float:
+    """Return the gain of an edge met obliquely by a path of this length (m), relative to perpendicular incidence.
 
-    Keller's cone: the coefficient grows as 1/sin β of the angle β to the edge, the legs as well, whose root it is held
-    against, so 1/√(sin β) is left (Kouyoumjian and Pathak 1974); no edge is louder than a wall.
+    Keller's cone: the coefficient is proportional to 1/sin β for the angle β to the edge. So are the legs, whose root
+    divides it, which leaves 1/√(sin β) (Kouyoumjian and Pathak 1974). The result is limited to the strength of a wall.
     """
     return min(math.sqrt(length / (2 * edge.at)), 1 / edge.reflectance)
 
@@ -112,15 +111,15 @@ def _rim(room: Room, section: Section, edge: int) -> _Event:
 
 
 def _belongs(view: SectionQuery, plane: Plane, path: _Lifted) -> bool:
-    """Whether a path leaves the horizontal, is no other plane's, and touches no more than may be."""
+    """Return whether a path leaves the horizontal, belongs to this plane only, and has few enough reflections."""
     rises = np.abs(path.points[:, 1] - view.height).max() > LEVEL
-    squarely = sum(event.squarely for event in path.events)
-    own = squarely == bool(plane.mirrors) if plane.once else squarely > 0
+    at_mirrors = sum(event.at_mirror for event in path.events)
+    own = at_mirrors == bool(plane.mirrors) if plane.once else at_mirrors > 0
     return bool(rises) and own and len(path.surfaces) <= view.search.max_bounces
 
 
 def _out_of_plane(plane: Plane, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Directions in the plan and elevations, (n,) rad each, of angles (n,) in a plane."""
+    """Return directions in the plan and elevations, (n,) rad each, of angles (n,) in a plane."""
     forward = np.cos(angles)
     directions = plane.direction + np.where(forward < 0, math.pi, 0.0)
     return np.arctan2(np.sin(directions), np.cos(directions)), np.arctan2(np.sin(angles), np.abs(forward))

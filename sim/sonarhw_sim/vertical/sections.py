@@ -1,8 +1,8 @@
-"""Sections: every path of a place, in the plan and, where the height of its transducer is known, out of it.
+"""All paths of a place: in the plan, and out of it if the height of the transducer is known.
 
-Takes a room and a place; hands on one `Paths`. A place without a height has the plan alone. One with a height has a
-horizontal section, the walls and posts that span that height, and vertical ones through the transducer
-(`vertical.vertical_paths`): planes, each followed by the same two-dimensional core (CIM-92-9 §4), and merged here.
+A place without a height uses the plan only. A place with a height uses a horizontal section with the walls and posts
+that span this height, and vertical sections through the transducer (`vertical.vertical_paths`). Each section uses the
+two-dimensional core (CIM-92-9 §4), and the paths are merged here.
 """
 
 import math
@@ -13,27 +13,27 @@ from numpy.typing import NDArray
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths, join_paths
+from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.rays.scatter import scattered_paths
 from sonarhw_sim.room.edges import find_edges
 from sonarhw_sim.room.model import Place, Room
 from sonarhw_sim.vertical.vertical_paths import vertical_paths
 
-Receiver = tuple[float, float] | None  # where sound is heard, m; None: where it is sent
+Receiver = tuple[float, float] | None  # position of the receiver, m; None: as the sender
 
-# m: sender and receiver so near share vertical sections midway between them; s apart, a path of length L comes out
-# short by s²/2L, 0.2 mm for 26 mm at 2 m. For what is farther apart there are none: sound leaves every vertical plane.
+# m: sender and receiver up to this distance use vertical sections midway between them. At a distance s, a path of
+# length L is then too short by s²/2L, 0.2 mm for 26 mm at 2 m. Farther apart, sound leaves every vertical plane.
 SIDE_BY_SIDE = 0.1
-_MOST_SURFACES = 46_000  # above, the number of an edge that only sections see leaves 32 bits
+_MOST_SURFACES = 46_000  # with more, the number of an edge in sections exceeds 32 bits
 
 
 def paths_from(
     room: Room, place: Place, search: PathSearch, receiver: Receiver = None, face: float = 0.0, sections: int = 1
 ) -> Paths:
-    """Every path from a place back to it, or to `receiver`, that `search` asks for, shortest first.
+    """Return every path of `search` from a place back to it, or to `receiver`, shortest first.
 
-    `sections` parallel horizontal sections share the transducer's face of radius `face` (m). Raises InputError where a
-    place with a height has too many surfaces to number.
+    `sections` parallel horizontal sections share the transducer's face of radius `face` (m). Raises InputError if the
+    place has a height and the room too many surfaces.
     """
     if place.height is None:
         return _planar_paths(room, place, search, receiver)
@@ -41,30 +41,30 @@ def paths_from(
         raise InputError(f"room {room.name!r}: sections take up to {_MOST_SURFACES} surfaces, got {len(room.names)}")
     strips = _strips(place.height, face, sections)
     flat = _horizontal_paths(room, place, search, receiver, strips)
-    middle, answers = place, flat
+    middle, flat_at_middle = place, flat
     if receiver is not None:
         if math.dist(place.position, receiver) > SIDE_BY_SIDE:
             return flat
         (x, y), (other_x, other_y) = place.position, receiver
         middle = replace(place, position=((x + other_x) / 2, (y + other_y) / 2))
-        answers = _horizontal_paths(room, middle, search, None, strips)
-    return _by_length(join_paths([flat, *vertical_paths(room, middle, place.height, search, answers)]))
+        flat_at_middle = _horizontal_paths(room, middle, search, None, strips)
+    return _by_length(Paths.join([flat, *vertical_paths(room, middle, place.height, search, flat_at_middle)]))
 
 
 def _planar_paths(room: Room, place: Place, search: PathSearch, receiver: Receiver) -> Paths:
     paths = find_paths(room, place.position, search, receiver)
     if not room.scattered[: room.levels.start].any():
         return paths
-    return _by_length(join_paths([paths, scattered_paths(room, place.position, search, receiver)]))
+    return _by_length(Paths.join([paths, scattered_paths(room, place.position, search, receiver)]))
 
 
 def _by_length(paths: Paths) -> Paths:
-    # to a nanometre, as the core sorts: what differs less keeps its order
+    # rounded to a nanometre, as in the core: paths that differ less keep their order
     return paths.select(np.argsort(np.round(paths.lengths, 9), kind="stable"))
 
 
 def _strips(height: float, face: float, sections: int) -> list[tuple[float, float]]:
-    """Heights (m) of strips of equal width across a round face, and the share of its area that each has."""
+    """Return heights (m) of strips of equal width across a round face, and their shares of its area."""
     middles = (2 * np.arange(sections) + 1) / sections - 1  # in radii
     widths = np.sqrt(1 - middles**2)
     return [(height + face * float(y), float(w)) for y, w in zip(middles, widths / widths.sum(), strict=True)]
@@ -73,7 +73,7 @@ def _strips(height: float, face: float, sections: int) -> list[tuple[float, floa
 def _horizontal_paths(
     room: Room, place: Place, search: PathSearch, receiver: Receiver, strips: list[tuple[float, float]]
 ) -> Paths:
-    shares: dict[tuple[int, ...], float] = {}  # by what stands at a height
+    shares: dict[tuple[int, ...], float] = {}  # by the surfaces at a height
     for height, share in strips:
         standing = standing_at(room, height)
         shares[standing] = shares.get(standing, 0.0) + share
@@ -86,7 +86,7 @@ def _horizontal_paths(
 
 
 def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
-    """Numbers of the walls and posts that span a height (m); None: the plan, so all of them."""
+    """Return the numbers of the walls and posts that span a height (m); for None, of all."""
     lower, upper = room.heights[: room.levels.start].T
     if height is None:
         return tuple(range(len(lower)))
@@ -94,7 +94,7 @@ def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
 
 
 def cut(room: Room, standing: tuple[int, ...]) -> Room:
-    """The room with those walls and posts only, and the edges that they have then; itself where it has no others."""
+    """Return the room with only these walls and posts and their edges; the room itself if they are all."""
     if len(standing) == room.levels.start:
         return room
     rows = np.array(standing, dtype=np.intp)
@@ -114,7 +114,7 @@ def cut(room: Room, standing: tuple[int, ...]) -> Room:
 
 
 def _in_room(paths: Paths, section: Room, room: Room, standing: tuple[int, ...]) -> Paths:
-    """The paths of a section with surfaces and edges numbered as in the room."""
+    """Return the paths of a section with surfaces and edges numbered as in the room."""
     if section.edges is room.edges:
         edges = paths.edges
     else:
@@ -139,9 +139,9 @@ def _edges(room: Room) -> list[tuple[list[float], str]]:
 
 
 def _summed(parts: list[Paths]) -> Paths:
-    """The paths of sections that share one face, each once, with what all its sections hear of it."""
-    paths = _by_length(join_paths(parts))
-    # one path: the same things touched, in the same direction; two sections agree in that but for rounding
+    """Return the paths of sections that share one face, each once, with the sum of its gains."""
+    paths = _by_length(Paths.join(parts))
+    # equal paths have the same surfaces, and directions that differ only by rounding
     keys = np.column_stack(
         (paths.edges, paths.bends, _rounded(paths.leaving), _rounded(paths.arriving), paths.surfaces)
     )

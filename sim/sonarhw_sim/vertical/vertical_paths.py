@@ -1,9 +1,9 @@
-"""Vertical sections: echoes by way of floor and ceiling, and over the tops of walls.
+"""Vertical sections: paths by way of floor and ceiling, and over the tops of walls.
 
-Takes a room, a place and the height of its transducer; hands on paths that leave the horizontal. Each section is a
-vertical plane through the transducer (`vertical.vertical_section`), and the two-dimensional core follows sound in it as
-it does in the plan. Sound stays in such a plane only where it meets things squarely, so a plane goes to the foot of the
-perpendicular on a wall, to the axis of a post, or to a vertical edge or inner corner that answers in the plan.
+Each section is a vertical plane through the transducer (`vertical.vertical_section`), where the two-dimensional core
+follows sound as in the plan. Sound stays in such a plane only if it meets surfaces perpendicularly. Planes therefore go
+to the foot of the perpendicular on a wall, to the axis of a post, and to each vertical edge or inner corner that
+returns sound straight back in the plan.
 """
 
 import math
@@ -29,7 +29,7 @@ from sonarhw_sim.vertical.vertical_section import (
 
 
 def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
-    """The paths that leave the horizontal, plane by plane; `flat` are those of the plan."""
+    """Return the paths that leave the horizontal, one table a plane; `flat` are those of the plan."""
     if not room.levels and not np.isfinite(room.heights).any():
         return []
     if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
@@ -40,12 +40,12 @@ def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, 
 
 
 def _wall_planes(view: SectionQuery) -> Iterator[Plane]:
-    """Planes square to the walls on which the place has a foot of the perpendicular; parallel walls share one."""
+    """Yield the planes perpendicular to walls that contain the foot of the perpendicular; parallel walls share one."""
     room = view.room
     starts, along = room.walls[:, :2] - view.position, room.walls[:, 2:] - room.walls[:, :2]
     lengths = np.hypot(*along.T)
     foot = -(starts * along).sum(axis=1) / lengths
-    # normals turned to lie within 0..π, for a plane runs both ways
+    # normals within 0..π, as a plane extends both ways
     turned = np.arctan2(along[:, 0], -along[:, 1])
     directions = np.mod(turned, math.pi)
     directions[directions > math.pi - PARALLEL] -= math.pi
@@ -73,7 +73,7 @@ def _post_planes(view: SectionQuery) -> Iterator[Plane]:
 
 
 def _edge_and_corner_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
-    """Planes to the edges and inner corners that send sound straight back in the plan."""
+    """Yield the planes to edges and inner corners that return sound straight back in the plan."""
     back = np.hypot(*(flat.leaving - flat.arriving).T) <= LEVEL
     for k in np.flatnonzero(back).tolist():
         inner = flat.outline(k)[1:-1]
@@ -90,9 +90,9 @@ def _edge_and_corner_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
 
 
 def _follow(view: SectionQuery, plane: Plane) -> Paths:
-    """The paths of one plane that are no other plane's."""
+    """Return the paths of one plane that belong to no other plane."""
     section = draw_section(view, plane)
-    # one more, because a vertical edge is drawn as a wall that reflects, and is no reflection
+    # one more, because a vertical edge is a reflecting wall in the section, but does not count as a reflection
     search = replace(view.search, max_bounces=view.search.max_bounces + 1, axes=None)
     found = find_paths(section.room, (0.0, view.height), search)
     return lifted(view, plane, section, found)

@@ -1,8 +1,7 @@
-"""One vertical section: a vertical plane through a transducer, drawn as a room of its own.
+"""A vertical plane through a transducer as a two-dimensional room: x runs along the plane, y is the height.
 
-Takes a room and a plane with what that meets squarely; hands on a `Section`, whose room the two-dimensional core takes
-like any other: x runs along the plane from the place, y is the height. What the plane does not meet squarely blocks,
-because sound that reflects there leaves the plane. Walls are sheets, a box is open at the top; posts have lids.
+Surfaces that the plane does not meet perpendicularly only block, because sound that they reflect leaves the plane.
+Walls are sheets, so a box is open at the top. Posts have lids.
 """
 
 import math
@@ -17,13 +16,13 @@ from sonarhw_sim.room.edges import Edges, find_edges
 from sonarhw_sim.room.model import Room
 from sonarhw_sim.room.room_file import MEETING, Span
 
-PARALLEL = 1e-6  # rad: walls that differ less in direction are met squarely in one plane
-LEVEL = 1e-9  # m: a path that stays so near to the transducer's height is the plan's
+PARALLEL = 1e-6  # rad: walls that differ less in direction are perpendicular to one plane
+LEVEL = 1e-9  # m: a path that stays so near to the transducer's height belongs to the plan
 
 
 @dataclass(frozen=True)
 class SectionQuery:
-    """What sections are drawn for: a place in a room, the height of the transducer, and how far to search."""
+    """Input of a section: a place in a room, the height of the transducer, and the search."""
 
     room: Room
     position: tuple[float, float]
@@ -32,39 +31,39 @@ class SectionQuery:
 
     @property
     def reach(self) -> float:
-        """How far floor, ceiling and endless walls are drawn, m: beyond all that sound gets to."""
+        """Extent of floor, ceiling and unlimited walls, m: farther than any path."""
         return self.search.max_length + 1.0
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """What a plane meets squarely: a wall or post, all of a corner, or an edge, as one upright that reflects."""
+    """A wall, post, corner or edge that is perpendicular to a plane, as one reflecting vertical line."""
 
     at: float  # m along the plane's direction from the place
     span: Span
-    reflectance: float  # there and back in the plan
-    surfaces: tuple[int, ...]  # what sound touches there
-    edge: int = -1  # the edge that bends it there; then it touches no surface
-    curvature: float = 1.0  # what the roundness of a post leaves of sound bent by its rim
+    reflectance: float  # for the path there and back in the plan
+    surfaces: tuple[int, ...]  # surfaces that sound touches there
+    edge: int = -1  # edge that diffracts there; then there are no surfaces
+    curvature: float = 1.0  # gain by the curvature of a post, for sound diffracted at its rim
 
     @property
     def has_rims(self) -> bool:
-        """Whether its lower and upper end bend sound as edges that run straight across the plane."""
+        """Whether its lower and upper end diffract sound as edges perpendicular to the plane."""
         return len(self.surfaces) == 1
 
 
 @dataclass(frozen=True)
 class Plane:
-    """One vertical plane through the place, with what it meets squarely."""
+    """One vertical plane through the place, with its perpendicular surfaces."""
 
     direction: float  # rad
     mirrors: tuple[Mirror, ...]
-    once: bool = True  # whether a path may touch a mirror but once: what it leaves of sound is known for that alone
+    once: bool = True  # whether a path may touch a mirror only once, because its reflectance is for a single touch
 
 
-Owner = Mirror | int | None  # whose a wall of a section is: a mirror's, a level's by number; None: it only blocks
+Owner = Mirror | int | None  # of a wall of a section: a mirror, or the number of floor or ceiling; None: it only blocks
 Segment = tuple[float, float, float, float]  # x, y of start and end, m
-_Upright = tuple[float, Span, Mirror | None]  # where along the plane, how high, whose
+_Upright = tuple[float, Span, Mirror | None]  # position along the plane, span, owner
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Section:
 
 
 def draw_section(view: SectionQuery, plane: Plane) -> Section:
-    """What a plane meets, as a room."""
+    """Return the surfaces that a plane meets, as a room."""
     levels, open_between = _levels(view)
     uprights: list[_Upright] = [(mirror.at, mirror.span, mirror) for mirror in plane.mirrors]
     uprights += [(at, span, None) for at, span in _blocking(view, plane)]
@@ -91,7 +90,7 @@ def draw_section(view: SectionQuery, plane: Plane) -> Section:
 
 
 def _levels(view: SectionQuery) -> tuple[list[tuple[Segment, Owner]], Span]:
-    """Floor and ceiling, and between which heights (m) there is air."""
+    """Return floor and ceiling, and the heights (m) between which there is air."""
     lowest, highest = view.height - view.reach, view.height + view.reach
     drawn: list[tuple[Segment, Owner]] = []
     for level in view.room.levels:
@@ -102,7 +101,7 @@ def _levels(view: SectionQuery) -> tuple[list[tuple[Segment, Owner]], Span]:
 
 
 def _blocking(view: SectionQuery, plane: Plane) -> Iterator[tuple[float, Span]]:
-    """Where (m along the plane) and how high the walls and posts stand that cross a plane."""
+    """Yield position (m along the plane) and span of the walls and posts that cross a plane."""
     room = view.room
     dx, dy = math.cos(plane.direction), math.sin(plane.direction)
     rx, ry = (room.walls[:, :2] - view.position).T
@@ -129,14 +128,14 @@ def _lids(view: SectionQuery, plane: Plane) -> list[Segment]:
 
 
 def _without_overlap(uprights: list[_Upright]) -> list[_Upright]:
-    """Uprights of which no two lie on one another: what comes first stands, of the others what sticks out is left."""
+    """Return the vertical lines without overlaps: of later ones, only parts outside of earlier ones are kept."""
     apart: list[_Upright] = []
     for at, span, owner in uprights:
         flush = [(other, taken) for other, taken, _ in apart if abs(other - at) <= MEETING]
         left = [span]
         for _, taken in flush:
             left = [piece for whole in left for piece in _outside(whole, taken)]
-        # flush means exactly so, or the ends of the two would not meet
+        # flush lines get exactly the same position, so that their ends meet
         apart += [(flush[0][0] if flush else at, piece, owner) for piece in left]
     return apart
 
@@ -174,7 +173,7 @@ def _reflectance(room: Room, owner: Owner) -> float:
 
 
 def walls_at_edge(name: str) -> list[int]:
-    """The walls of a section that meet at an edge of that name."""
+    """Return the walls of a section that meet at the edge with this name."""
     return [int(label) for label in name.split("/") if label]
 
 
@@ -184,12 +183,12 @@ def _edge_rows(edges: Edges, rows: list[int]) -> Edges:
 
 
 def span_of(room: Room, surface: int) -> Span:
-    """Lower and upper end of a surface, m; infinite where it has none."""
+    """Return lower and upper end of a surface, m; infinite if not given."""
     return float(room.heights[surface, 0]), float(room.heights[surface, 1])
 
 
 def chord(view: SectionQuery, direction: float, post: int) -> Span | None:
-    """Where a plane enters and leaves a post, m along its direction from the place; None where it misses."""
+    """Return where a plane enters and leaves a post, m along its direction from the place, or None."""
     x, y, radius = view.room.posts[post].tolist()
     dx, dy = x - view.position[0], y - view.position[1]
     along = dx * math.cos(direction) + dy * math.sin(direction)

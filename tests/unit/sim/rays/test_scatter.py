@@ -102,7 +102,7 @@ def test_no_board_hears_more_power_from_a_rough_wall_than_from_a_mirror(name: st
         powers = []
         for room in (wall_room(0.0), wall_room(scatter)):
             scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.array([math.radians(degrees)]))
-            loud = path_amplitudes(room, scan.place, board, math.radians(degrees), scan.paths)
+            loud = path_amplitudes(room, board, math.radians(degrees), scan.paths)
             powers.append(float((loud**2).sum()))
         mirrored = powers[0] if degrees == 90.0 else 0.8**2
         assert powers[1] <= mirrored

@@ -1,0 +1,44 @@
+"""Tables of paths, one row each: the base of `Paths` and `PartialPaths`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+
+
+@dataclass(frozen=True)
+class PathTable:
+    """Columns of equal length; each subclass adds its own."""
+
+    lengths: FloatArray  # (n,), m
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def select(self, rows: NDArray[np.intp]) -> Self:
+        """Return only these rows, in this order."""
+        return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    @classmethod
+    def join(cls, tables: Sequence[Self]) -> Self:
+        """Return the rows of all tables, in order; expects at least one table."""
+        columns = ([getattr(table, column.name) for table in tables] for column in fields(cls))
+        return cls(*(np.concatenate(_widened(column)) for column in columns))
+
+
+def _widened(arrays: list[NDArray[np.generic]]) -> list[NDArray[np.generic]]:
+    """Return the arrays with their second axis padded to the longest: with -1 for no surface, NaN for no point."""
+    if arrays[0].ndim == 1:
+        return arrays
+    width = max(array.shape[1] for array in arrays)
+    return [_pad(array, width) for array in arrays]
+
+
+def _pad(array: NDArray[np.generic], width: int) -> NDArray[np.generic]:
+    nothing = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
+    missing = [(0, 0), (0, width - array.shape[1]), *[(0, 0)] * (array.ndim - 2)]
+    return np.pad(array, missing, constant_values=nothing)
