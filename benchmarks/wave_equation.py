@@ -39,13 +39,13 @@ def show_arrivals(scenes: Iterable[Scene]) -> list[tuple[Difference, Difference]
 
 def show_largest(rows: Sequence[tuple[Difference, Difference]]) -> None:
     """Print the largest differences over all arrivals."""
-    reflected = [paper for paper, _ in rows if not paper.bent]
-    bent = [row for row in rows if row[0].bent]
+    reflected = [paper for paper, _ in rows if not paper.diffracted]
+    diffracted = [row for row in rows if row[0].diffracted]
     print(f"{len(rows)} arrivals; latest by {max(abs(paper.cycles) for paper, _ in rows):.2f} cycles at most")
     print(f"{len(reflected)} reflected: within {max(abs(arrival.decibels) for arrival in reflected):.2f} dB")
     for name, column in (("paper", 0), ("Keller", 1)):
-        apart = [row[column].decibels for row in bent]
-        print(f"{len(bent)} bent, by {name}: {min(apart):+.2f} to {max(apart):+.2f} dB")
+        apart = [row[column].decibels for row in diffracted]
+        print(f"{len(diffracted)} diffracted, by {name}: {min(apart):+.2f} to {max(apart):+.2f} dB")
 
 
 def show_shadow() -> None:

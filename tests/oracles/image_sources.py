@@ -1,6 +1,6 @@
-"""An independent answer: exact image sources, every sequence of walls tried, written without the product's geometry.
+"""Independent image sources: every sequence of walls is tried, without the product's geometry.
 
-Complex numbers instead of vectors, brute force instead of rays: what the two share is the law of reflection.
+It uses complex numbers instead of vectors, and brute force instead of rays. Both share only the law of reflection.
 """
 
 import itertools
@@ -9,7 +9,7 @@ from sonarhw_sim.room.model import Room
 
 
 def specular_lengths(room: Room, position: tuple[float, float], order: int) -> list[float]:
-    """Lengths (m) of all specular paths of one to `order` reflections from `position` back to it, sorted."""
+    """Return the lengths (m) of all specular paths of one to `order` reflections from `position` back to it, sorted."""
     walls = [(complex(x0, y0), complex(x1, y1)) for x0, y0, x1, y1 in room.walls.tolist()]
     home = complex(*position)
     found = []

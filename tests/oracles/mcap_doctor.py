@@ -1,7 +1,7 @@
-"""A strict examination of an MCAP file, after the list that the MCAP command line's doctor goes through.
+"""A strict check of an MCAP file, with the list of checks of the MCAP command line's doctor.
 
-Takes a file; hands on what is wrong with it. It reads the file from front to back with the published library, which
-checks every CRC-32, and holds index, statistics and summary against what was read.
+Reads the file from front to back with the published library, which checks every CRC-32, and compares index, statistics
+and summary with the records.
 """
 
 import struct
@@ -37,7 +37,7 @@ Placed = tuple[int, int, McapRecord]  # offset and length in the file
 
 
 def placed_records(path: Path) -> list[Placed]:
-    """Every record of a file with its place; raises McapError for a CRC-32 that does not match."""
+    """Return every record of a file with its position. Raises McapError for a wrong CRC-32."""
     data = path.read_bytes()
     with path.open("rb") as file:
         records = [*StreamReader(file, emit_chunks=True, validate_crcs=True).records]
@@ -51,7 +51,7 @@ def placed_records(path: Path) -> list[Placed]:
 
 
 def complaints(path: Path) -> list[str]:
-    """What the doctor would say; empty for a healthy file."""
+    """Return the errors that the doctor would report; empty for a valid file."""
     try:
         placed = placed_records(path)
     except (McapError, CRCValidationError) as error:
@@ -70,9 +70,9 @@ def complaints(path: Path) -> list[str]:
 
 def _order(placed: list[Placed]) -> list[str]:
     kinds = [type(record) for _, _, record in placed]
-    wrong = [] if kinds[0] is Header and kinds[-1] is Footer else ["header or footer is not where it belongs"]
+    wrong = [] if kinds[0] is Header and kinds[-1] is Footer else ["header or footer is misplaced"]
     if Counter(kinds)[Header] != 1 or Counter(kinds)[DataEnd] != 1 or Counter(kinds)[Footer] != 1:
-        wrong.append("header, data end or footer is not there once")
+        wrong.append("header, data end or footer is missing or repeated")
     return wrong
 
 
@@ -103,15 +103,15 @@ def _chunks(data: list[Placed]) -> list[str]:
             elif isinstance(inner, Channel):
                 channels[inner.id] = inner
                 if inner.schema_id and inner.schema_id not in schemas:
-                    wrong.append(f"channel {inner.topic} has schema {inner.schema_id}, which is not known by then")
+                    wrong.append(f"channel {inner.topic} has schema {inner.schema_id}, which is not yet defined")
             elif isinstance(inner, Message):
                 times.append(inner.log_time)
                 if inner.channel_id not in channels:
-                    wrong.append(f"a message of channel {inner.channel_id}, which is not known by then")
+                    wrong.append(f"a message of channel {inner.channel_id}, which is not yet defined")
         if times and (min(times), max(times)) != (record.message_start_time, record.message_end_time):
-            wrong.append(f"chunk at {at}: start or end time is not that of its messages")
+            wrong.append(f"chunk at {at}: start or end time differs from its messages")
         if times != sorted(times):
-            wrong.append(f"chunk at {at}: times run backwards")
+            wrong.append(f"chunk at {at}: times decrease")
     return wrong
 
 
@@ -165,13 +165,13 @@ def _chunk_index(index: ChunkIndex, data: list[Placed], by_offset: dict[int, tup
             message = Message.read(inner, struct.unpack_from("<Q", content, at + 1)[0])
             counted += 1
             if opcode != Opcode.MESSAGE or (message.channel_id, message.log_time) != (channel, time):
-                wrong.append(f"{where}: an entry of channel {channel} leads elsewhere")
+                wrong.append(f"{where}: an entry of channel {channel} has a wrong offset")
     held = sum(isinstance(record, Message) for record in breakup_chunk(chunk))
     return wrong if counted == held else [*wrong, f"{where}: {counted} of {held} messages"]
 
 
 class _Bytes:
-    """Bytes to read from; what a ReadDataStream wants."""
+    """Bytes to read from, for a ReadDataStream."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0
@@ -182,7 +182,7 @@ class _Bytes:
 
 
 def _statistics(data: list[Placed], summary: list[McapRecord]) -> list[str]:
-    (told,) = (record for record in summary if isinstance(record, Statistics))
+    (listed,) = (record for record in summary if isinstance(record, Statistics))
     chunks = [record for _, _, record in data if isinstance(record, Chunk)]
     inner = [record for chunk in chunks for record in breakup_chunk(chunk)]
     messages = [record for record in inner if isinstance(record, Message)]
@@ -198,11 +198,11 @@ def _statistics(data: list[Placed], summary: list[McapRecord]) -> list[str]:
         message_end_time=max(times, default=0),
         schema_count=len({record.id for record in inner if isinstance(record, Schema)}),
     )
-    wrong = [] if replace(told) == counted else [f"statistics: {told} instead of {counted}"]
+    wrong = [] if replace(listed) == counted else [f"statistics: {listed} instead of {counted}"]
     for kind in (Schema, Channel):
         repeated = {record.id: record for record in summary if isinstance(record, kind)}
         if repeated != {record.id: record for record in inner if isinstance(record, kind)}:
-            wrong.append(f"{kind.__name__} records of the summary are not those of the data")
+            wrong.append(f"{kind.__name__} records of the summary differ from the data")
     return wrong
 
 

@@ -1,10 +1,9 @@
-"""One heading at a time: the paper's `range(θ, x, y)`, compiled for whoever asks for them by the thousand.
+"""The paper's `range(θ, x, y)` for one heading (CIM-92-9, appendix A), compiled for tests that need thousands.
 
-Takes a room, a place, a board and a heading; returns what `oracles.reference` does, ray for ray (CIM-92-9, appendix A).
-The paper keeps all rays on a heap and stops at the first that is heard. Rays know nothing of each other, so here they
-are followed one after the other, from the axis outwards, and none farther than could still come home before the nearest
-echo so far: the same answer without a heap. A whole scan from one place is had sooner, and exactly, from
-`sonarhw_sim.predict.prediction`.
+Returns the result of `oracles.reference`, ray for ray. The paper keeps all rays on a heap and stops at the first that
+is detected. Rays are independent, so here they are followed one after the other, from the axis outwards, and no farther
+than they could return before the nearest echo so far. The result is the same without a heap. A whole scan from one
+place is faster, and exact, with `sonarhw_sim.predict.prediction`.
 """
 
 import math
@@ -23,12 +22,12 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.readings import FloatArray
 
 RAY_SPACING = math.radians(0.25)
-FIRST_RAY = 0.382  # of a spacing: off the round angles, on which rays of a tidy room would run into its vertices
+FIRST_RAY = 0.382  # of a spacing: not a round angle, at which rays in a regular room would meet its vertices
 _NOTHING = -1
 
 
 class _Ray(NamedTuple):
-    """A ray on its way: where it is, and what has become of it so far."""
+    """Position and state of a ray."""
 
     x: float  # m
     y: float
@@ -36,13 +35,13 @@ class _Ray(NamedTuple):
     dy: float
     travelled: float  # m
     amplitude: float
-    width: float  # m per radian of departure: how far from its neighbour
+    width: float  # m per radian of departure: distance from its neighbour
     opening: float  # growth of that width per metre
     last: int  # the surface it leaves
 
 
-class _Stand(NamedTuple):
-    """Where the transducer is and points."""
+class _Pose(NamedTuple):
+    """Position and direction of the transducer."""
 
     x: float  # m
     y: float
@@ -52,25 +51,25 @@ class _Stand(NamedTuple):
 
 
 class _Limits(NamedTuple):
-    """What bounds a search."""
+    """Limits of a search."""
 
     blanked: float  # m of path
     longest: float  # m of path
     threshold: float  # amplitude
-    decay: float  # 1/m, of what air takes and the gain does not give back
-    spreads: bool  # whether the gain gives back nothing, and so spreading counts, from a way of 1 m on
+    decay: float  # 1/m, of absorption that the gain does not compensate
+    spreads: bool  # whether the gain is fixed, so that spreading counts, relative to a path of 1 m
     wavelength: float  # m
     spacing: float  # rad
-    passes: bool  # whether sound that meets the transducer unheard goes on
+    passes: bool  # whether undetected sound passes the transducer
     ka: float
 
 
 def range_at(
     room: Room, place: Place, board: Board, heading: float, *, blocking: bool = False, spacing: float = RAY_SPACING
 ) -> float | None:
-    """The range (m) that appendix A finds at `heading` (rad in the room), before rounding; None: no echo.
+    """Return the range (m) of appendix A at `heading` (rad in the room), before rounding; None: no echo.
 
-    Sound that meets the transducer unheard passes, or ends where it is `blocking`.
+    Undetected sound passes the transducer, or ends there if it is `blocking`.
     """
     ka = board.wavenumber(room.air) * board.aperture_radius
     at_1_m, at_2_m = uncompensated_db(np.array([1.0, 2.0]), board, room.air).tolist()
@@ -86,17 +85,17 @@ def range_at(
         not blocking,
         ka,
     )
-    stand = _Stand(*place.position, heading, math.cos(heading), math.sin(heading))
+    pose = _Pose(*place.position, heading, math.cos(heading), math.sin(heading))
     wedges = np.column_stack((room.edges.points, room.edges.starts, room.edges.openings))
-    travelled = _first_heard(
-        stand, limits, beam_table(ka), room.surfaces, room.reflectances, wedges, room.edges_on_walls
+    travelled = _first_detected(
+        pose, limits, beam_table(ka), room.surfaces, room.reflectances, wedges, room.edges_on_walls
     )
     return None if math.isinf(travelled) else travelled / 2
 
 
 @compiled
-def _first_heard(
-    stand: _Stand,
+def _first_detected(
+    pose: _Pose,
     limits: _Limits,
     table: FloatArray,
     surfaces: Surfaces,
@@ -104,22 +103,22 @@ def _first_heard(
     wedges: FloatArray,
     edges_on_walls: Listing,
 ) -> float:
-    """How far the first sound heard has travelled, m; inf where none is."""
-    # taking arrays out of tuples costs as much as meeting a wall: once, here
+    """Return the length of the first detected path, m; inf if there is none."""
+    # unpacking arrays from tuples costs as much as the test of a wall, so it is done once
     walls, posts, cells, (starts, numbers) = surfaces
     on_wall, edges = edges_on_walls
     nearest, count = np.inf, round(math.pi / limits.spacing)
-    bent = [_outgoing(stand, stand.heading, limits, table) for _ in range(0)]
+    diffracted = [_outgoing(pose, pose.heading, limits, table) for _ in range(0)]
     for k in range(count):
         # from the axis outwards, to either side in turn
         number = count // 2 + (k // 2 if k % 2 == 0 else -1 - k // 2)
-        direction = stand.heading - math.pi / 2 + (number + FIRST_RAY) * limits.spacing
-        bent.append(_outgoing(stand, direction, limits, table))
-        while len(bent) > 0:
+        direction = pose.heading - math.pi / 2 + (number + FIRST_RAY) * limits.spacing
+        diffracted.append(_outgoing(pose, direction, limits, table))
+        while len(diffracted) > 0:
             nearest = _follow(
-                bent.pop(),
+                diffracted.pop(),
                 nearest,
-                stand,
+                pose,
                 limits,
                 table,
                 walls,
@@ -132,24 +131,24 @@ def _first_heard(
                 on_wall,
                 edges,
                 surfaces,
-                bent,
+                diffracted,
             )
     return nearest
 
 
 @compiled
-def _outgoing(stand: _Stand, direction: float, limits: _Limits, table: FloatArray) -> _Ray:
-    """A ray as it leaves, with the loss at its angle."""
+def _outgoing(pose: _Pose, direction: float, limits: _Limits, table: FloatArray) -> _Ray:
+    """Return a ray at departure, with the loss at its angle."""
     dx, dy = math.cos(direction), math.sin(direction)
-    leaving = beam(dx * stand.axis_x + dy * stand.axis_y, limits.ka, table)
-    return _Ray(stand.x, stand.y, dx, dy, 0.0, leaving, 0.0, 1.0, _NOTHING)
+    leaving = beam(dx * pose.axis_x + dy * pose.axis_y, limits.ka, table)
+    return _Ray(pose.x, pose.y, dx, dy, 0.0, leaving, 0.0, 1.0, _NOTHING)
 
 
 @compiled
 def _follow(
     ray: _Ray,
     nearest: float,
-    stand: _Stand,
+    pose: _Pose,
     limits: _Limits,
     table: FloatArray,
     walls: FloatArray,
@@ -162,58 +161,58 @@ def _follow(
     on_wall: IntArray,
     edges: IntArray,
     surfaces: Surfaces,
-    bent: list[_Ray],
+    diffracted: list[_Ray],
 ) -> float:
-    """Follow a ray from the transducer until it is heard, too faint, or farther than `nearest`; the nearest echo now.
+    """Follow a ray until it is detected, too faint, or farther than `nearest`; return the nearest echo so far.
 
-    What edges bend of it to the receiver unheard goes on from there: it is added to `bent`.
+    Sound that edges diffract to the receiver but that is not detected continues there: it is added to `diffracted`.
     """
     at_receiver = True
     while _is_over_threshold(ray, 1.0, limits):
-        # the next thing it meets
+        # the next surface, or the receiver
         distance, surface = first_among(ray.x, ray.y, ray.dx, ray.dy, ray.last, walls, posts, cells, starts, numbers)
-        to_receiver = np.inf if at_receiver else _to_receiver(ray, stand, limits.spacing)
+        to_receiver = np.inf if at_receiver else _to_receiver(ray, pose, limits.spacing)
         at_receiver = to_receiver < distance
         ray = _moved(ray, min(distance, to_receiver))
-        # no way home is shorter than the straight one, but for the receiver's own length
-        home = math.hypot(stand.x - ray.x, stand.y - ray.y)
+        # no path back is shorter than the straight line, except for the length of the receiver
+        home = math.hypot(pose.x - ray.x, pose.y - ray.y)
         home -= limits.spacing * (ray.width + ray.opening * home)
         if ray.travelled + max(home, 0.0) > min(nearest, limits.longest):
             break
 
-        # at the receiver: heard, or gone on its way
+        # at the receiver: detected, or past it
         if at_receiver:
-            if _is_heard(ray, stand, limits, table):
+            if _is_detected(ray, pose, limits, table):
                 return ray.travelled
             if not limits.passes:
                 break
             continue
 
-        # at a wall: near its end diffract, and reflect besides
+        # at a wall: diffract near its end, and reflect
         if surface < walls.shape[0]:
             for edge in edges[on_wall[surface] : on_wall[surface + 1]]:
-                arrived = _bent(ray, wedges[edge], stand, limits)
+                arrived = _diffracted(ray, wedges[edge], pose, limits)
                 if arrived.amplitude == 0.0 or arrived.travelled > min(nearest, limits.longest):
                     continue
-                if not leg_is_free(wedges[edge, :2], np.array((stand.x, stand.y)), surfaces):
+                if not leg_is_free(wedges[edge, :2], np.array((pose.x, pose.y)), surfaces):
                     continue
-                if _is_heard(arrived, stand, limits, table):
+                if _is_detected(arrived, pose, limits, table):
                     nearest = arrived.travelled
                 elif limits.passes:
-                    bent.append(arrived)
+                    diffracted.append(arrived)
         ray = _reflected(ray, surface, reflectances[surface], walls, posts)
     return nearest
 
 
 @compiled
-def _is_heard(ray: _Ray, stand: _Stand, limits: _Limits, table: FloatArray) -> bool:
-    arriving = beam(-ray.dx * stand.axis_x - ray.dy * stand.axis_y, limits.ka, table)
+def _is_detected(ray: _Ray, pose: _Pose, limits: _Limits, table: FloatArray) -> bool:
+    arriving = beam(-ray.dx * pose.axis_x - ray.dy * pose.axis_y, limits.ka, table)
     return ray.travelled >= limits.blanked and _is_over_threshold(ray, arriving, limits)
 
 
 @compiled
 def _moved(ray: _Ray, distance: float) -> _Ray:
-    """The ray `distance` m further on."""
+    """Return the ray `distance` m farther on."""
     x, y, dx, dy, travelled, amplitude, width, opening, last = ray
     x, y, travelled, width = x + distance * dx, y + distance * dy, travelled + distance, width + opening * distance
     return _Ray(x, y, dx, dy, travelled, amplitude, width, opening, last)
@@ -237,29 +236,29 @@ def _reflected(ray: _Ray, surface: int, reflectance: float, walls: FloatArray, p
 
 
 @compiled
-def _to_receiver(ray: _Ray, stand: _Stand, spacing: float) -> float:
-    """Distance along a ray to the receiver, which is as long as the ray's tube is wide; inf where it misses."""
-    tx, ty = stand.x - ray.x, stand.y - ray.y
+def _to_receiver(ray: _Ray, pose: _Pose, spacing: float) -> float:
+    """Return the distance along a ray to the receiver, which is as wide as the ray's tube; inf if it misses."""
+    tx, ty = pose.x - ray.x, pose.y - ray.y
     ahead, aside = tx * ray.dx + ty * ray.dy, abs(tx * ray.dy - ty * ray.dx)
     meets = ahead > 0.0 and aside <= spacing / 2 * (ray.width + ray.opening * ahead)
     return ahead if meets else np.inf
 
 
 @compiled
-def _bent(ray: _Ray, wedge: FloatArray, stand: _Stand, limits: _Limits) -> _Ray:
-    """What an edge within one spacing of a ray bends of it, at the receiver; of no amplitude where it bends nothing.
+def _diffracted(ray: _Ray, wedge: FloatArray, pose: _Pose, limits: _Limits) -> _Ray:
+    """Return the ray that an edge within one spacing diffracts, at the receiver; with amplitude 0 if there is none.
 
     `wedge` (4,): x and y of the edge, direction of its first face and opening.
     """
     edge_x, edge_y, first, opening = wedge
     aside = abs((edge_x - ray.x) * ray.dy - (edge_y - ray.y) * ray.dx)
-    homeward, back = math.atan2(stand.y - edge_y, stand.x - edge_x), math.atan2(-ray.dy, -ray.dx)
-    leg = math.hypot(stand.x - edge_x, stand.y - edge_y)
+    homeward, back = math.atan2(pose.y - edge_y, pose.x - edge_x), math.atan2(-ray.dy, -ray.dx)
+    leg = math.hypot(pose.x - edge_x, pose.y - edge_y)
     bends = aside <= limits.spacing * ray.width and _inside(homeward, first, opening) and _inside(back, first, opening)
     z = 2 * ray.travelled * leg / (ray.travelled + leg)
     factor = min(1.0, 1 / (math.tau * math.sqrt(z / limits.wavelength))) * math.sqrt(ray.travelled / ray.width)
     amplitude = ray.amplitude * factor if bends else 0.0
-    # what leaves the edge spreads as if from a source as far behind it as sound has travelled
+    # sound from the edge spreads as from a source at the travelled distance behind it
     dx, dy = math.cos(homeward), math.sin(homeward)
     return _moved(_Ray(edge_x, edge_y, dx, dy, ray.travelled, amplitude, ray.travelled, 1.0, _NOTHING), leg)
 
@@ -267,5 +266,5 @@ def _bent(ray: _Ray, wedge: FloatArray, stand: _Stand, limits: _Limits) -> _Ray:
 @compiled
 def _inside(direction: float, first: float, opening: float) -> bool:
     turned = (direction - first) % math.tau
-    # along a face sound grazes past and is not bent
+    # sound along a face is not diffracted
     return 1e-9 < turned < opening - 1e-9

@@ -1,15 +1,13 @@
-"""The paper's `range(θ, x, y)`, readable next to appendix A of CIM-92-9: the reference the fast path is tested
-against.
+"""The paper's `range(θ, x, y)`, readable next to appendix A of CIM-92-9: the reference for the fast prediction.
 
-Takes a room, a place, a board and one heading; hands on the range or None. Plain Python, one ray at a time, no
-images, no sequences: rays leave in steps of δ, their next intersections wait on a heap ordered by distance
-travelled, the nearest is popped and tested against the receiver, reflected, and near a segment's end diffracted
-straight to the receiver.
+Plain Python, one ray at a time, without images or sequences. Rays leave in steps of δ. Their next intersections are on
+a heap sorted by travelled distance. The nearest is taken, tested at the receiver, reflected, and near the end of a
+segment diffracted straight to the receiver.
 
-Where appendix A leaves something open: it stops at a path of twice the maximum range and answers None; the
-receiver is a segment across the heading whose half length is the ray's tube, half a spacing to each side; a
-diffracted leg needs a free line of sight; sound that meets the transducer undetected passes (`Unit.PASS`), ends
-(`Unit.BLOCK`), or is reflected by its face, which is as wide as the aperture (`Unit.REFLECT`, as printed).
+Where appendix A leaves a choice: the search stops at a path of twice the maximum range and returns None. The receiver
+is a segment across the heading, half a spacing of the ray's tube to each side. A diffracted leg needs a free line of
+sight. Undetected sound at the transducer passes (`Unit.PASS`), ends (`Unit.BLOCK`), or is reflected by its face, which
+is as wide as the aperture (`Unit.REFLECT`, as printed).
 """
 
 import heapq
@@ -34,24 +32,24 @@ _RECEIVER = -2
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray on its way: where it is, and what has become of it so far."""
+    """Position and state of a ray."""
 
     x: float
     y: float
     direction: float  # rad
     travelled: float = 0.0  # m
     amplitude: float = 1.0
-    width: float = 0.0  # m per radian of departure: how far from its neighbour
+    width: float = 0.0  # m per radian of departure: distance from its neighbour
     opening: float = 1.0  # growth of that width per metre
     last: int = _NOTHING  # the surface it leaves
 
     @property
     def spread(self) -> float:
-        """Amplitude lost to posts on the way, which open the tube faster than the ideal gain makes good."""
+        """Amplitude factor of posts on the path, which widen the tube more than the ideal gain compensates."""
         return math.sqrt(self.travelled / self.width) if self.width else 1.0
 
     def at(self, distance: float) -> "Ray":
-        """The ray `distance` m further on."""
+        """Return the ray `distance` m farther on."""
         return replace(
             self,
             x=self.x + distance * math.cos(self.direction),
@@ -63,7 +61,7 @@ class Ray:
 
 @dataclass(frozen=True)
 class Arrival:
-    """A ray at the next thing it meets."""
+    """A ray at the next surface, or at the receiver."""
 
     ray: Ray
     surface: int  # _RECEIVER for the transducer's own segment
@@ -77,15 +75,15 @@ class _Setting:
     heading: float
     unit: Unit
     spacing: float
-    face: int = _NOTHING  # the surface that the transducer's own face is, where it reflects
+    face: int = _NOTHING  # number of the transducer's own face, if it reflects
 
     def beam(self, direction: float) -> float:
-        """Amplitude by angle from the axis, one way."""
+        """Return the amplitude by angle from the axis, one way."""
         ka = self.board.wavenumber(self.room.air) * self.board.aperture_radius
         return float(beam_gain(np.array(direction - self.heading), ka))
 
     def over_threshold(self, ray: Ray, arriving: float = 1.0) -> bool:
-        """Whether a ray is still loud enough, losing `arriving` at the receiver."""
+        """Return whether a ray is loud enough, with a factor `arriving` at the receiver."""
         loss = float(uncompensated_db(np.array(ray.travelled), self.board, self.room.air))
         return ray.amplitude * ray.spread * arriving > 10 ** ((self.board.threshold_db + loss) / 20)
 
@@ -93,10 +91,10 @@ class _Setting:
 def range_at(
     room: Room, place: Place, board: Board, heading: float, unit: Unit = Unit.PASS, spacing: float = RAY_SPACING
 ) -> float | None:
-    """The range (m) that appendix A finds at `heading` (rad in the room); None: no echo.
+    """Return the range (m) of appendix A at `heading` (rad in the room), not rounded; None: no echo.
 
-    Not rounded as the board would round it. Within the ray spacing of the fast path but for the headings that
-    physics.md names (a path near the threshold, a segment's end, blanking or the maximum range).
+    It agrees with the fast prediction within the ray spacing, except at the headings described in model.md (a path near
+    the threshold, the end of a segment, blanking or the maximum range).
     """
     setting = _Setting(room, place, board, heading, unit, spacing)
     if unit is Unit.REFLECT:
@@ -108,22 +106,22 @@ def range_at(
     def push(arrivals: Iterator[Arrival]) -> None:
         nonlocal count
         for arrival in arrivals:
-            count += 1  # breaks ties, so that arrivals themselves are never compared
+            count += 1  # breaks ties, so that arrivals are never compared
             heapq.heappush(heap, (arrival.ray.travelled, count, arrival))
 
-    # send out the rays, each with the loss of leaving at its angle
+    # rays at departure, each with the loss at its angle
     for ray in _fan(setting):
         push(_next_arrivals(setting, ray))
 
     while heap:
-        # take the intersection that sound reaches first
+        # the intersection that sound reaches first
         travelled, _, arrival = heapq.heappop(heap)
         if travelled > 2 * board.max_range:
             return None
 
-        # at the receiver: heard, or gone on its way
+        # at the receiver: detected, or past it
         if arrival.surface == _RECEIVER:
-            if _is_heard(setting, arrival.ray):
+            if _is_detected(setting, arrival.ray):
                 return travelled / 2
             if unit is Unit.PASS:
                 push(_next_arrivals(setting, arrival.ray, past_receiver=True))
@@ -131,7 +129,7 @@ def range_at(
                 push(_next_arrivals(setting, _reflected(setting, _at_face(setting, arrival.ray))))
             continue
 
-        # at a wall: reflect, and near its end diffract besides
+        # at a wall: reflect, and diffract near its end
         push(_diffractions(setting, arrival))
         push(_next_arrivals(setting, _reflected(setting, arrival)))
     return None
@@ -145,27 +143,27 @@ def _fan(setting: _Setting) -> Iterator[Ray]:
             yield ray
 
 
-def _is_heard(setting: _Setting, ray: Ray) -> bool:
+def _is_detected(setting: _Setting, ray: Ray) -> bool:
     if ray.travelled / 2 < setting.board.blanked_range(setting.room.air):
         return False
     return setting.over_threshold(ray, setting.beam(ray.direction + math.pi))
 
 
 def _at_face(setting: _Setting, ray: Ray) -> Arrival:
-    """A ray in the receiver's tube, moved on or back to where it meets the plane of the face."""
+    """Return a ray in the receiver's tube, moved forward or back to the plane of the face."""
     x, y = setting.place.position
     ahead = (x - ray.x) * math.cos(setting.heading) + (y - ray.y) * math.sin(setting.heading)
     return Arrival(ray.at(ahead / math.cos(ray.direction - setting.heading)), setting.face)
 
 
 def _next_arrivals(setting: _Setting, ray: Ray, *, past_receiver: bool = False) -> Iterator[Arrival]:
-    """The next thing a ray meets: a surface, or the receiver before it."""
+    """Yield the next arrival of a ray: at a surface, or at the receiver before it."""
     if not setting.over_threshold(ray):
         return
     distance, surface = _first_intersection(setting.room, ray)
     at_receiver = past_receiver or ray.travelled == 0 or (ray.last == setting.face != _NOTHING)
     receiver = None if at_receiver else _meets_receiver(setting, ray)
-    # the receiver lies on its face, which a slanting ray may meet a little sooner
+    # the receiver is on its face, which an oblique ray may meet a little earlier
     if receiver is not None and (receiver < distance or surface == setting.face):
         yield Arrival(ray.at(receiver), _RECEIVER)
     elif surface != _NOTHING:
@@ -173,7 +171,7 @@ def _next_arrivals(setting: _Setting, ray: Ray, *, past_receiver: bool = False) 
 
 
 def _meets_receiver(setting: _Setting, ray: Ray) -> float | None:
-    """Distance (m) along a ray to the receiver; None where it misses."""
+    """Return the distance (m) along a ray to the receiver; None if it misses."""
     dx, dy = math.cos(ray.direction), math.sin(ray.direction)
     tx, ty = setting.place.position[0] - ray.x, setting.place.position[1] - ray.y
     ahead = tx * dx + ty * dy
@@ -226,7 +224,7 @@ def _reflected(setting: _Setting, arrival: Arrival) -> Ray:
 
 
 def _diffractions(setting: _Setting, arrival: Arrival) -> Iterator[Arrival]:
-    """Sound bent straight to the receiver by the edges within one ray spacing of where a ray meets a wall."""
+    """Yield sound diffracted straight to the receiver by edges within one ray spacing of the point on a wall."""
     room, ray = setting.room, arrival.ray
     near = setting.spacing * ray.width
     dx, dy = math.cos(ray.direction), math.sin(ray.direction)
@@ -242,7 +240,7 @@ def _diffractions(setting: _Setting, arrival: Arrival) -> Iterator[Arrival]:
         if not _in_sight(room, (x, y), (px, py)):
             continue
         loss = ray.spread * _edge_loss(setting, ray.travelled, leg)
-        # what leaves the edge spreads as if from a source as far behind it as sound has travelled
+        # sound from the edge spreads as from a source at the travelled distance behind it
         bent = Ray(x, y, home, ray.travelled, ray.amplitude * loss, width=ray.travelled)
         yield Arrival(bent.at(leg), _RECEIVER)
 
@@ -262,6 +260,6 @@ def _edge_loss(setting: _Setting, before: float, after: float) -> float:
 def _in_sight(room: Room, start: tuple[float, float], end: tuple[float, float]) -> bool:
     distance = math.dist(start, end)
     direction = math.atan2(end[1] - start[1], end[0] - start[0])
-    # step off the edge first, or the walls that meet there stand in the way
+    # start beside the edge, otherwise its own walls block
     ray = Ray(*start, direction).at(1e-6 * distance)
     return _first_intersection(room, ray)[0] > distance * (1 - 2e-6)

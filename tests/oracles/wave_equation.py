@@ -1,12 +1,12 @@
-"""An independent answer: the wave equation itself in two dimensions, by finite differences, without any rays.
+"""Solver of the two-dimensional wave equation by finite differences, independent of rays.
 
-Takes a scene (walls, posts, a source, a receiver); hands on the echoes heard of a short tone burst over the length of
-their way, and length and strength of the one nearest to a wanted length. Strengths are relative to a flat wall's, with
-the spreading of a line source, 1/√length, divided out.
+For a scene (walls, posts, a source, a receiver) it returns the received echoes of a short tone burst by length of path,
+and length and strength of the one nearest to a given length. Strengths are relative to a flat wall, with the spreading
+of a line source, 1/√length, divided out.
 
-Pressure in square cells, leapfrog in time; a rigid surface is a face that nothing flows through. A surface that is
-oblique or round cuts cells and faces, which then count by their share of air. The grid reaches so far that nothing
-from its border is back in time. What comes straight, marched without surfaces, is taken off: only echoes are left.
+Pressure is on square cells, with leapfrog steps in time. A rigid surface is a face without flow. An oblique or round
+surface cuts cells and faces, which count by their share of air. The grid is large enough that nothing returns from its
+border in time. The direct sound, computed without surfaces, is subtracted, so only echoes remain.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Post = tuple[float, float, float]
 
 CELL = 0.001  # m
 WAVELENGTH = 24 * CELL
-FARTHEST = 0.85  # m: length of the longest way listened to
+FARTHEST = 0.85  # m: length of the longest path received
 _COURANT = 0.7  # cells that sound travels in a step
 STEP = _COURANT * CELL  # m
 _CYCLES = 4  # of the burst, under a Hann window
@@ -35,9 +35,9 @@ _MARGIN = 8  # cells
 
 @dataclass(frozen=True)
 class Scene:
-    """Rigid things round a source at the origin; all lengths in m.
+    """Rigid objects round a source at the origin; all lengths in m.
 
-    What lies to the right of all walls of a solid is rigid. A wall in no solid is a thin plate, on a line between cells
+    The space to the right of all walls of a solid is rigid. A wall in no solid is a thin plate, on a line between cells
     (x or y an odd multiple of half a cell).
     """
 
@@ -45,8 +45,8 @@ class Scene:
     walls: tuple[Wall, ...] = ()
     solids: tuple[tuple[int, ...], ...] = ()
     posts: tuple[Post, ...] = ()
-    receiver: tuple[float, float] = (0.0, 0.0)  # in the middle of a cell
-    shadowed: bool = False  # whether something stands between source and receiver
+    receiver: tuple[float, float] = (0.0, 0.0)  # at the centre of a cell
+    shadowed: bool = False  # whether an object is between source and receiver
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Arrival:
     """One echo."""
 
     length: float  # m, from source to receiver
-    strength: float  # amplitude relative to a flat wall's, spreading divided out
+    strength: float  # amplitude relative to a flat wall, with spreading divided out
 
 
 FLAT_WALL = Scene("flat wall", walls=((_FLAT_WALL, -9.0, _FLAT_WALL, 9.0),), solids=((0,),))
@@ -62,25 +62,25 @@ FLAT_WALL = Scene("flat wall", walls=((_FLAT_WALL, -9.0, _FLAT_WALL, 9.0),), sol
 
 @lru_cache
 def echoes(scene: Scene) -> Floats:
-    """What the receiver hears of the surfaces, one sample every STEP of length."""
+    """Return the received echoes of the surfaces, one sample every STEP of length."""
     air, gains = _faces(scene), _gains(scene)
-    heard = _march(*air, gains, _burst(), *_cells(scene.receiver))
-    return np.asarray(heard if scene.shadowed else heard - direct(scene.receiver))
+    received = _march(*air, gains, _burst(), *_cells(scene.receiver))
+    return np.asarray(received if scene.shadowed else received - direct(scene.receiver))
 
 
 @lru_cache
 def direct(receiver: tuple[float, float]) -> Floats:
-    """What a receiver hears where there is nothing but air, sampled as `echoes`."""
+    """Return the received sound in free air, sampled as `echoes`."""
     free = Scene("nothing", receiver=receiver)
     return np.asarray(_march(*_faces(free), _gains(free), _burst(), *_cells(receiver)))
 
 
 def arrival_near(scene: Scene, length: float, within: float = WAVELENGTH / 2) -> Arrival:
-    """The strongest echo whose way is `length` m long, give or take `within`."""
+    """Return the strongest echo with a path of `length` m ± `within`."""
     strengths, lengths = matched(scene)
     near = np.flatnonzero(np.abs(lengths - length) <= within)
     best = int(near[np.argmax(strengths[near])])
-    # the top of the parabola through three samples
+    # the maximum of the parabola through three samples
     before, at, after = strengths[best - 1 : best + 2]
     shift = np.clip(0.5 * (before - after) / (before - 2 * at + after), -0.5, 0.5)
     found = lengths[best] + shift * STEP
@@ -88,7 +88,7 @@ def arrival_near(scene: Scene, length: float, within: float = WAVELENGTH / 2) ->
 
 
 def matched(scene: Scene) -> tuple[Floats, Floats]:
-    """The echoes' strength against a flat wall's, spreading divided out, and the lengths they are heard at, m."""
+    """Return the strength of the echoes relative to a flat wall, with spreading divided out, and their lengths, m."""
     pattern = np.asarray(hilbert(echoes(FLAT_WALL)))
     likeness = np.abs(correlate(np.asarray(hilbert(echoes(scene))), pattern, method="fft"))
     lengths = (np.arange(len(likeness)) - (len(pattern) - 1)) * STEP + 2 * _FLAT_WALL
@@ -107,13 +107,13 @@ def _cells(point: tuple[float, float]) -> tuple[int, int]:
 
 
 def _lines(scene: Scene) -> Floats:
-    """Coordinates of the lines between cells; beyond the outermost, no way is short enough."""
+    """Return the coordinates of the lines between cells; paths beyond the outermost are too long."""
     radius = int((FARTHEST + np.hypot(*scene.receiver)) / CELL / 2) + 2 * _MARGIN
     return (np.arange(-radius, radius + 2) - 0.5) * CELL
 
 
 def _clearance(scene: Scene, x: Floats, y: Floats) -> Floats:
-    """How far points lie from the nearest solid or post, m; negative inside."""
+    """Return the distance of points to the nearest solid or post, m; negative inside."""
     clearance = np.full(np.broadcast_shapes(x.shape, y.shape), FARTHEST)
     for solid in scene.solids:
         sides = [_left_of(scene.walls[wall], x, y) for wall in solid]
@@ -129,7 +129,7 @@ def _left_of(wall: Wall, x: Floats, y: Floats) -> Floats:
 
 
 def _faces(scene: Scene) -> tuple[Singles, Singles]:
-    """Share of air of every cell's face towards +x and towards +y."""
+    """Return the share of air of every cell's face towards +x and towards +y."""
     lines = _lines(scene)
     corners = _clearance(scene, lines[:, None], lines[None, :])
     right = _air_between(corners[1:, :-1], corners[1:, 1:])
@@ -153,9 +153,9 @@ def _air_between(one: Floats, other: Floats) -> Singles:
 
 
 def _gains(scene: Scene) -> Singles:
-    """What a step takes of the flow into every cell: Courant's number squared over its share of air, 0 in solids.
+    """Return the factor of the flow into every cell: Courant's number squared over its share of air, 0 in solids.
 
-    The air of cut cells is counted by samples, and where it is so little that the march would be unstable, as more.
+    The share of air of cut cells is computed from samples, with a minimum that keeps the steps stable.
     """
     lines = _lines(scene)
     corners = _clearance(scene, lines[:, None], lines[None, :])
@@ -181,10 +181,10 @@ def _step_row(
     upper: Singles,
     gains: Singles,
 ) -> None:
-    """Turn a row's pressures of a step ago into those of the next.
+    """Replace the pressures of a row from the previous step by those of the next.
 
-    `rows` are the one before, this one and the one after, this one a cell longer at both ends; `right` and `upper` the
-    faces before and after each cell.
+    `rows` are the row before, this row and the row after; this row is a cell longer at both ends. `right` and `upper` are
+    the faces before and after each cell.
     """
     before, now, after = rows
     for j in range(old.shape[0]):
@@ -200,13 +200,13 @@ def _step_row(
 
 @njit(cache=True, fastmath=True)
 def _march(right: Singles, upper: Singles, gains: Singles, burst: Floats, cells_x: int, cells_y: int) -> Floats:
-    """Pressure step by step, so many cells from the middle of the grid, where the burst comes from."""
+    """Return the pressure at each step, at an offset in cells from the centre of the grid, where the burst starts."""
     middle = right.shape[0] // 2
     steps = int(FARTHEST / STEP)
-    heard = np.zeros(steps)
+    received = np.zeros(steps)
     old, now = np.zeros_like(right), np.zeros_like(right)
     for step in range(steps):
-        # farther out there is no sound yet, or none that can still be back in time
+        # farther out there is no sound yet, or none that can return in time
         reach = min(_COURANT * step, _COURANT * (steps - step) + np.hypot(cells_x, cells_y)) + _MARGIN
         for i in range(middle - int(reach), middle + int(reach) + 1):
             half = int(np.sqrt(reach**2 - (i - middle) ** 2))
@@ -221,5 +221,5 @@ def _march(right: Singles, upper: Singles, gains: Singles, burst: Floats, cells_
         old, now = now, old
         if step < burst.shape[0]:
             now[middle, middle] += burst[step]
-        heard[step] = now[middle + cells_x, middle + cells_y]
-    return heard
+        received[step] = now[middle + cells_x, middle + cells_y]
+    return received

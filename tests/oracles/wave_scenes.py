@@ -1,6 +1,6 @@
-"""Scenes for the wave equation, and the paths of the same scenes held against it, arrival by arrival.
+"""Scenes for the wave equation, and comparison with the paths of the same scenes, arrival by arrival.
 
-Each scene has one thing to show, and its arrivals lie at least a burst apart, so that each can be told from the others.
+Each scene shows one effect. Its arrivals are at least a burst apart, so that they do not overlap.
 """
 
 import math
@@ -14,13 +14,13 @@ from sonarhw_sim.room.model import Room
 from tests.fixtures.rooms_for_tests import room_of
 from tests.oracles.wave_equation import CELL, FLAT_WALL, WAVELENGTH, Arrival, Scene, Wall, arrival_near, matched
 
-LONGEST = 0.75  # m: paths looked for
-OUT = 9.0  # m: walls end there, out of hearing
+LONGEST = 0.75  # m: greatest length of paths
+OUT = 9.0  # m: walls end there, out of range
 EDGE_AT = 12 * WAVELENGTH  # m from the source
 
 
 def inner_corner(opening_deg: float, distance: float, from_floor_deg: float) -> Scene:
-    """Two walls of air between them, seen from `distance` in a direction counted from the floor."""
+    """Return two walls with air between them, seen from `distance` in a direction relative to the floor."""
     x, y = _vertex(distance, from_floor_deg)
     return Scene(
         f"inner corner of {opening_deg:g}°, seen from {from_floor_deg:g}°",
@@ -30,26 +30,26 @@ def inner_corner(opening_deg: float, distance: float, from_floor_deg: float) -> 
 
 
 def outer_corner(air_deg: float, from_face_deg: float) -> Scene:
-    """The corner of a solid with `air_deg` of air round it, seen from a direction counted from its level face."""
+    """Return the corner of a solid in `air_deg` of air, seen from a direction relative to its level face."""
     x, y = _vertex(EDGE_AT, from_face_deg)
     walls = (_reverse(_wall_from(x, y, air_deg)), (x, y, OUT, y))
     return Scene(f"corner in {air_deg:g}° of air, seen from {from_face_deg:g}°", walls, solids=((0, 1),))
 
 
 def plate_end(from_face_deg: float) -> Scene:
-    """The end of a thin level plate, seen from a direction counted from it."""
+    """Return the end of a thin level plate, seen from a direction relative to it."""
     x, y = _vertex(EDGE_AT, from_face_deg)
     return Scene(f"end of a plate, seen from {from_face_deg:g}°", ((x, y, OUT, y),))
 
 
 def abreast_of_an_end(beyond: float) -> Scene:
-    """A plate at the flat wall's distance that ends `beyond` m past the point abreast of the source."""
+    """Return a plate at the flat wall's distance that ends `beyond` m past the foot of the perpendicular."""
     at = FLAT_WALL.walls[0][0]
     return Scene("end abreast", ((at, -OUT, at, _on_line(beyond)),))
 
 
 def _vertex(distance: float, towards_source_deg: float) -> tuple[float, float]:
-    """Where a vertex stands that has the source in that direction, moved to lines between cells."""
+    """Return the position of a vertex with the source in this direction, moved to lines between cells."""
     angle = math.radians(towards_source_deg)
     return _on_line(-distance * math.cos(angle)), _on_line(-distance * math.sin(angle))
 
@@ -73,11 +73,11 @@ def _floor(y: float) -> Wall:
 
 REFLECTED = (
     FLAT_WALL,
-    Scene("flat wall, heard elsewhere", FLAT_WALL.walls, FLAT_WALL.solids, receiver=(0.0, 0.3)),
+    Scene("flat wall, separate receiver", FLAT_WALL.walls, FLAT_WALL.solids, receiver=(0.0, 0.3)),
     inner_corner(90, 0.35, 31),
     inner_corner(60, 0.38, 20),
     Scene("post", posts=((0.25, 0.0, 0.05),)),
-    Scene("thick post, heard elsewhere", posts=((0.28, 0.0, 0.1),), receiver=(0.0, 0.2)),
+    Scene("thick post, separate receiver", posts=((0.28, 0.0, 0.1),), receiver=(0.0, 0.2)),
     Scene("two posts", posts=((0.12, 0.16, 0.05), (0.2, -0.18, 0.06))),
     Scene("post before a wall", (_floor(-0.1005),), solids=((0,),), posts=((0.28, 0.1, 0.06),)),
 )
@@ -99,27 +99,27 @@ DIFFRACTED = (
 
 @dataclass(frozen=True)
 class Difference:
-    """One arrival as the paths have it, and as the wave equation has it."""
+    """One arrival by the paths, and by the wave equation."""
 
     scene: str
-    via: str  # as `sonarhw paths` writes it; several where they take equally long
-    bent: bool  # whether an edge diffracts it
+    via: str  # as in `sonarhw paths`; several if they are equally long
+    diffracted: bool  # whether an edge diffracts it
     predicted: Arrival
     found: Arrival
 
     @property
     def cycles(self) -> float:
-        """How much later than predicted it comes, in cycles of the carrier."""
+        """Delay relative to the prediction, in cycles of the carrier."""
         return (self.found.length - self.predicted.length) / WAVELENGTH
 
     @property
     def decibels(self) -> float:
-        """How much stronger than predicted it is."""
+        """Level relative to the prediction, dB."""
         return 20 * math.log10(self.found.strength / self.predicted.strength)
 
 
 def differences(scene: Scene, edge_strength: EdgeStrength = EdgeStrength.PAPER) -> list[Difference]:
-    """All arrivals of a scene, earliest first. Paths equally long arrive together and add."""
+    """Return all arrivals of a scene, earliest first. Paths of equal length arrive together and add."""
     room = room_of(scene.walls, scene.posts)
     search = PathSearch(LONGEST, WAVELENGTH, edge_strength=edge_strength)
     paths = find_paths(room, (0.0, 0.0), search, receiver=scene.receiver)
@@ -129,16 +129,16 @@ def differences(scene: Scene, edge_strength: EdgeStrength = EdgeStrength.PAPER) 
 
 
 def unexplained(scene: Scene) -> float:
-    """The strongest echo that no path accounts for, relative to a flat wall's."""
+    """Return the strongest echo without a path, relative to a flat wall."""
     strengths, lengths = matched(scene)
-    # nearer than this an arrival's own burst still sounds
+    # shorter than this, the burst of an arrival has not ended
     explained = [np.abs(lengths - arrival.predicted.length) < 3 * WAVELENGTH for arrival in differences(scene)]
-    asked = (lengths > 3 * WAVELENGTH) & (lengths < LONGEST) & ~np.logical_or.reduce(explained)
-    return float(strengths[asked].max())
+    free = (lengths > 3 * WAVELENGTH) & (lengths < LONGEST) & ~np.logical_or.reduce(explained)
+    return float(strengths[free].max())
 
 
 def _difference(scene: Scene, room: Room, paths: Paths, rows: np.ndarray) -> Difference:
     predicted = Arrival(float(paths.lengths[rows[0]]), float(paths.gains[rows].sum()))
     via = " | ".join(">".join(paths.via(int(row), room)) for row in rows)
-    bent = bool((paths.edges[rows] >= 0).any())
-    return Difference(scene.name, via, bent, predicted, arrival_near(scene, predicted.length))
+    diffracted = bool((paths.edges[rows] >= 0).any())
+    return Difference(scene.name, via, diffracted, predicted, arrival_near(scene, predicted.length))

@@ -201,13 +201,13 @@ class Board:
         return np.round(ranges / self.rounding) * self.rounding if self.rounding else ranges
 
 
-def load_board(wanted: str) -> Board:
+def load_board(name: str) -> Board:
     """Return an included profile by name, or the one in a file. Raises InputError if it is unknown or wrong."""
-    if wanted.endswith(".toml"):
-        return parse_board(read_text(Path(wanted), "board profile"), wanted)
-    shipped = files("sonarhw_sim.board.shipped") / f"{wanted}.toml"
-    if wanted not in board_names():
-        raise InputError(f"no board {wanted!r}; known: {', '.join(board_names())}, or a file NAME.toml")
+    if name.endswith(".toml"):
+        return parse_board(read_text(Path(name), "board profile"), name)
+    shipped = files("sonarhw_sim.board.shipped") / f"{name}.toml"
+    if name not in board_names():
+        raise InputError(f"no board {name!r}; known: {', '.join(board_names())}, or a file NAME.toml")
     return parse_board(shipped.read_text(encoding="utf-8"), shipped.name)
 
 

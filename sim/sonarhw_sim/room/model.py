@@ -109,31 +109,31 @@ class Room:
         # a single plate or post is small, and is detected from farther away than its size
         return bool(beyond.max() > max(5.0, float((highest - lowest).max())))
 
-    def place(self, wanted: str | None) -> Place:
+    def place(self, name: str | None) -> Place:
         """Return the place with this name or at `X,Y`; for None, the only place.
 
         Raises InputError if there is no such place, or it is inside a post.
         """
-        if wanted is None:
+        if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
             raise InputError(f"room {self.name!r}: --place is needed; {self._known_places()}")
-        if wanted in self.places:
-            return self.places[wanted]
-        return self._place_at(wanted)
+        if name in self.places:
+            return self.places[name]
+        return self._place_at(name)
 
-    def _place_at(self, wanted: str) -> Place:
+    def _place_at(self, name: str) -> Place:
         try:
-            x, y = map(float, wanted.split(","))
+            x, y = map(float, name.split(","))
         except ValueError as error:
             raise InputError(
-                f"room {self.name!r}: no place {wanted!r}; {self._known_places()}, or X,Y in metres"
+                f"room {self.name!r}: no place {name!r}; {self._known_places()}, or X,Y in metres"
             ) from error
         if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
-            raise InputError(f"place {wanted!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
+            raise InputError(f"place {name!r}: expected two numbers X,Y in metres, none over {MAX_COORDINATE:g}")
         for post in self.posts_at((x, y)):
-            raise InputError(f"place {wanted!r} lies inside post {self.names[post]!r}; sound cannot leave it")
-        return Place(wanted, (x, y))
+            raise InputError(f"place {name!r} lies inside post {self.names[post]!r}; sound cannot leave it")
+        return Place(name, (x, y))
 
     def _known_places(self) -> str:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"

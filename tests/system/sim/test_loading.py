@@ -1,10 +1,10 @@
-"""What is loaded and compiled before the first use, each in a process of its own."""
+"""Modules loaded and kernels compiled before the first use, each case in its own process."""
 
 import subprocess
 import sys
 
 
-def test_nothing_is_left_to_compile_when_ready() -> None:
+def test_all_kernels_are_compiled_after_prepare() -> None:
     program = """
 import math, sys
 from sonarhw_sim.board.profile import load_board
@@ -27,7 +27,7 @@ assert before and compiled() == before, (before, compiled())
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
-def test_choices_are_listed_before_any_array_or_kernel_is_loaded() -> None:
+def test_choices_load_neither_numpy_nor_pydantic() -> None:
     program = "import sys, sonarhw_sim.choices; print({'numpy', 'pydantic'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -1,6 +1,6 @@
-"""The fast scan agrees with appendix A, ray by ray, but for headings that physics.md excuses: under 1 % of all.
+"""The fast scan agrees with appendix A, ray by ray, except at the headings described in model.md: below 1 % of all.
 
-Where it can, the compiled appendix A stands for the readable one, to which test_one_heading holds it ray for ray.
+Where possible, the compiled appendix A replaces the readable one; test_one_heading compares both.
 """
 
 import math
@@ -19,8 +19,8 @@ from tests.oracles import one_heading, reference
 
 PAPER = load_board("paper")
 QUARTER = math.radians(0.25)
-# a post spreads neighbouring rays so far apart that the receiver needs finer ones: as the spacing shrinks, the
-# reference comes to what the fast path says from the start
+# a post spreads neighbouring rays, so the reference needs finer ones: with smaller spacing it approaches the result of
+# the fast scan
 FINE = math.radians(1 / 128)
 CASES = [
     ("simple", "figure7", QUARTER),
@@ -39,7 +39,7 @@ CASES = [
 def disagreements(
     room: Room, scan: PredictedScan, unit: Unit, spacing: float
 ) -> list[tuple[float, float, float | None]]:
-    """Headings (degrees) at which fast and reference ranges lie more than 5 mm apart, with both."""
+    """Return the headings (degrees) at which fast and reference range differ by more than 5 mm, with both ranges."""
     apart = []
     for heading, fast in zip(scan.headings, scan.ranges, strict=True):
         slow = _appendix_a(room, scan, float(heading), unit, spacing)

@@ -1,4 +1,4 @@
-"""Paths have the arrivals of the wave equation, and their strengths; before that, its own answers are held to laws."""
+"""Paths agree with the arrivals of the wave equation in time and level; its solver is checked against known laws."""
 
 import math
 
@@ -15,7 +15,7 @@ def decibels(ratio: float) -> float:
     return 20 * math.log10(ratio)
 
 
-def test_flat_wall_answers_as_its_image_would() -> None:
+def test_flat_wall_has_the_echo_of_its_image_source() -> None:
     image = direct((2 * 0.2405, 0.0))
     assert echoes(FLAT_WALL) == pytest.approx(image, abs=2e-4 * np.abs(image).max())
 
@@ -27,12 +27,12 @@ def test_burst_spreads_as_from_a_line_source() -> None:
     assert decibels(abs(far / near) / closed_form) == pytest.approx(0.0, abs=0.1)
 
 
-def _carrier(heard: np.ndarray) -> complex:
-    lengths = np.arange(len(heard)) * STEP
-    return complex(heard @ np.exp(2j * math.pi * lengths / WAVELENGTH))
+def _carrier(detected: np.ndarray) -> complex:
+    lengths = np.arange(len(detected)) * STEP
+    return complex(detected @ np.exp(2j * math.pi * lengths / WAVELENGTH))
 
 
-def test_oblique_wall_answers_as_a_level_one() -> None:
+def test_oblique_wall_has_the_echo_of_a_level_one() -> None:
     c, s = math.cos(math.radians(30)), 0.5
     wall = (0.2405 * c + 9 * s, 0.2405 * s - 9 * c, 0.2405 * c - 9 * s, 0.2405 * s + 9 * c)
     arrival = arrival_near(Scene("oblique wall", (wall,), solids=((0,),)), 0.481)
@@ -40,13 +40,13 @@ def test_oblique_wall_answers_as_a_level_one() -> None:
     assert decibels(arrival.strength) == pytest.approx(0.0, abs=0.2)
 
 
-def test_border_of_the_grid_is_not_heard() -> None:
-    heard = direct((0.0, 0.0))
-    assert np.abs(heard[len(heard) // 2 :]).max() < 1e-4 * np.abs(heard).max()
+def test_border_of_the_grid_returns_no_sound() -> None:
+    detected = direct((0.0, 0.0))
+    assert np.abs(detected[len(detected) // 2 :]).max() < 1e-4 * np.abs(detected).max()
 
 
 @pytest.mark.parametrize("scene", REFLECTED, ids=lambda scene: scene.name)
-def test_reflected_sound_arrives_as_its_paths_say(scene: Scene) -> None:
+def test_reflected_arrivals_agree_with_their_paths(scene: Scene) -> None:
     arrivals = differences(scene)
     assert arrivals
     for arrival in arrivals:
@@ -54,34 +54,34 @@ def test_reflected_sound_arrives_as_its_paths_say(scene: Scene) -> None:
         assert abs(arrival.decibels) < 0.5
 
 
-def test_right_angle_corner_is_as_strong_as_a_wall_once() -> None:
+def test_right_angle_corner_is_one_path_as_strong_as_a_wall() -> None:
     corner = differences(REFLECTED[2])[-1]
     assert corner.via == "w0>w1"
     assert decibels(corner.found.strength) == pytest.approx(0.0, abs=0.3)
 
 
 @pytest.mark.parametrize("scene", DIFFRACTED, ids=lambda scene: scene.name)
-def test_edges_bend_sound_as_keller_says(scene: Scene) -> None:
+def test_edge_diffraction_agrees_with_keller(scene: Scene) -> None:
     arrivals = differences(scene, EdgeStrength.KELLER)
-    assert any(arrival.bent for arrival in arrivals)
+    assert any(arrival.diffracted for arrival in arrivals)
     for arrival in arrivals:
         assert abs(arrival.cycles) < 0.2
         assert abs(arrival.decibels) < 1.0
 
 
 @pytest.mark.parametrize("scene", PLATES, ids=lambda scene: scene.name)
-def test_papers_factor_is_right_for_plates_to_the_spread_of_their_angles(scene: Scene) -> None:
-    # physics.md: -20 to -36 dB where the factor says -33; farther round than 120°, less
-    (bent,) = [arrival for arrival in differences(scene) if arrival.bent]
-    assert -11 < bent.decibels < 13
-    assert bent.decibels > -3 or "135" in scene.name
+def test_papers_factor_is_right_for_plates_within_the_spread_of_angles(scene: Scene) -> None:
+    # -20 to -36 dB where the factor is -33 dB; less beyond 120°
+    (diffracted,) = [arrival for arrival in differences(scene) if arrival.diffracted]
+    assert -11 < diffracted.decibels < 13
+    assert diffracted.decibels > -3 or "135" in scene.name
 
 
-def test_papers_factor_is_right_for_a_box_seen_from_its_corner() -> None:
-    (bent,) = differences(CORNERS[1])
-    assert bent.decibels == pytest.approx(0.7, abs=0.5)
+def test_papers_factor_is_right_for_the_corner_of_a_box() -> None:
+    (diffracted,) = differences(CORNERS[1])
+    assert diffracted.decibels == pytest.approx(0.7, abs=0.5)
 
 
 @pytest.mark.parametrize("scene", REFLECTED + DIFFRACTED, ids=lambda scene: scene.name)
-def test_what_no_path_explains_is_faint(scene: Scene) -> None:
+def test_sound_without_a_path_is_faint(scene: Scene) -> None:
     assert decibels(unexplained(scene)) < -30

@@ -1,4 +1,4 @@
-"""Air against the tables of the sources."""
+"""Speed of sound and absorption against the tables of their sources."""
 
 import pytest
 from sonarhw_sim.air import Air, absorption, speed_of_sound
@@ -15,7 +15,7 @@ from sonarhw_sim.air import Air, absorption, speed_of_sound
         (30, 0.8, 351.006),
     ],
 )
-def test_speed_of_sound_is_cramers(temperature: float, humidity: float, speed: float) -> None:
+def test_speed_of_sound_agrees_with_cramer(temperature: float, humidity: float, speed: float) -> None:
     assert speed_of_sound(temperature, humidity) == pytest.approx(speed, abs=0.002)
 
 
@@ -30,5 +30,7 @@ def test_speed_of_sound_is_cramers(temperature: float, humidity: float, speed: f
         (30, 0.5, 50e3, 1.8935),
     ],
 )
-def test_absorption_is_the_standards(temperature: float, humidity: float, frequency: float, loss: float) -> None:
+def test_absorption_agrees_with_the_standard(
+    temperature: float, humidity: float, frequency: float, loss: float
+) -> None:
     assert absorption(frequency, Air(temperature, humidity)) == pytest.approx(loss, rel=2e-3)

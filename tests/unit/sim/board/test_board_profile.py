@@ -1,4 +1,4 @@
-"""What a board profile may say of its receiver, and how a wrong one is refused."""
+"""Receiver keys of board profiles, and errors in them."""
 
 import re
 
@@ -28,7 +28,7 @@ cycles = 10
 """
 
 
-def test_profile_without_receiver_keys_is_one_of_the_paper() -> None:
+def test_profile_without_receiver_keys_has_the_papers_receiver() -> None:
     board = parse_board(PROFILE, "mine.toml")
     assert board.receiver is Receiver.FIRST_ECHO
     assert board.burst == (Tone(49412.0, 16),)
@@ -51,7 +51,7 @@ def test_every_key_of_the_receiver_is_read() -> None:
     assert board.blanked_range(Air()) == pytest.approx(0.001 * 343.987 / 2, rel=1e-4)
 
 
-def test_steps_of_the_6500_are_those_of_its_clock() -> None:
+def test_gain_steps_of_the_6500_follow_its_clock() -> None:
     steps, end = [], 16 / 49.412e3
     for clocks in (192, *[256] * 7, *[512] * 3):
         end += clocks / 93.33e3

@@ -1,4 +1,4 @@
-"""What stands behind the sound: a face that reflects, a face that sits off the axis, a body that rattles."""
+"""Mounts: a face that reflects, a face off the axis, and a body behind the face."""
 
 import math
 from dataclasses import replace
@@ -39,10 +39,10 @@ def mirrored(point: FloatArray, through: FloatArray, direction: float) -> FloatA
 
 @pytest.mark.parametrize(
     ("place", "heading", "wall", "away", "trips"),
-    # 94 mm lies within blanking (0.409 m) until the fifth round trip, 154 mm until the third, 85 mm until the fifth
+    # 94 mm is within blanking (0.409 m) until the fifth round trip, 154 mm until the third, 85 mm until the fifth
     [("figure7", 0, "right", 0.094, 5), ("figure9", 0, "right", 0.154, 3), ("figure9", 270, "bottom", 0.085, 5)],
 )
-def test_sound_rings_between_near_wall_and_face_until_blanking_ends(
+def test_sound_repeats_between_near_wall_and_face_until_blanking_ends(
     place: str, heading: float, wall: str, away: float, trips: int
 ) -> None:
     scan = predict(ROOM.places[place], heading, unit=Unit.REFLECT)
@@ -51,17 +51,17 @@ def test_sound_rings_between_near_wall_and_face_until_blanking_ends(
     assert [echo.range for echo in scan.blanked_echoes(0)][: trips - 1] == pytest.approx(np.arange(1, trips) * away)
 
 
-def test_plate_held_parallel_gives_many_echoes_each_a_wall_and_a_face_fainter() -> None:
+def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> None:
     scan = predict(HERE, 0.0, unit=Unit.REFLECT, room=PLATE)
-    heard = [*scan.blanked_echoes(0), *scan.echoes(0)]
-    ringing = [echo for echo in heard if scan.paths.edges[echo.path] < 0]
+    detected = [*scan.blanked_echoes(0), *scan.echoes(0)]
+    ringing = [echo for echo in detected if scan.paths.edges[echo.path] < 0]
     levels = [20 * math.log10(0.9**n * CARRIER_REFLECTANCE ** (n - 1)) for n in range(1, len(ringing) + 1)]
     assert [echo.range for echo in ringing] == pytest.approx(0.15 * np.arange(1, len(ringing) + 1))
     assert [echo.level_db for echo in ringing] == pytest.approx(levels)
     assert len(ringing) > 20
 
 
-def test_tilted_face_sends_the_second_round_trip_where_two_mirrors_put_it() -> None:
+def test_tilted_face_reflects_the_second_round_trip_like_two_mirrors() -> None:
     tilt = 2.0
     scan = predict(HERE, tilt, unit=Unit.REFLECT, room=PLATE)
     second = next(k for k in range(len(scan.paths)) if scan.paths.via(k, scan.room) == ("w[0]", "unit", "w[0]"))
@@ -74,9 +74,9 @@ def test_tilted_face_sends_the_second_round_trip_where_two_mirrors_put_it() -> N
     assert scan.paths.departures[second] == pytest.approx(math.atan2(image[1], image[0]), abs=1e-9)
 
 
-def test_what_does_not_touch_a_reflecting_face_is_what_a_blocking_one_lets_through() -> None:
+def test_paths_off_a_reflecting_face_are_those_that_a_blocking_one_passes() -> None:
     degrees = range(0, 360, 15)
-    near = replace(PAPER, max_range=4.0)  # farther off, paths through windows narrower than the rays' spacing are luck
+    near = replace(PAPER, max_range=4.0)  # with longer paths, windows narrower than the ray spacing are found by chance
     reflecting, blocking = (
         predict(ROOM.places["figure9"], *degrees, unit=unit, board=near) for unit in (Unit.REFLECT, Unit.BLOCK)
     )
@@ -87,7 +87,7 @@ def test_what_does_not_touch_a_reflecting_face_is_what_a_blocking_one_lets_throu
 
 
 def test_sound_from_behind_is_reflected_by_the_back_of_the_face() -> None:
-    # two parallel plates; what comes over the rear one meets the face's back and never comes to the front
+    # two parallel plates; sound from the rear one meets the back of the face and does not reach its front
     corridor = polygon_room([(0.5, -3.0), (0.5, 3.0), (-0.7, 3.0), (-0.7, -3.0)])
     passing, reflecting = (predict(HERE, 0.0, unit=u, room=corridor) for u in (Unit.PASS, Unit.REFLECT))
     past_the_unit = 0.5 + 0.7 + 0.5  # front, rear, front: m one way
@@ -100,7 +100,7 @@ MOUNTS = [Mount(ahead=0.03), Mount(ahead=-0.02), Mount(aside=0.04), Mount(ahead=
 
 @pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize("unit", [Unit.PASS, Unit.REFLECT])
-def test_face_off_the_axis_hears_what_a_face_on_an_axis_there_hears(mount: Mount, unit: Unit) -> None:
+def test_face_off_the_axis_has_the_readings_of_an_axis_there(mount: Mount, unit: Unit) -> None:
     place, near = ROOM.places["figure9"], replace(PAPER, max_range=4.0)
     degrees = [0.0, 75.0, 140.0, 270.0]
     mounted = predict(place, *degrees, unit=unit, board=replace(near, mount=mount))
@@ -113,13 +113,13 @@ def test_face_off_the_axis_hears_what_a_face_on_an_axis_there_hears(mount: Mount
         assert mounted.standpoints[k] == pytest.approx((x, y))
 
 
-def test_wall_ahead_is_nearer_by_as_much_as_the_face_sits_ahead_of_the_axis() -> None:
+def test_wall_ahead_is_nearer_by_the_distance_of_face_and_axis() -> None:
     board = replace(PAPER, mount=Mount(ahead=0.08))
     scan = predict(ROOM.places["figure9"], 90.0, 180.0, unit=Unit.PASS, board=board)
     assert scan.ranges == pytest.approx([0.657 - 0.08, 0.774 - 0.08])
 
 
-def test_sender_and_receiver_apart_hear_a_wall_along_the_sides_of_a_triangle() -> None:
+def test_path_between_separate_sender_and_receiver_is_two_sides_of_a_triangle() -> None:
     board = replace(PAPER, mount=Mount(separation=0.1))
     wall = polygon_room([(0.5, -3.0), (0.5, 3.0)], closed=False)
     scan = predict(HERE, 0.0, unit=Unit.PASS, room=wall, board=board)
@@ -132,7 +132,7 @@ def test_sender_and_receiver_apart_hear_a_wall_along_the_sides_of_a_triangle() -
 B12 = replace(load_board("paper-b12"), max_range=2.0)
 
 
-def test_body_rattles_the_near_wall_until_blanking_ends_and_hides_the_far_one() -> None:
+def test_sound_repeats_between_body_and_near_wall_which_hides_the_far_one() -> None:
     # figure 9 with a B12 robot (text): 85 mm from the bottom wall
     place = Place("b12", (0.45, 0.085 + 0.152))
     scan = predict(place, 270.0, unit=Unit.PASS, board=B12)
@@ -145,7 +145,7 @@ def test_body_rattles_the_near_wall_until_blanking_ends_and_hides_the_far_one() 
     assert not any(echo.range == pytest.approx(false_wall, abs=1e-3) for echo in scan.echoes(0))
 
 
-def test_body_as_round_as_it_is_spreads_what_it_reflects() -> None:
+def test_round_body_spreads_reflected_sound() -> None:
     board = replace(PAPER, mount=Mount(ahead=0.2, body_radius=0.2))
     room = polygon_room([(0.5, -3.0), (0.5, 3.0)], closed=False)
     scan = predict(HERE, 0.0, unit=Unit.PASS, room=room, board=board)
@@ -167,14 +167,14 @@ threshold_db = -35.0
 """
 
 
-def test_profile_says_how_its_transducer_is_mounted() -> None:
+def test_profile_contains_the_mount() -> None:
     board = parse_board(BOARD + "[mount]\nahead = 0.02\naside = -0.01\n", "mine.toml")
     assert board.carrier == Mount(ahead=0.02, aside=-0.01)
     assert parse_board(BOARD, "mine.toml").carrier.turns_about_face
 
 
 @pytest.mark.parametrize(
-    ("lines", "told"),
+    ("lines", "message"),
     [
         ("[mount]\nforward = 0.1\n", "mount.forward: unknown key"),
         ("[mount]\nbody_radius = 0.1\n", "the face would lie inside the body"),
@@ -184,8 +184,8 @@ def test_profile_says_how_its_transducer_is_mounted() -> None:
         ("[ring]\nsensors = 3\nradius = 0.1\norder = [0, 1, 1]\n", "each sensor from 0 to 2 once"),
     ],
 )
-def test_impossible_mounts_are_refused_by_key(lines: str, told: str) -> None:
+def test_impossible_mounts_are_rejected_by_key(lines: str, message: str) -> None:
     with pytest.raises(InputError) as refused:
         parse_board(BOARD + lines, "mine.toml")
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)

@@ -1,4 +1,4 @@
-"""The board's own receiver: where it agrees with the paper's, by how much it is late, and what its data sheet says."""
+"""The board's own receiver: agreement with the paper's, delay of detection, and properties in its data sheet."""
 
 import math
 from dataclasses import replace
@@ -27,13 +27,13 @@ ROOM = load_room("rooms/simple.toml")
 
 
 def walls(*ranges_and_levels: tuple[float, float]) -> Arrivals:
-    """Walls straight ahead at ranges (m) with levels (dB)."""
+    """Return arrivals of walls straight ahead at ranges (m) with levels (dB)."""
     ranges, levels = np.array(ranges_and_levels).reshape(-1, 2).T
     ahead = np.ones(len(ranges))
     return Arrivals(2 * ranges / SPEED, 10 ** (levels / 20), ahead, ahead)
 
 
-def heard_ranges(board: Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
+def detected_ranges(board: Board, *ranges_and_levels: tuple[float, float]) -> FloatArray:
     return counted_time(detect_echoes(walls(*ranges_and_levels), board, SPEED).times, board) * SPEED / 2
 
 
@@ -45,41 +45,41 @@ scenes = st.lists(
 @settings(deadline=None, max_examples=60)
 @given(scene=scenes)
 def test_with_ideal_gain_and_no_integration_both_receivers_agree(scene: list[tuple[float, float]]) -> None:
-    # echoes that lie over each other strengthen or cancel, which the paper's receiver knows nothing of
+    # overlapping echoes add with their phase, which the paper's receiver ignores
     ranges = sorted(distance for distance, _ in scene)
     apart = [scene[0]] if ranges and min(np.diff(ranges), default=1.0) < 0.2 else scene
     loud = sorted(distance for distance, level in apart if level > BOARD.threshold_db)
-    heard = heard_ranges(PAPERLIKE, *apart)
-    assert len(heard) >= len(loud)
+    detected = detected_ranges(PAPERLIKE, *apart)
+    assert len(detected) >= len(loud)
     if loud:
-        assert heard[0] == pytest.approx(loud[0], abs=2 * CYCLE * SPEED / 2)
+        assert detected[0] == pytest.approx(loud[0], abs=2 * CYCLE * SPEED / 2)
         winner = detect_echoes(walls(*apart), PAPERLIKE, SPEED).winner
         assert apart[winner][0] == loud[0]
     else:
-        assert len(heard) == 0
+        assert len(detected) == 0
 
 
 @settings(deadline=None, max_examples=60)
 @given(distance=st.floats(0.5, 10.0), over=st.floats(0.2, 40))
-def test_range_is_long_never_short_and_by_no_more_than_the_burst_and_its_ringing(distance: float, over: float) -> None:
-    late = heard_ranges(LEVEL, (distance, LEVEL.threshold_db + over))[0] - distance
+def test_range_error_is_positive_and_at_most_burst_and_decay(distance: float, over: float) -> None:
+    late = detected_ranges(LEVEL, (distance, LEVEL.threshold_db + over))[0] - distance
     assert 0 < late < (16 + 4) * CYCLE * SPEED / 2
 
 
-def test_barely_seen_echo_comes_some_45_millimetres_after_a_strong_one() -> None:
-    late = [heard_ranges(LEVEL, (2.0, LEVEL.threshold_db + over))[0] for over in (1, 3, 6, 10, 20, 40)]
+def test_barely_detected_echo_is_45_millimetres_later_than_a_strong_one() -> None:
+    late = [detected_ranges(LEVEL, (2.0, LEVEL.threshold_db + over))[0] for over in (1, 3, 6, 10, 20, 40)]
     assert late == sorted(late, reverse=True)
     assert late[0] - late[-1] == pytest.approx(0.045, abs=0.005)
 
 
-def test_threshold_means_the_same_to_both_receivers() -> None:
+def test_threshold_has_the_same_meaning_for_both_receivers() -> None:
     for cycles in (0.0, 3.0, 16.0):
         board = replace(LEVEL, integration_cycles=cycles)
-        assert len(heard_ranges(board, (2.0, board.threshold_db - 0.1))) == 0
-        assert len(heard_ranges(board, (2.0, board.threshold_db + 0.1))) == 1
+        assert len(detected_ranges(board, (2.0, board.threshold_db - 0.1))) == 0
+        assert len(detected_ranges(board, (2.0, board.threshold_db + 0.1))) == 1
 
 
-def test_range_is_the_one_that_a_rectifier_and_a_capacitor_find_in_the_signal_with_its_carrier() -> None:
+def test_range_is_that_of_a_rectifier_and_a_capacitor_on_the_rf_signal() -> None:
     rate = 5e6
     lone = np.abs(received(walls((1.0, 0.0)), LEVEL, SPEED, 0.01).rf(rate)[20_000:])
     arrivals = walls((1.0, -45.0), (1.3, -33.0), (1.302, -36.0))
@@ -100,34 +100,34 @@ def test_range_is_the_one_that_a_rectifier_and_a_capacitor_find_in_the_signal_wi
     assert detect_echoes(arrivals, LEVEL, SPEED).times[0] == pytest.approx(expected, abs=CYCLE / 2)
 
 
-def test_echo_that_ends_within_blanking_is_not_heard_and_one_that_lasts_is_read_at_its_end() -> None:
+def test_echo_within_blanking_is_ignored_and_one_that_continues_is_detected_at_its_end() -> None:
     end = LEVEL.blanking * SPEED / 2
-    assert len(heard_ranges(LEVEL, (0.2, -3.0))) == 0
-    assert heard_ranges(LEVEL, (0.38, -3.0))[0] == pytest.approx(end, abs=0.01)
+    assert len(detected_ranges(LEVEL, (0.2, -3.0))) == 0
+    assert detected_ranges(LEVEL, (0.38, -3.0))[0] == pytest.approx(end, abs=0.01)
 
 
-def test_binh_hears_down_to_6_inches_and_nearer_things_as_well() -> None:
+def test_binh_detects_walls_from_6_inches_and_nearer_ones_late() -> None:
     board = replace(LEVEL, blanking_inhibit=0.75e-3)
-    assert heard_ranges(board, (0.1524, -3.0))[0] == pytest.approx(0.1524, abs=0.01)
-    assert heard_ranges(board, (0.10, -3.0))[0] == pytest.approx(0.1524, abs=0.03)
-    assert heard_ranges(board, (0.25, -3.0))[0] == pytest.approx(0.25, abs=0.01)
-    assert len(heard_ranges(board)) == 0  # its own burst has rung down
+    assert detected_ranges(board, (0.1524, -3.0))[0] == pytest.approx(0.1524, abs=0.01)
+    assert detected_ranges(board, (0.10, -3.0))[0] == pytest.approx(0.1524, abs=0.03)
+    assert detected_ranges(board, (0.25, -3.0))[0] == pytest.approx(0.25, abs=0.01)
+    assert len(detected_ranges(board)) == 0  # its own burst has decayed
 
 
-def test_targets_3_inches_apart_are_told_apart() -> None:
-    heard = heard_ranges(LEVEL, (1.0, -20.0), (1.0762, -20.0))
-    assert np.diff(heard) == pytest.approx([0.0762], abs=0.01)
+def test_targets_3_inches_apart_are_two_echoes() -> None:
+    detected = detected_ranges(LEVEL, (1.0, -20.0), (1.0762, -20.0))
+    assert np.diff(detected) == pytest.approx([0.0762], abs=0.01)
 
 
-def test_after_an_echo_the_next_is_heard_when_re_armed_and_not_before() -> None:
-    heard = detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
-    assert np.diff(heard).min() >= LEVEL.rearm
-    assert len(heard_ranges(replace(LEVEL, rearm=0.02), (1.0, -20.0), (2.0, -20.0))) == 1
+def test_next_echo_is_detected_only_after_re_arming() -> None:
+    detected = detect_echoes(walls((1.0, -20.0), (1.04, -20.0), (1.3, -20.0)), LEVEL, SPEED).times
+    assert np.diff(detected).min() >= LEVEL.rearm
+    assert len(detected_ranges(replace(LEVEL, rearm=0.02), (1.0, -20.0), (2.0, -20.0))) == 1
 
 
 def test_density_of_echoes_follows_the_amplitude_when_re_armed_without_pause() -> None:
     quick = replace(LEVEL, rearm=20e-6)
-    counts = [len(heard_ranges(quick, (1.0, level))) for level in (-39.5, -30.0, -20.0, 0.0)]
+    counts = [len(detected_ranges(quick, (1.0, level))) for level in (-39.5, -30.0, -20.0, 0.0)]
     assert counts == sorted(counts)
     assert counts[-1] > 2 * counts[0]
 
@@ -135,14 +135,14 @@ def test_density_of_echoes_follows_the_amplitude_when_re_armed_without_pause() -
 @pytest.mark.parametrize("error", [-0.01, 0.01])
 def test_wrong_clock_scales_ranges_and_blanking(error: float) -> None:
     board = replace(LEVEL, clock_error=error)
-    exact = heard_ranges(LEVEL, (3.0, -10.0))[0]
-    assert heard_ranges(board, (3.0, -10.0))[0] == pytest.approx(exact * (1 + error), rel=1e-9)
-    # a strong echo that lasts over the end of blanking is found right after it
+    exact = detected_ranges(LEVEL, (3.0, -10.0))[0]
+    assert detected_ranges(board, (3.0, -10.0))[0] == pytest.approx(exact * (1 + error), rel=1e-9)
+    # a strong echo that continues after blanking is detected at its end
     found = detect_echoes(walls((0.38, 0.0)), board, SPEED).times[0]
     assert found == pytest.approx(LEVEL.blanking / (1 + error), abs=CYCLE)
 
 
-def test_stepped_gain_is_up_to_6_decibels_off_the_ideal_one_and_on_average_not() -> None:
+def test_stepped_gain_differs_from_the_ideal_one_by_at_most_6_decibels_and_0_on_average() -> None:
     steps = BOARD.gain_steps
     times = np.linspace(steps[0], steps[-1], 20_000, endpoint=False)
     lengths = times * Air().speed_of_sound
@@ -152,20 +152,20 @@ def test_stepped_gain_is_up_to_6_decibels_off_the_ideal_one_and_on_average_not()
     assert np.abs(off[lengths / 2 > 0.5]).max() < 4
 
 
-def test_stepped_gain_loses_far_walls_that_the_ideal_one_hears() -> None:
-    assert len(heard_ranges(LEVEL, (10.0, -30.0))) == 1
-    assert len(heard_ranges(BOARD, (10.0, -30.0))) == 0
-    assert len(heard_ranges(BOARD, (5.0, -30.0))) == 1
+def test_stepped_gain_misses_far_walls_that_the_ideal_one_detects() -> None:
+    assert len(detected_ranges(LEVEL, (10.0, -30.0))) == 1
+    assert len(detected_ranges(BOARD, (10.0, -30.0))) == 0
+    assert len(detected_ranges(BOARD, (5.0, -30.0))) == 1
 
 
-def test_winner_is_the_loudest_of_those_that_fill_the_capacitor() -> None:
+def test_winner_is_the_loudest_arrival_that_fills_the_capacitor() -> None:
     assert detect_echoes(walls((1.0, -45.0), (1.002, -20.0), (1.004, -30.0)), LEVEL, SPEED).winner == 1
     assert detect_echoes(walls((0.2, 0.0), (3.0, -20.0)), LEVEL, SPEED).winner == 1
 
 
 @settings(deadline=None, max_examples=40)
 @given(scene=scenes, level=st.sampled_from([0.0, 0.002, 0.008]), seed=st.integers(0, 99))
-def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
+def test_first_echo_does_not_depend_on_the_length_of_the_signal(
     scene: list[tuple[float, float]], level: float, seed: int
 ) -> None:
     noise = Noise(level, (seed,))
@@ -178,19 +178,19 @@ def test_first_echo_is_the_same_however_long_the_rest_of_the_signal(
 
 
 @pytest.mark.parametrize("threshold_db", [-math.inf, -3000.0])
-def test_threshold_of_nothing_hears_the_first_that_is_not_silence(threshold_db: float) -> None:
-    heard = heard_ranges(replace(BOARD, threshold_db=threshold_db), (1.0, -20.0))
-    assert BOARD.blanking * SPEED / 2 < heard[0] < 1.001
-    assert np.isfinite(heard).all()
+def test_lowest_threshold_detects_the_first_sound_after_blanking(threshold_db: float) -> None:
+    detected = detected_ranges(replace(BOARD, threshold_db=threshold_db), (1.0, -20.0))
+    assert BOARD.blanking * SPEED / 2 < detected[0] < 1.001
+    assert np.isfinite(detected).all()
 
 
-def test_noise_makes_readings_of_nothing() -> None:
-    heard = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
-    assert len(heard.times) > 0
-    assert heard.winner == -1
+def test_noise_alone_causes_echoes_without_a_winner() -> None:
+    detected = detect_echoes(walls(), LEVEL, SPEED, Noise(0.02, (1,)))
+    assert len(detected.times) > 0
+    assert detected.winner == -1
 
 
-def test_reported_range_is_the_one_found_in_the_signal_of_the_scan() -> None:
+def test_reported_range_is_that_of_the_signal() -> None:
     headings = np.radians(np.arange(0, 360, 30.0))
     options = PredictionOptions(receiver=Receiver.BOARD, noise=0.001, seed=5)
     scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, headings, options)
@@ -201,7 +201,7 @@ def test_reported_range_is_the_one_found_in_the_signal_of_the_scan() -> None:
         assert scan.echo_times_at(k) == pytest.approx(found)
 
 
-def test_false_wall_of_figure_9_stands_for_the_board_too() -> None:
+def test_false_wall_of_figure_9_exists_for_the_boards_receiver_too() -> None:
     options = PredictionOptions(receiver=Receiver.BOARD)
     scan = predict_scan(ROOM, ROOM.places["figure9"], BOARD, np.radians([270.0, 90.0]), options)
     assert scan.paths.via(int(scan.winners[0]), ROOM) == ("bottom", "top", "bottom")

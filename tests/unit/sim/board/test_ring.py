@@ -1,4 +1,4 @@
-"""A ring of sensors: each is a transducer on a body, and hears the others by the time of its own ping."""
+"""A ring of sensors on a body: each receives the others, timed from its own ping."""
 
 import math
 from dataclasses import replace
@@ -16,7 +16,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.errors import InputError
 from tests.fixtures.rooms_for_tests import polygon_room
 
-# 24 mm across, so that sensors 15° apart still hear each other off a wall half a metre away
+# 24 mm wide, so that sensors 15° apart still receive each other over a wall half a metre away
 PAPER = replace(load_board("paper"), aperture_radius=0.012, threshold_db=-50.0, max_range=3.0)
 WALL = polygon_room([(0.6, -3.0), (0.6, 3.0)], closed=False)
 HERE = Place("here", (0.0, 0.0))
@@ -33,13 +33,13 @@ def face(ring: Ring, sensor: int) -> tuple[float, float]:
 
 
 def by_wall(ring: Ring, sender: int, listener: int) -> float:
-    """Length of the path from one sensor over the wall to another: the distance to the other's mirror image."""
+    """Return the length of the path from a sensor over the wall to another: the distance to its mirror image."""
     (x0, y0), (x1, y1) = face(ring, sender), face(ring, listener)
     return math.hypot(1.2 - x1 - x0, y1 - y0)
 
 
-def heard_from(scan: PredictedScan, listener: int, sender: int) -> int:
-    """The row of the path that comes from a sender over the wall straight to a listener."""
+def path_from(scan: PredictedScan, listener: int, sender: int) -> int:
+    """Return the row of the path from a sender over the wall straight to a receiver."""
     assert scan.only_at is not None
     assert scan.sender_headings is not None
     return next(
@@ -58,10 +58,10 @@ def test_ring_of_one_is_a_head_on_a_body() -> None:
     assert one.ranges[0] == pytest.approx(0.5)
 
 
-def test_neighbour_is_heard_over_the_wall_where_its_mirror_image_stands() -> None:
+def test_neighbour_is_received_at_the_distance_of_its_mirror_image() -> None:
     ring = Ring(sensors=24, radius=0.1)
     scan = scan_of(ring)
-    path = heard_from(scan, listener=0, sender=1)
+    path = path_from(scan, listener=0, sender=1)
     (x0, y0), (x1, y1) = face(ring, 1), face(ring, 0)
     leaving = math.atan2(y1 - y0, 1.2 - x1 - x0)
     coming = math.atan2(y0 - y1, 1.2 - x1 - x0)
@@ -71,13 +71,13 @@ def test_neighbour_is_heard_over_the_wall_where_its_mirror_image_stands() -> Non
     assert scan.levels_at(0)[path] == pytest.approx(20 * math.log10(0.9 * out * back), abs=1e-3)
 
 
-def test_crosstalk_counts_from_the_listeners_own_ping() -> None:
+def test_crosstalk_is_timed_from_the_receivers_own_ping() -> None:
     interval = 0.0004
     ring = Ring(sensors=24, radius=0.1, interval=interval)
     scan = scan_of(ring)
-    # 0 fires before 1, and its sound comes to 1 an interval early; that of 1 comes to 0 an interval late
+    # 0 fires before 1, so its sound reaches 1 an interval early, and that of 1 reaches 0 an interval late
     for listener, sender, later in ((1, 0, -interval), (0, 1, interval)):
-        path = heard_from(scan, listener, sender)
+        path = path_from(scan, listener, sender)
         expected = by_wall(ring, sender, listener) + later * SPEED
         assert scan.apparent_lengths[path] == pytest.approx(expected, abs=1e-9)
         assert any(echo.range == pytest.approx(expected / 2, abs=1e-9) for echo in scan.echoes(listener))
@@ -85,28 +85,28 @@ def test_crosstalk_counts_from_the_listeners_own_ping() -> None:
     assert scan.ranges[1] == pytest.approx((by_wall(ring, 0, 1) - interval * SPEED) / 2)
 
 
-def test_ping_that_comes_within_the_listeners_blanking_is_not_heard() -> None:
+def test_ping_within_the_receivers_blanking_is_not_detected() -> None:
     ring = Ring(sensors=24, radius=0.1, interval=0.0015)
     scan = scan_of(ring)
-    early = heard_from(scan, listener=1, sender=0)
+    early = path_from(scan, listener=1, sender=0)
     assert scan.apparent_lengths[early] / 2 < PAPER.blanked_range(WALL.air)
     assert early in [echo.path for echo in scan.blanked_echoes(1)]
     assert early not in [echo.path for echo in scan.echoes(1)]
 
 
-def test_sensors_fire_in_the_order_asked_for() -> None:
+def test_sensors_fire_in_the_given_order() -> None:
     ring = Ring(sensors=4, radius=0.1, interval=0.02, order=(0, 2, 1, 3))
     assert ring.firing_times == (0.0, 0.04, 0.02, 0.06)
 
 
-def test_two_sensors_hear_each_other_alike() -> None:
+def test_crosstalk_of_two_sensors_is_symmetric() -> None:
     scan = scan_of(Ring(sensors=24, radius=0.1))
-    one, other = heard_from(scan, 2, 23), heard_from(scan, 23, 2)
+    one, other = path_from(scan, 2, 23), path_from(scan, 23, 2)
     assert scan.paths.lengths[one] == pytest.approx(scan.paths.lengths[other], abs=1e-9)
     assert scan.levels_at(2)[one] == pytest.approx(scan.levels_at(23)[other], abs=1e-6)
 
 
-def test_sensors_that_fire_long_after_one_another_are_each_alone() -> None:
+def test_sensors_with_long_intervals_receive_no_crosstalk() -> None:
     far_apart = scan_of(Ring(sensors=24, radius=0.1, interval=0.1))
     assert far_apart.sender_headings is not None
     for sensor in (0, 1, 23):
@@ -114,7 +114,7 @@ def test_sensors_that_fire_long_after_one_another_are_each_alone() -> None:
         assert own == list(far_apart.echoes(sensor))
 
 
-def test_heading_between_two_sensors_is_refused() -> None:
+def test_heading_between_two_sensors_is_rejected() -> None:
     ring = Ring(sensors=12, radius=0.1)
     assert ring.sensor_at(HERE, math.radians(330)) == 11
     assert ring.sensor_at(replace(HERE, heading=math.radians(15)), math.radians(-15)) == 11

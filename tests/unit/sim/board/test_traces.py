@@ -1,4 +1,4 @@
-"""Traces against a slow sum in time by the printed formulas, and the laws of what a converter makes of them."""
+"""Traces against a slow sum in time by the printed formulas, and properties of sampled traces."""
 
 import math
 import tracemalloc
@@ -24,18 +24,18 @@ FINE = 8e6  # Hz
 
 
 def arrivals(*rows: tuple[float, float, float, float]) -> Arrivals:
-    """Of rows with time (s), amplitude, and degrees off the axis on leaving and on coming back."""
+    """Return arrivals of rows with time (s), amplitude, and degrees off the axis at departure and at arrival."""
     times, amplitudes, leaving, arriving = np.array(rows, dtype=np.float64).reshape(-1, 4).T
     return Arrivals(times, amplitudes, np.cos(np.radians(leaving)), np.cos(np.radians(arriving)))
 
 
 def quiet(board: Board) -> Board:
-    """The board without its own burst in the receiver."""
+    """Return the board without its own burst in the receiver."""
     return replace(board, own_burst_db=-300.0)
 
 
 def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duration: float, rate: float) -> FloatArray:
-    """The signal with its carrier, summed in time: drive, resonance twice, h_R twice, delay."""
+    """Return the signal with its carrier, summed in time: drive, resonance twice, h_R twice, delay."""
     tau = board.rise_cycles / board.frequency
     t = np.arange(round(0.003 * FINE)) / FINE
     drive, begin, phase = np.zeros(len(t), dtype=np.complex128), 0.0, 0.0
@@ -73,9 +73,9 @@ def slow_rf(board: Board, rows: list[tuple[float, float, float, float]], duratio
         [(0.005, 1.0, 50.0, 0.0)],
         [(0.004, 0.5, 3.0, 40.0), (0.0040875, -0.9, 10.0, 0.0), (0.0061, 0.3, 25.0, 20.0)],
     ],
-    ids=["straight", "oblique", "heard aside", "sent aside", "three"],
+    ids=["straight", "oblique", "detected aside", "sent aside", "three"],
 )
-def test_signal_is_the_slow_sum_in_time(board: Board, rows: list[tuple[float, float, float, float]]) -> None:
+def test_signal_equals_the_slow_sum_in_time(board: Board, rows: list[tuple[float, float, float, float]]) -> None:
     expected = slow_rf(board, rows, 0.009, 1e6)
     signal = received(arrivals(*rows), quiet(board), SPEED, 0.009)
     assert signal.rf(1e6) == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
@@ -111,7 +111,7 @@ def test_echoes_half_a_period_apart_cancel(time: float, degrees: float) -> None:
     ),
     rate=st.floats(3e5, 1e6),
 )
-def test_signal_never_leaves_its_envelope(rows: list[tuple[float, float, float, float]], rate: float) -> None:
+def test_signal_stays_within_its_envelope(rows: list[tuple[float, float, float, float]], rate: float) -> None:
     signal = received(arrivals(*rows), quiet(BOARD), SPEED, 0.01)
     rf, envelope = signal.rf(rate), signal.envelope(rate).samples
     assert len(rf) == len(envelope) == math.ceil(0.01 * rate)
@@ -119,7 +119,7 @@ def test_signal_never_leaves_its_envelope(rows: list[tuple[float, float, float, 
     assert np.abs(rf) == pytest.approx(np.minimum(np.abs(rf), envelope), abs=0.003)
 
 
-def test_converter_sees_the_same_signal_in_256_steps() -> None:
+def test_sampled_signal_is_the_rf_signal_in_256_steps() -> None:
     signal = received(arrivals((0.005, 0.5, 8, 8), (0.0053, 0.02, 0, 0)), BOARD, SPEED, 0.01)
     rf, sampled = signal.rf(CONVERTER_RATE), signal.sampled()
     assert len(sampled) == math.ceil(0.01 * 16e6 / 16 / 13)
@@ -137,18 +137,18 @@ def test_carrier_folds_to_27_and_a_half_kilohertz_in_the_converter() -> None:
 
 
 @pytest.mark.parametrize("degrees", [90.0, 120.0, 180.0])
-def test_nothing_is_heard_from_behind(degrees: float) -> None:
+def test_nothing_is_received_from_behind(degrees: float) -> None:
     for rows in ((0.005, 1.0, degrees, 0.0), (0.005, 1.0, 0.0, degrees)):
         assert received(arrivals(rows), quiet(BOARD), SPEED, 0.01).envelope().samples.max() < 1e-12
 
 
-def test_own_burst_fills_the_receiver_and_is_silent_where_binh_may_end_blanking() -> None:
+def test_own_burst_overdrives_the_receiver_and_has_decayed_where_binh_may_end_blanking() -> None:
     trace = received(arrivals(), BOARD, SPEED, 0.01).envelope()
     assert trace.samples[(trace.times > 50e-6) & (trace.times < 16 / BOARD.frequency)].min() == 1.0
     assert trace.samples[trace.times >= 0.75e-3].max() < 10 ** (BOARD.threshold_db / 20)
 
 
-def test_stepped_gain_follows_the_ideal_one_and_gives_up_behind_its_last_step() -> None:
+def test_stepped_gain_follows_the_ideal_one_up_to_its_last_step() -> None:
     def level(time: float, receiver: Receiver) -> float:
         trace = received(arrivals((time, 0.2, 0, 0)), quiet(BOARD), SPEED, 0.065, receiver).envelope(200e3)
         return 20 * math.log10(trace.samples.max())
@@ -160,7 +160,7 @@ def test_stepped_gain_follows_the_ideal_one_and_gives_up_behind_its_last_step() 
     assert level(0.039, Receiver.BOARD) - level(0.060, Receiver.BOARD) == pytest.approx(15.5, abs=0.3)
 
 
-def test_noise_is_a_function_of_its_seed_and_as_loud_as_it_says() -> None:
+def test_noise_is_a_function_of_its_seed_with_the_given_level() -> None:
     def noisy(seed: int) -> Signal:
         return received(arrivals(), quiet(BOARD), SPEED, 0.06, noise=Noise(0.01, (seed,)))
 
@@ -169,7 +169,7 @@ def test_noise_is_a_function_of_its_seed_and_as_loud_as_it_says() -> None:
     assert np.sqrt((noisy(3).rf(1e6) ** 2).mean()) == pytest.approx(0.01, rel=0.1)
 
 
-def test_many_traces_keep_no_memory() -> None:
+def test_many_traces_leak_no_memory() -> None:
     rows = [(0.0006 * k, 0.1, 5.0, 5.0) for k in range(1, 101)]
 
     def make() -> None:
@@ -186,7 +186,7 @@ def test_many_traces_keep_no_memory() -> None:
     assert after - before < 10_000
 
 
-def test_bursts_are_kept_for_few_boards_only() -> None:
+def test_bursts_are_cached_for_few_boards_only() -> None:
     for k in range(100):
         burst_of(replace(BOARD, aperture_radius=0.01 + k * 1e-4), SPEED)
     assert burst_of.cache_info().currsize <= 16

@@ -1,4 +1,4 @@
-"""The models that the paper argues against, against closed forms; ray following beside them."""
+"""The baseline models against closed forms and ray following."""
 
 import math
 from dataclasses import replace
@@ -30,7 +30,7 @@ def to_the_square(headings: FloatArray) -> FloatArray:
     return 1 / np.maximum(np.abs(np.cos(headings)), np.abs(np.sin(headings)))
 
 
-def test_nearest_is_the_distance_along_the_axis_however_slanting_the_wall() -> None:
+def test_nearest_is_the_distance_along_the_axis_at_any_incidence() -> None:
     scan = predict_with(Model.NEAREST, SQUARE, HERE, PAPER, ALL_ROUND)
     assert scan.ranges == pytest.approx(to_the_square(ALL_ROUND), abs=1e-12)
 
@@ -42,14 +42,14 @@ def test_cone_is_the_nearest_distance_within_fifteen_degrees_of_the_axis() -> No
     assert scan.ranges == pytest.approx(expected, abs=1e-5)
 
 
-def test_models_of_nearest_walls_know_no_blanking_and_their_first_echo_is_their_range() -> None:
+def test_models_of_nearest_walls_have_no_blanking_and_report_their_first_echo() -> None:
     for model in (Model.NEAREST, Model.CONE):
         scan = predict_with(model, SIMPLE, PLACE, PAPER, np.radians([270.0, 0.0]))
         assert scan.ranges == pytest.approx([0.085, 0.154], abs=1e-9)
         assert [scan.echoes(k)[0].range for k in range(2)] == pytest.approx([0.085, 0.154], abs=1e-9)
 
 
-def test_models_of_nearest_walls_stand_where_the_mount_puts_the_face() -> None:
+def test_models_of_nearest_walls_use_the_mount() -> None:
     board = replace(PAPER, mount=Mount(ahead=0.1))
     for model in (Model.NEAREST, Model.CONE):
         assert predict_with(model, SQUARE, HERE, board, np.zeros(1)).ranges == pytest.approx([0.9])
@@ -62,7 +62,7 @@ def test_nearest_wall_beyond_the_range_is_no_echo() -> None:
 
 
 def erring(seed: int, headings: FloatArray, distance: float = 2.0) -> PredictedScan:
-    """Distances to a round wall about the place, off at random."""
+    """Return a scan of a round wall about the place, with random errors."""
     corners = [(distance * math.cos(a), distance * math.sin(a)) for a in np.radians(np.arange(0, 360, 1.0))]
     options = PredictionOptions(seed=seed)
     return predict_with(Model.NEAREST, polygon_room(corners), HERE, PAPER, headings, options)
@@ -93,7 +93,7 @@ def test_error_is_a_function_of_seed_and_heading_only() -> None:
     assert not np.isin(forwards.ranges, erring(8, headings).ranges).any()
 
 
-def test_without_a_seed_nothing_errs() -> None:
+def test_without_a_seed_there_are_no_errors() -> None:
     options = PredictionOptions(receiver=Receiver.FIRST_ECHO)
     assert predict_with(Model.NEAREST, SQUARE, HERE, PAPER, np.zeros(1), options).ranges.tolist() == [1.0]
 
@@ -101,7 +101,7 @@ def test_without_a_seed_nothing_errs() -> None:
 @pytest.mark.parametrize(
     ("name", "place"), [("simple", "figure9"), ("oblique_corner", "near"), ("right_corner", "figure12")]
 )
-def test_kuc_siegel_keeps_what_one_wall_or_one_edge_sends_straight_back(name: str, place: str) -> None:
+def test_kuc_siegel_has_only_echoes_straight_back_from_one_wall_or_edge(name: str, place: str) -> None:
     room = load_room(Path("rooms") / f"{name}.toml")
     here = room.places[place]
     scan = predict_with(Model.KUC_SIEGEL, room, here, PAPER, ALL_ROUND)
@@ -127,9 +127,9 @@ def perpendicular(point: FloatArray, wall: FloatArray) -> float | None:
 
 def test_kuc_siegel_misses_the_false_wall_of_figure_9() -> None:
     silent = predict_with(Model.KUC_SIEGEL, SIMPLE, PLACE, PAPER, np.radians([270.0]))
-    heard = predict_with(Model.RAY_FOLLOWING, SIMPLE, PLACE, PAPER, np.radians([270.0]))
+    detected = predict_with(Model.RAY_FOLLOWING, SIMPLE, PLACE, PAPER, np.radians([270.0]))
     assert math.isnan(silent.ranges[0])
-    assert heard.ranges[0] == pytest.approx(0.827)
+    assert detected.ranges[0] == pytest.approx(0.827)
 
 
 @pytest.mark.parametrize("model", Model)

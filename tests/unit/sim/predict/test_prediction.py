@@ -1,4 +1,4 @@
-"""What the paper reports is what is predicted: figures 7 to 9, 12 and 13, and the law of the first echo."""
+"""Predictions against the paper's figures 7 to 9, 12 and 13, and the rule of the first echo."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,7 @@ def test_near_wall_of_figure_9_lies_within_blanking() -> None:
     assert blanked[0].range == pytest.approx(0.085)
 
 
-def test_figure_8_reads_past_the_unit_only_where_the_unit_lets_sound_pass() -> None:
+def test_figure_8_reads_past_the_unit_only_if_sound_passes_it() -> None:
     passing, blocking = predict("figure7", 0), predict("figure7", 0, unit=Unit.BLOCK)
     assert passing.ranges[0] == pytest.approx(1.022)
     assert passing.paths.via(int(passing.winners[0]), ROOM) == ("right", "left", "right")
@@ -58,15 +58,15 @@ def test_right_angle_corner_is_a_wall_with_one_hole_at_each_side(place: str) -> 
     room = load_room("rooms/right_corner.toml")
     scan = predict_scan(room, room.places[place], PAPER, np.radians(np.arange(-30, 120, 3.0)))
     corner = next(k for k in range(len(scan.paths)) if len(scan.paths.via(k, room)) == 2)
-    heard = [(first >= 0, first == corner) for first in scan.winners]
-    runs = [key for key, _ in groupby(heard)]
+    detected = [(first >= 0, first == corner) for first in scan.winners]
+    runs = [key for key, _ in groupby(detected)]
     at = runs.index((True, True))
     assert runs[at - 2 : at + 3] == [(True, False), (False, False), (True, True), (False, False), (True, False)]
     reach = math.dist(room.places[place].position, (0.8, 0.8))
     assert np.nanmax(np.abs(scan.ranges[scan.winners == corner] - reach)) < 1e-9
 
 
-def test_no_echo_before_blanking_after_the_range_or_under_the_threshold() -> None:
+def test_no_echo_within_blanking_beyond_the_range_or_below_the_threshold() -> None:
     board = replace(PAPER, max_range=1.5)
     scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 1.0)))
     ranges = scan.ranges[~np.isnan(scan.ranges)]
@@ -77,7 +77,7 @@ def test_no_echo_before_blanking_after_the_range_or_under_the_threshold() -> Non
     assert np.isnan(scan.ranges).any()
 
 
-def test_first_echo_is_the_earliest_of_those_heard() -> None:
+def test_first_echo_is_the_earliest_detected_one() -> None:
     scan = predict("figure9", *range(0, 360, 7))
     for k in range(len(scan.headings)):
         echoes = scan.echoes(k)
@@ -86,7 +86,7 @@ def test_first_echo_is_the_earliest_of_those_heard() -> None:
             assert scan.ranges[k] == echoes[0].range
 
 
-def test_whole_centimetres_are_reported_where_the_board_rounds() -> None:
+def test_board_that_rounds_reports_whole_centimetres() -> None:
     board = load_board("lego-nxt")
     scan = predict_scan(ROOM, ROOM.places["figure9"], board, np.radians(np.arange(0, 360, 10.0)))
     centimetres = scan.ranges[~np.isnan(scan.ranges)] * 100
@@ -101,17 +101,17 @@ def test_dry_air_is_louder_but_not_on_paper() -> None:
         assert (drier.levels_at(0)[3] > usual.levels_at(0)[3] + 0.5) == louder
 
 
-def test_gain_that_never_rises_leaves_spreading_and_absorption_to_be_heard() -> None:
+def test_fixed_gain_leaves_spreading_and_absorption_in_the_level() -> None:
     board = replace(load_board("hc-sr04"), fixed_gain=True)
     for ahead in (0.25, 0.5, 1.0, 2.0):
         room = room_of(np.array([[ahead, -5.0, ahead, 5.0]]))
         scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.zeros(1))
-        way = 2 * ahead
-        lost = 20 * math.log10(way) + absorption(board.frequency, room.air) * (way - 1)
+        length = 2 * ahead
+        lost = 20 * math.log10(length) + absorption(board.frequency, room.air) * (length - 1)
         assert scan.echoes(0)[0].level_db == pytest.approx(20 * math.log10(room.reflectances[0]) - lost, abs=1e-9)
 
 
-def test_search_heading_by_heading_finds_all_that_a_fixed_gain_lets_be_heard() -> None:
+def test_search_heading_by_heading_finds_all_echoes_with_a_fixed_gain() -> None:
     board = replace(load_board("hc-sr04"), fixed_gain=True, threshold_db=-16.0)
     off_axis = replace(board, mount=Mount(ahead=1e-9))
     arena, headings = load_room("rooms/arena.toml"), np.radians(np.arange(0, 360, 11.0))
@@ -120,12 +120,12 @@ def test_search_heading_by_heading_finds_all_that_a_fixed_gain_lets_be_heard() -
     assert 3 < np.isnan(together.ranges).sum() < len(headings) / 2
 
 
-def test_shipped_boards_load() -> None:
+def test_included_boards_load() -> None:
     assert {"polaroid-6500", "paper", "lego-nxt", "hc-sr04"} <= set(board_names())
     assert all(load_board(name).name == name for name in board_names())
 
 
-def test_models_the_paper_argues_against() -> None:
+def test_baseline_models_of_the_paper() -> None:
     place, headings = ROOM.places["figure9"], np.radians([140.0, 170.0, 168.0])
     nearest = predict_with(Model.NEAREST, ROOM, place, PAPER, headings)
     assert nearest.ranges[1:] == pytest.approx([0.774 / math.cos(math.radians(away)) for away in (10, 12)])
@@ -133,7 +133,7 @@ def test_models_the_paper_argues_against() -> None:
     assert cone.ranges[1:] == pytest.approx([0.774] * 2, abs=1e-4)
     single = predict_with(Model.KUC_SIEGEL, ROOM, place, PAPER, headings)
     assert single.paths.bounces.max() == 1
-    assert math.isnan(single.ranges[0])  # no corner without a second reflection
+    assert math.isnan(single.ranges[0])  # a corner needs a second reflection
 
 
 @pytest.mark.parametrize("ka", [5.8, 17.33])

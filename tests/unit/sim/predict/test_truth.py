@@ -1,4 +1,4 @@
-"""The fake's world: exact where asked to be, repeatable always, and different from the file the way rooms are."""
+"""The room of the fake scanner: exact on request, always repeatable, and by default a little off the file."""
 
 import math
 from dataclasses import replace
@@ -18,48 +18,48 @@ BOARD = load_board("paper")
 LISTEN = 0.06
 
 
-def hear(source: RoomEchoes, degrees: float, sweep: int = 0) -> PingResult:
+def ping(source: RoomEchoes, degrees: float, sweep: int = 0) -> PingResult:
     return source.receive(Ping(math.radians(degrees), sweep, 0, LISTEN, trace=False))
 
 
-def test_undisturbed_truth_is_the_prediction() -> None:
+def test_undisturbed_echoes_are_the_prediction() -> None:
     source = RoomEchoes(ROOM, PLACE, BOARD, disturbance=EXACT)
     scan = predict_scan(ROOM, PLACE, BOARD, np.radians(np.arange(0, 360, 15.0)))
     for k, degrees in enumerate(range(0, 360, 15)):
-        echoes = hear(source, degrees).echo_times
+        echoes = ping(source, degrees).echo_times
         assert len(echoes) <= MAX_ECHOES
         assert echoes[0] * ROOM.air.speed_of_sound / 2 == pytest.approx(scan.ranges[k], abs=1e-9)
 
 
-def test_answers_do_not_depend_on_the_order_of_questions() -> None:
+def test_echoes_do_not_depend_on_the_order_of_pings() -> None:
     one, other = RoomEchoes(ROOM, PLACE, BOARD, seed=4), RoomEchoes(ROOM, PLACE, BOARD, seed=4)
-    forwards = [hear(one, degrees) for degrees in range(0, 360, 30)]
-    backwards = [hear(other, degrees) for degrees in reversed(range(0, 360, 30))]
+    forwards = [ping(one, degrees) for degrees in range(0, 360, 30)]
+    backwards = [ping(other, degrees) for degrees in reversed(range(0, 360, 30))]
     assert forwards == backwards[::-1]
 
 
 def test_noise_differs_between_sweeps_and_seeds() -> None:
     source = RoomEchoes(ROOM, PLACE, BOARD, seed=4)
-    assert hear(source, 90, sweep=0) != hear(source, 90, sweep=1)
-    assert hear(source, 90) != hear(RoomEchoes(ROOM, PLACE, BOARD, seed=5), 90)
+    assert ping(source, 90, sweep=0) != ping(source, 90, sweep=1)
+    assert ping(source, 90) != ping(RoomEchoes(ROOM, PLACE, BOARD, seed=5), 90)
 
 
-def test_truth_is_near_the_prediction_but_not_on_it() -> None:
+def test_disturbed_ranges_are_near_the_prediction_but_not_equal() -> None:
     source = RoomEchoes(ROOM, PLACE, BOARD, seed=2)
-    distances = [hear(source, 90, sweep).echo_times[0] * 343.987 / 2 for sweep in range(5)]
+    distances = [ping(source, 90, sweep).echo_times[0] * 343.987 / 2 for sweep in range(5)]
     assert distances == pytest.approx([0.657] * 5, abs=0.03)
     assert min(abs(distance - 0.657) for distance in distances) > 1e-6
     assert max(abs(distance - 0.657) for distance in distances) > 1e-4
 
 
-def test_one_piece_of_furniture_more_stands_in_the_room() -> None:
+def test_room_has_one_additional_post() -> None:
     source = RoomEchoes(ROOM, PLACE, BOARD, seed=2)
     source.prepare()
     assert source.ready
     assert source._truth()[0].names[-1] == "furniture"
 
 
-def test_trace_rises_at_every_loud_echo_and_nowhere_before_the_first() -> None:
+def test_trace_rises_at_every_loud_echo_and_not_before_the_first() -> None:
     scan = predict_scan(ROOM, PLACE, BOARD, np.radians([90.0]))
     trace = scan.signal_at(0, LISTEN).envelope()
     threshold = 10 ** (BOARD.threshold_db / 20)
@@ -71,8 +71,8 @@ def test_trace_rises_at_every_loud_echo_and_nowhere_before_the_first() -> None:
     assert trace.samples.max() <= 1.0
 
 
-def test_a_board_that_is_off_zero_and_tells_too_much_is_heard_so() -> None:
+def test_home_angle_and_range_offset_of_the_board_affect_its_echoes() -> None:
     off = replace(BOARD, home_angle_deg=15.0, range_offset=0.02)
     plain, crooked = (RoomEchoes(ROOM, PLACE, board, disturbance=EXACT) for board in (BOARD, off))
-    told = 2 * 0.02 / ROOM.air.speed_of_sound
-    assert hear(crooked, 75).echo_times == pytest.approx([time + told for time in hear(plain, 90).echo_times])
+    extra = 2 * 0.02 / ROOM.air.speed_of_sound
+    assert ping(crooked, 75).echo_times == pytest.approx([time + extra for time in ping(plain, 90).echo_times])

@@ -1,4 +1,4 @@
-"""What two transducers that point somewhere can hear: a search that drops the rest finds all of it, and sooner."""
+"""A search with the axes of two transducers finds all paths that they can detect."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ SENDER, LISTENER = (1.72, 1.23), (1.80, 1.20)  # on the laboratory's bench
 
 
 def with_body(room: Room) -> Room:
-    """The room with a body beside both, as round as a ring of sensors is."""
+    """Return the room with a round body, like that of a ring of sensors, beside both transducers."""
     return with_post(room, (1.76, 1.16, 0.03), "body", 0.95)
 
 
@@ -42,25 +42,25 @@ def as_rows(paths: Paths) -> Floats:
 @pytest.mark.parametrize("strength", EdgeStrength)
 @pytest.mark.parametrize("leaving_deg", [10.0, 100.0, 200.0])
 @pytest.mark.parametrize("turned_deg", [0.0, 30.0, 120.0])
-def test_nothing_that_can_be_heard_is_dropped(strength: EdgeStrength, leaving_deg: float, turned_deg: float) -> None:
+def test_no_detectable_path_is_dropped(strength: EdgeStrength, leaving_deg: float, turned_deg: float) -> None:
     room = with_body(load_room("rooms/laboratory.toml"))
     leaving, arriving = math.radians(leaving_deg), math.radians(leaving_deg + turned_deg)
     search = PathSearch(9.0, 0.007, edge_strength=strength, faintest_diffraction=3e-3)
     axes = TransducerAxes(leaving, arriving, KA, FAINTEST)
     every = find_paths(room, SENDER, search, LISTENER)
-    heard = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
+    detected = as_rows(every.select(np.flatnonzero(amplitudes(every, leaving, arriving) >= FAINTEST)))
     found = find_paths(room, SENDER, replace(search, axes=axes), LISTENER)
-    distances, _ = cKDTree(as_rows(found)).query(heard)
-    assert len(heard) > 10
+    distances, _ = cKDTree(as_rows(found)).query(detected)
+    assert len(detected) > 10
     assert distances.max() < 1e-6
     assert len(found) < len(every) / 2
 
 
-def test_ray_ends_where_walls_have_swallowed_its_sound() -> None:
+def test_ray_ends_where_it_is_too_faint() -> None:
     room = polygon_room([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     middle, rays = np.array([0.45, 0.55]), fan(64)
     longest, targets = np.array([20.0]), np.array([[0.45, 0.55]])
-    # of 0.9 a time six reflections leave more than half, seven less
+    # with a reflectance of 0.9, six reflections leave more than half, seven less
     half = all_rays(64, 1)._replace(least=np.array([0.5]))
     touched, candidates = follow_fan(middle, rays, room.surfaces, room.reflectances, targets, longest, 64, half)
     assert len(candidates)

@@ -1,4 +1,4 @@
-"""What edges bend: strength by the paper and by angle, and reflections on both sides of the edge."""
+"""Edge diffraction: strength by the paper and by angle, and reflections on both sides of the edge."""
 
 import math
 
@@ -17,14 +17,14 @@ FIN = '[[walls]]\nname = "fin"\npoints = [[1.0, 0.2], [1.0, -1.0]]\nmaterial = "
 CEILING = [(-2.0, 1.0), (2.0, 1.0)]
 
 
-def bent(room: Room, search: PathSearch) -> dict[tuple[str, ...], float]:
-    """The shortest way by each sequence that an edge is part of."""
+def diffracted(room: Room, search: PathSearch) -> dict[tuple[str, ...], float]:
+    """Return the shortest length of each sequence that contains an edge."""
     paths = find_paths(room, (0.0, 0.0), search)
     return {paths.via(int(k), room): paths.lengths[k] for k in np.flatnonzero(paths.edges >= 0)[::-1]}
 
 
-def test_sound_is_reflected_before_behind_and_on_both_sides_of_an_edge() -> None:
-    lengths = bent(polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH))
+def test_reflections_before_and_after_an_edge_are_found() -> None:
+    lengths = diffracted(polygon_room(CEILING, closed=False, extra=FIN), PathSearch(5.0, WAVELENGTH))
     straight, mirrored = math.hypot(1.0, 0.2), math.hypot(1.0, 1.8)
     assert lengths[("fin[0]/",)] == pytest.approx(2 * straight)
     assert lengths[("w[0]", "fin[0]/")] == pytest.approx(straight + mirrored)
@@ -32,7 +32,7 @@ def test_sound_is_reflected_before_behind_and_on_both_sides_of_an_edge() -> None
     assert lengths[("w[0]", "fin[0]/", "w[0]")] == pytest.approx(2 * mirrored)
 
 
-def test_every_bent_path_has_its_reverse() -> None:
+def test_every_diffracted_path_has_its_reverse() -> None:
     room = load_room("rooms/laboratory.toml")
     paths = find_paths(room, room.places["bench"].position, PathSearch(9.0, WAVELENGTH, faintest_diffraction=3e-3))
     rows = np.flatnonzero(paths.edges >= 0)
@@ -52,12 +52,12 @@ def test_corner_of_a_box_is_a_little_over_the_papers_factor_at_135_degrees() -> 
     assert 20 * math.log10(keller(angle, angle, 1.5)) == pytest.approx(0.7, abs=0.05)
 
 
-def test_right_angle_inner_corner_bends_nothing() -> None:
+def test_right_angle_inner_corner_does_not_diffract() -> None:
     assert keller(math.radians(20), math.radians(50), 0.5) == pytest.approx(0, abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [0.7, 1.3, 1.5, 2.0])
-def test_strength_is_the_same_both_ways(n: float) -> None:
+def test_strength_is_reciprocal(n: float) -> None:
     random = np.random.default_rng(0)
     for one, other in random.uniform(0.05, n * math.pi - 0.05, (50, 2)):
         assert keller(one, other, n) == pytest.approx(keller(other, one, n))
@@ -77,7 +77,7 @@ def test_gain_of_unequal_legs_is_that_of_their_harmonic_mean() -> None:
 
 
 @pytest.mark.parametrize("strength", EdgeStrength)
-def test_nothing_over_the_faintest_is_missed(strength: EdgeStrength) -> None:
+def test_no_path_above_the_faintest_is_missed(strength: EdgeStrength) -> None:
     room = load_room("rooms/arena.toml")
     place = room.places["p3"].position
     everything, louder = (
@@ -90,7 +90,7 @@ def test_nothing_over_the_faintest_is_missed(strength: EdgeStrength) -> None:
     assert found == pytest.approx(np.sort(everything.lengths[rows]), abs=1e-9)
 
 
-def test_longest_way_just_reaches_the_faintest() -> None:
+def test_longest_path_to_an_edge_just_reaches_the_faintest() -> None:
     edge_diffraction = EdgeDiffraction(WAVELENGTH, 0.01)
     for distance in (0.95, 1.2, 1.7):
         longest = float(edge_diffraction.longest_partial(np.array([distance]))[0])
@@ -104,7 +104,7 @@ def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:
     there = find_paths(room, (0.3, 0.2), search, receiver=(0.7, 0.5))
     assert there.lengths[0] == pytest.approx(0.5)
     assert there.bounces[0] == 0
-    wanted = sorted(
+    expected = sorted(
         math.hypot(x, y)
         for i in range(-3, 4)
         for j in range(-3, 4)
@@ -113,5 +113,5 @@ def test_paths_to_a_receiver_elsewhere_are_those_of_image_sources() -> None:
         for y in [j * 0.742 + (0.5 if j % 2 == 0 else 0.242) - 0.2]
         if math.hypot(x, y) <= 4.0
     )
-    assert there.lengths == pytest.approx(wanted)
+    assert there.lengths == pytest.approx(expected)
     assert len(specular_lengths(room, (0.3, 0.2), 1)) == 4

@@ -1,8 +1,8 @@
-"""Laws that sound keeps in any room: reciprocity, energy, symmetry. Rooms and places are drawn at random.
+"""Laws of sound in any room: reciprocity, energy, symmetry. Rooms and places are random.
 
-Rays sample the room: an edge seen through a slit narrower than their spacing may be found by one search and not by
-another, and with it all that it bends, so two searches may differ in a few paths. Posts spread neighbouring rays apart,
-so paths by way of them have a test of their own.
+Rays sample the room. An edge visible through a slit narrower than their spacing may be found by one search and not by
+another, with all its diffracted paths, so two searches may differ in a few paths. Posts spread neighbouring rays, so
+paths over posts have their own test.
 """
 
 import math
@@ -48,20 +48,20 @@ class Furnished:
         source, receiver = self.places.tolist()
         return find_paths(self.room, tuple(source), search, receiver=tuple(receiver))
 
-    def ways(self, search: PathSearch = SEARCH) -> Floats:
-        """Length, gain, departure and arrival of each path that touches no post, (n, 6)."""
+    def rows(self, search: PathSearch = SEARCH) -> Floats:
+        """Return length, gain, departure and arrival of each path that touches no post, (n, 6)."""
         paths = self.search(search)
-        return ways(paths.select(np.flatnonzero(~by_posts(paths, self))))
+        return rows(paths.select(np.flatnonzero(~by_posts(paths, self))))
 
 
-def ways(paths: Paths) -> Floats:
-    """Length, gain, departure and arrival of each path, (n, 6)."""
+def rows(paths: Paths) -> Floats:
+    """Return length, gain, departure and arrival of each path, (n, 6)."""
     angles = (np.cos(paths.departures), np.sin(paths.departures), np.cos(paths.arrivals), np.sin(paths.arrivals))
     return np.column_stack((paths.lengths, paths.gains, *angles))
 
 
 def by_posts(paths: Paths, furnished: Furnished) -> NDArray[np.bool_]:
-    """Which paths touch a post, (n,) bool."""
+    """Return which paths touch a post, (n,) bool."""
     return np.asarray((paths.surfaces >= len(furnished.walls)).any(axis=1))
 
 
@@ -79,38 +79,38 @@ def furnish(seed: int) -> Furnished:
 rooms = st.integers(0, 2**32).map(furnish)
 
 
-def lacking(wanted: Floats, found: Floats) -> int:
-    """How many of the wanted ways are not among those found."""
-    if not len(wanted) or not len(found):
-        return len(wanted)
-    distances, _ = cKDTree(found).query(wanted, distance_upper_bound=_SAME)
+def count_missing(expected: Floats, found: Floats) -> int:
+    """Return how many of the expected rows are not found."""
+    if not len(expected) or not len(found):
+        return len(expected)
+    distances, _ = cKDTree(found).query(expected, distance_upper_bound=_SAME)
     return int(np.isinf(distances).sum())
 
 
-def assert_same_ways(one: Floats, other: Floats) -> None:
+def assert_same_rows(one: Floats, other: Floats) -> None:
     few = 3 + 0.05 * max(len(one), len(other))
-    assert lacking(one, other) <= few
-    assert lacking(other, one) <= few
+    assert count_missing(one, other) <= few
+    assert count_missing(other, one) <= few
 
 
 @STRENGTHS
 @settings(max_examples=20, deadline=None)
 @given(rooms)
-def test_swapping_source_and_receiver_turns_every_path_round(edge_strength: EdgeStrength, furnished: Furnished) -> None:
+def test_swapping_source_and_receiver_reverses_every_path(edge_strength: EdgeStrength, furnished: Furnished) -> None:
     search = replace(SEARCH, edge_strength=edge_strength)
-    there = furnished.ways(search)
-    back = replace(furnished, places=furnished.places[::-1]).ways(search)
-    assert_same_ways(there, back[:, [0, 1, 4, 5, 2, 3]])
+    there = furnished.rows(search)
+    back = replace(furnished, places=furnished.places[::-1]).rows(search)
+    assert_same_rows(there, back[:, [0, 1, 4, 5, 2, 3]])
 
 
-def test_loud_paths_by_way_of_posts_are_turned_round_too() -> None:
+def test_loud_paths_over_posts_are_reversed_too() -> None:
     loud = lost = 0
     for furnished in map(furnish, range(20)):
         paths = furnished.search()
-        there = ways(paths.select(np.flatnonzero(by_posts(paths, furnished) & (paths.gains > _LOUD))))
-        back = ways(replace(furnished, places=furnished.places[::-1]).search())
+        there = rows(paths.select(np.flatnonzero(by_posts(paths, furnished) & (paths.gains > _LOUD))))
+        back = rows(replace(furnished, places=furnished.places[::-1]).search())
         loud += len(there)
-        lost += lacking(there, back[:, [0, 1, 4, 5, 2, 3]])
+        lost += count_missing(there, back[:, [0, 1, 4, 5, 2, 3]])
     assert loud > 500
     assert lost <= 0.02 * loud
 
@@ -129,7 +129,7 @@ def test_no_path_is_louder_than_its_reflectances_allow(edge_strength: EdgeStreng
 
 @settings(max_examples=20, deadline=None)
 @given(rooms)
-def test_no_path_is_shorter_than_the_straight_line_and_each_is_as_long_as_its_legs(furnished: Furnished) -> None:
+def test_no_path_is_shorter_than_the_straight_line_or_than_its_legs(furnished: Furnished) -> None:
     paths = furnished.search()
     source, receiver = furnished.places
     assert (paths.lengths >= math.dist(source, receiver) - 1e-9).all()
@@ -143,25 +143,25 @@ def test_no_path_is_shorter_than_the_straight_line_and_each_is_as_long_as_its_le
 @STRENGTHS
 @settings(max_examples=20, deadline=None)
 @given(rooms, st.floats(0, math.tau), st.floats(-9, 9), st.floats(-9, 9), st.booleans())
-def test_moving_turning_and_mirroring_everything_changes_nothing(
+def test_moving_turning_and_mirroring_the_room_changes_nothing(
     edge_strength: EdgeStrength, furnished: Furnished, turn: float, x: float, y: float, mirrored: bool
 ) -> None:
     search = replace(SEARCH, edge_strength=edge_strength)
     side = -1.0 if mirrored else 1.0
     motion = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([1.0, side])
-    before = furnished.ways(search)
-    after = _mapped(furnished, lambda points: points @ motion.T + (x, y)).ways(search)
-    assert_same_ways(np.column_stack((before[:, :2], before[:, 2:4] @ motion.T, before[:, 4:] @ motion.T)), after)
+    before = furnished.rows(search)
+    after = _mapped(furnished, lambda points: points @ motion.T + (x, y)).rows(search)
+    assert_same_rows(np.column_stack((before[:, :2], before[:, 2:4] @ motion.T, before[:, 4:] @ motion.T)), after)
 
 
 @settings(max_examples=10, deadline=None)
 @given(rooms, st.floats(0.1, 30))
-def test_a_larger_room_at_a_longer_wave_sounds_the_same(furnished: Furnished, scale: float) -> None:
+def test_a_scaled_room_at_a_scaled_wavelength_has_the_same_paths(furnished: Furnished, scale: float) -> None:
     search = replace(SEARCH, max_length=scale * SEARCH.max_length, wavelength=scale * SEARCH.wavelength)
     larger = replace(_mapped(furnished, lambda points: scale * points), posts=scale * furnished.posts)
-    after = larger.ways(search)
+    after = larger.rows(search)
     after[:, 0] /= scale
-    assert_same_ways(furnished.ways(), after)
+    assert_same_rows(furnished.rows(), after)
 
 
 def _mapped(furnished: Furnished, motion: Callable[[Floats], Floats]) -> Furnished:
@@ -175,7 +175,7 @@ def _mapped(furnished: Furnished, motion: Callable[[Floats], Floats]) -> Furnish
 
 @settings(max_examples=20, deadline=None)
 @given(rooms)
-def test_a_wall_more_takes_paths_away_and_adds_none_but_its_own(furnished: Furnished) -> None:
+def test_an_additional_wall_adds_only_its_own_paths(furnished: Furnished) -> None:
     room = furnished.room
     plate = len(furnished.walls) - 1
     fewer = replace(
@@ -186,12 +186,12 @@ def test_a_wall_more_takes_paths_away_and_adds_none_but_its_own(furnished: Furni
     paths = furnished.search()
     own = [room.names[plate] in "/".join(paths.via(path, room)).split("/") for path in range(len(paths))]
     others = paths.select(np.flatnonzero(~np.array(own, dtype=np.bool_) & ~by_posts(paths, furnished)))
-    assert lacking(ways(others), fewer.ways()) <= 3 + 0.05 * len(others)
+    assert count_missing(rows(others), fewer.rows()) <= 3 + 0.05 * len(others)
 
 
 @settings(max_examples=10, deadline=None)
 @given(rooms, st.floats(0.1, 1.0))
-def test_duller_walls_dull_each_path_once_for_every_reflection(furnished: Furnished, duller: float) -> None:
+def test_lower_reflectance_weakens_a_path_once_for_every_reflection(furnished: Furnished, duller: float) -> None:
     unbent = replace(SEARCH, diffraction=False)
     bright = furnished.search(unbent)
     dull = replace(furnished, reflectances=duller * furnished.reflectances).search(unbent)
@@ -214,7 +214,7 @@ def test_scan_from_the_axis_of_a_symmetric_room_is_symmetric(seed: int, x: float
     assert np.isclose(left.ranges, right.ranges, atol=1e-6, equal_nan=True).sum() >= len(aside) - 1
 
 
-def test_a_square_sounds_the_same_a_quarter_turn_on() -> None:
+def test_a_square_has_the_same_readings_after_a_quarter_turn() -> None:
     corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
     room = room_of([(*a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
     headings = np.radians(np.arange(0.5, 360, 5.0))

@@ -1,4 +1,4 @@
-"""The paths found are those that exist: held against image sources, closed forms and symmetry."""
+"""Paths against image sources, closed forms and symmetry."""
 
 import math
 
@@ -18,10 +18,10 @@ def specular(max_length: float, max_bounces: int = 64, rays: int = QUARTER_DEGRE
     return PathSearch(max_length, WAVELENGTH, max_bounces, diffraction=False, rays=rays)
 
 
-def missing_from(found: np.ndarray, wanted: np.ndarray) -> int:
-    """How many of the sorted `wanted` lengths have no partner of their own in `found`, to a micrometre."""
+def missing_from(found: np.ndarray, expected: np.ndarray) -> int:
+    """Return how many of the sorted `expected` lengths have no separate match in `found`, to a micrometre."""
     left, missing = list(found), 0
-    for length in wanted:
+    for length in expected:
         at = int(np.argmin(np.abs(np.array(left) - length))) if left else -1
         if at >= 0 and abs(left[at] - length) < 1e-6:
             left.pop(at)
@@ -70,7 +70,7 @@ def test_right_angle_corner_is_one_path_with_both_reflectances() -> None:
 
 
 @pytest.mark.parametrize("divisor", [2, 4, 6])
-def test_even_corner_sends_sound_back_along_itself(divisor: int) -> None:
+def test_corner_of_an_even_divisor_returns_sound_along_its_path(divisor: int) -> None:
     opening = math.pi / divisor
     room = polygon_room([(2.0, 0.0), (0.0, 0.0), (2 * math.cos(opening), 2 * math.sin(opening))], closed=False)
     here = 1.3 * np.array([math.cos(opening * 0.37), math.sin(opening * 0.37)])
@@ -81,14 +81,14 @@ def test_even_corner_sends_sound_back_along_itself(divisor: int) -> None:
     assert not any(paths.edges[k] >= 0 and abs(paths.lengths[k] - 2.6) < 1e-9 for k in range(len(paths)))
 
 
-def test_every_reversed_path_is_a_path() -> None:
+def test_every_path_has_its_reverse() -> None:
     room = star_room(5, 7, convex=False)
     paths = find_paths(room, (0.2, 0.1), specular(12.0, 4, rays=5760))
-    ways = {(round(p, 6), round(a, 6), round(d, 6)) for p, d, a in _ways(paths)}
-    assert all((round(p, 6), round(d, 6), round(a, 6)) in ways for p, d, a in _ways(paths))
+    found_rows = {(round(p, 6), round(a, 6), round(d, 6)) for p, d, a in _rows(paths)}
+    assert all((round(p, 6), round(d, 6), round(a, 6)) in found_rows for p, d, a in _rows(paths))
 
 
-def _ways(paths: object) -> list[tuple[float, float, float]]:
+def _rows(paths: object) -> list[tuple[float, float, float]]:
     return list(zip(paths.lengths, paths.departures, paths.arrivals, strict=True))  # type: ignore[attr-defined]
 
 
@@ -130,7 +130,7 @@ def test_post_returns_less_by_its_curvature() -> None:
     assert paths.gains[0] == pytest.approx(0.9 * math.sqrt(0.05 / (0.05 + 0.95)))
 
 
-def test_post_before_a_wall_is_found_with_equal_angles_at_the_post() -> None:
+def test_path_over_post_and_wall_has_equal_angles_at_the_post() -> None:
     room = polygon_room([(-3.0, 2.0), (3.0, 2.0)], closed=False, extra=POST.replace("1.0, 0.0", "1.0, 0.3"))
     paths = find_paths(room, (0.0, 0.0), specular(8.0))
     both = [k for k in range(len(paths)) if paths.via(k, room) == ("post", "w[0]")]
@@ -143,7 +143,7 @@ def test_post_before_a_wall_is_found_with_equal_angles_at_the_post() -> None:
     assert wall[1] == pytest.approx(2.0)
 
 
-def test_free_wall_end_diffracts_by_the_papers_factor() -> None:
+def test_free_wall_end_diffracts_with_the_papers_factor() -> None:
     room = polygon_room([(0.35, 0.0), (1.0, -0.4)], closed=False)
     paths = find_paths(room, (0.0, 0.0), PathSearch(0.8, WAVELENGTH))
     assert [paths.via(k, room) for k in range(len(paths))] == [("w[0]/",)]
@@ -170,7 +170,7 @@ def test_edge_is_reached_by_reflection_too() -> None:
     assert min(bent) == pytest.approx(math.hypot(1.0, 1.8) + math.hypot(1.0, 0.2))
 
 
-def test_end_on_another_wall_is_no_free_end() -> None:
+def test_wall_end_on_another_wall_is_not_free() -> None:
     tee = '[[walls]]\nname = "tee"\npoints = [[0.3, 1.0], [0.3, 0.6]]\nmaterial = "hard"'
     room = polygon_room([(-2.0, 1.0), (2.0, 1.0)], closed=False, extra=tee)
     assert set(room.edges.names) == {"w[0]/", "tee[0]/"}
@@ -186,7 +186,7 @@ def test_ends_within_a_micrometre_leave_no_gap() -> None:
     assert not len(room.edges.names) > len(tight.edges.names)
 
 
-def test_place_outside_the_room_is_answered() -> None:
+def test_place_outside_the_room_has_paths() -> None:
     paths = find_paths(load_room("rooms/simple.toml"), (-1.0, 0.3), PathSearch(3.0, WAVELENGTH))
     assert paths.lengths[0] == pytest.approx(2.0)
 
@@ -196,14 +196,14 @@ def test_place_that_no_sound_returns_to_has_no_paths() -> None:
     assert len(find_paths(room, (0.0, 1.0), specular(9.0))) == 0
 
 
-def test_screen_slimmer_than_the_ray_spacing_still_hides_the_wall() -> None:
+def test_screen_narrower_than_the_ray_spacing_hides_the_wall() -> None:
     screen = '[[walls]]\nname = "screen"\npoints = [[-0.0005, 1.0], [0.0005, 1.0]]\nmaterial = "hard"'
     room = polygon_room([(-2.0, 2.0), (2.0, 2.0)], closed=False, extra=screen)
     paths = find_paths(room, (0.0, 0.0), specular(4.5))
     assert ("w[0]",) not in [paths.via(k, room) for k in range(len(paths))]
 
 
-def test_edge_behind_a_wall_is_not_heard() -> None:
+def test_edge_behind_a_wall_has_no_path() -> None:
     fin = '[[walls]]\nname = "fin"\npoints = [[2.0, 0.1], [2.0, 1.0]]\nmaterial = "hard"'
     room = polygon_room([(1.0, -1.0), (1.0, 1.0)], closed=False, extra=fin)
     paths = find_paths(room, (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
@@ -222,7 +222,7 @@ def test_second_wall_flush_with_the_first_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("place", [(1.0, 0.0), (0.0, 0.0), (3.0, 0.0), (1.0, 1.0)])
-def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_is_answered(place: tuple[float, float]) -> None:
+def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_has_paths(place: tuple[float, float]) -> None:
     room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     paths = find_paths(room, place, PathSearch(9.0, WAVELENGTH))
     assert np.isfinite(paths.lengths).all()
@@ -230,7 +230,7 @@ def test_sensor_on_a_wall_in_a_corner_or_in_line_with_one_is_answered(place: tup
     assert (paths.gains <= 1.0).all()
 
 
-def test_edge_seen_along_its_own_wall_is_not_heard() -> None:
+def test_edge_along_its_own_wall_has_no_path() -> None:
     paths = find_paths(polygon_room([(1.0, 0.0), (2.0, 0.0)], closed=False), (0.0, 0.0), PathSearch(6.0, WAVELENGTH))
     assert paths.lengths == pytest.approx([2.0])
 

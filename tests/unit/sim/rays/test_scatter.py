@@ -1,4 +1,4 @@
-"""Rough surfaces answer at a slant, by Lambert's law, and energy is not made of nothing."""
+"""Rough surfaces return sound at oblique incidence by Lambert's law, and conserve energy."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ SEARCH = PathSearch(20.0, WAVELENGTH, diffraction=False)
 
 
 def wall_room(scatter: float, *, reflectance: float = 0.8, half: float = 200.0, post: bool = False) -> Room:
-    """A wall along y = 1 that reaches `half` to both sides, or a post of radius 0.3 whose near side lies there."""
+    """Return a room with a wall along y = 1, `half` to both sides, or a post of radius 0.3 with its near side there."""
     far = f"points = [[{-half}, {50.0 if post else 1.0}], [{half}, {50.0 if post else 1.0}]]"
     pillar = '[[posts]]\nname = "post"\ncenter = [0.0, 1.3]\nradius = 0.3\nmaterial = "carpet"' if post else ""
     return parse_room(
@@ -49,8 +49,8 @@ def returned_power(patches: Paths, lower: float, upper: float) -> float:
     return float((patches.gains[among] ** 2).sum())
 
 
-def test_patches_together_return_what_the_wall_integral_says() -> None:
-    # along the wall, not over angles: what falls on dx, sent on by Lambert's law, over the mirror's at that length
+def test_patches_together_return_the_integral_along_the_wall() -> None:
+    # integral along the wall: power on dx, scattered by Lambert's law, relative to a mirror
     def of_mirror(x: float) -> float:
         distance = math.hypot(x, 1.0)
         cosine = 1.0 / distance
@@ -65,7 +65,7 @@ def test_patches_together_return_what_the_wall_integral_says() -> None:
         assert returned_power(patches, *np.radians([lower, upper])) == pytest.approx(integral, rel=0.08)
 
 
-def test_patch_on_a_post_sees_its_curved_face() -> None:
+def test_patch_on_a_post_uses_its_curved_face() -> None:
     patches = scattered_paths(wall_room(0.4, post=True), (0.0, 0.0), SEARCH)
     assert len(patches) > 8
     for k in range(len(patches)):
@@ -75,7 +75,7 @@ def test_patch_on_a_post_sees_its_curved_face() -> None:
         assert patches.gains[k] == pytest.approx(0.8 * math.sqrt(0.4 * cosine * PATCH))
 
 
-def test_every_patch_is_one_straight_way_there_and_back() -> None:
+def test_every_patch_is_one_straight_path_there_and_back() -> None:
     room = wall_room(1.0)
     patches = scattered_paths(room, (0.0, 0.0), SEARCH)
     assert len(patches) > 60
@@ -87,7 +87,7 @@ def test_every_patch_is_one_straight_way_there_and_back() -> None:
     assert (patches.lengths <= 20.0).all()
 
 
-def test_mirrored_and_scattered_power_are_what_a_mirror_returns() -> None:
+def test_specular_and_scattered_power_add_up_to_that_of_a_mirror() -> None:
     smooth, rough = wall_room(0.0), wall_room(0.36)
     assert rough.reflectances == pytest.approx(0.8 * smooth.reflectances)
     assert rough.reflectances**2 + rough.scattered**2 == pytest.approx(smooth.reflectances**2)
@@ -96,7 +96,7 @@ def test_mirrored_and_scattered_power_are_what_a_mirror_returns() -> None:
 
 @pytest.mark.parametrize("name", board_names())
 @pytest.mark.parametrize("scatter", [0.2, 0.6, 1.0])
-def test_no_board_hears_more_power_from_a_rough_wall_than_from_a_mirror(name: str, scatter: float) -> None:
+def test_rough_wall_returns_no_more_power_than_a_mirror(name: str, scatter: float) -> None:
     board = load_board(name)
     for degrees in (90.0, 80.0):
         powers = []
@@ -108,7 +108,7 @@ def test_no_board_hears_more_power_from_a_rough_wall_than_from_a_mirror(name: st
         assert powers[1] <= mirrored
 
 
-def test_carpeted_wall_at_45_degrees_answers_weakly_where_a_mirror_is_silent() -> None:
+def test_rough_wall_at_45_degrees_has_a_weak_echo_and_a_mirror_none() -> None:
     # the wall 1 m ahead of 90°; along 45° it is √2 m away
     mirror, carpet = predicted(wall_room(0.0), (0.0, 0.0), 45.0), predicted(wall_room(0.5), (0.0, 0.0), 45.0)
     assert math.isnan(mirror.ranges[0])
@@ -116,14 +116,14 @@ def test_carpeted_wall_at_45_degrees_answers_weakly_where_a_mirror_is_silent() -
     assert -40.0 <= carpet.levels_at(0)[carpet.winners[0]] <= -20.0
 
 
-def test_smooth_rooms_have_no_patches_and_their_paths_stay_as_they_were() -> None:
+def test_smooth_rooms_have_no_patches() -> None:
     room = wall_room(0.0)
     assert len(scattered_paths(room, (0.0, 0.0), SEARCH)) == 0
     scan = predicted(room, (0.0, 0.0), 90.0)
     assert scan.paths.lengths.tolist() == find_paths(room, (0.0, 0.0), SEARCH).lengths.tolist()
 
 
-def test_patches_behind_something_and_a_sensor_inside_a_post_are_silent() -> None:
+def test_hidden_patches_and_a_sensor_inside_a_post_are_silent() -> None:
     room = wall_room(1.0, post=True)
     assert len(scattered_paths(room, (0.0, 1.3), SEARCH)) == 0
     shielded = replace(room, scattered=np.array([1.0, 0.0]))
@@ -135,7 +135,7 @@ def test_patches_behind_something_and_a_sensor_inside_a_post_are_silent() -> Non
         assert np.abs(directions - math.pi / 2).min() > hidden
 
 
-def test_separate_receiver_hears_the_same_whichever_way_sound_goes() -> None:
+def test_scatter_to_a_separate_receiver_is_reciprocal() -> None:
     room, here, there = wall_room(0.7), (0.0, 0.0), (0.3, 0.1)
     powers = [
         float((scattered_paths(room, source, SEARCH, receiver).gains ** 2).sum())
@@ -148,7 +148,7 @@ def test_separate_receiver_hears_the_same_whichever_way_sound_goes() -> None:
 
 
 @pytest.mark.parametrize("position", [(0.0, 1.0), (200.0, 1.0), (3.0, 1.0 - 1e-9)])
-def test_sensor_on_the_carpet_is_answered(position: tuple[float, float]) -> None:
+def test_sensor_on_the_rough_wall_has_finite_echoes(position: tuple[float, float]) -> None:
     patches = scattered_paths(wall_room(1.0), position, SEARCH)
     assert np.isfinite(patches.gains).all()
     assert (patches.gains <= 0.8).all()

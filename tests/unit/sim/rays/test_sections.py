@@ -1,4 +1,4 @@
-"""What leaves the plane of the plan: held against exact images in three dimensions, closed forms and symmetry."""
+"""Paths out of the plan against exact images in three dimensions, closed forms and symmetry."""
 
 import itertools
 import math
@@ -75,7 +75,7 @@ HERE = Place("here", (1.1, 0.7), height=0.9)
 
 
 def from_above(room: Room, place: Place, search: PathSearch) -> list[tuple[float, float, tuple[str, ...]]]:
-    """Length, gain and via of every path that leaves the horizontal and goes somewhere."""
+    """Return length, gain and via of every path that leaves the horizontal."""
     paths = paths_from(room, place, search)
     aside = np.abs(np.cos(paths.elevations[:, 0])) > 1e-9
     rows = np.flatnonzero((np.abs(paths.elevations).max(axis=1) > 1e-9) & aside)
@@ -83,9 +83,9 @@ def from_above(room: Room, place: Place, search: PathSearch) -> list[tuple[float
 
 
 def images_of_box(reach: float) -> list[tuple[float, ...]]:
-    """Length, gain, unit vectors of departure and arrival of what a box room's images say can be heard.
+    """Return length, gain, and unit vectors of departure and arrival of paths by a box room's images.
 
-    The images are those that lie straight out from a wall or corner, above or below; in the plan or not.
+    The images are those perpendicular to a wall or towards a corner, at any height.
     """
     (x, y), z = HERE.position, 0.9
     found = []
@@ -96,7 +96,7 @@ def images_of_box(reach: float) -> list[tuple[float, ...]]:
         length = math.hypot(*image)
         if length > reach:
             continue
-        # seen from its image, every odd mirroring along an axis turns that component round
+        # an odd number of mirrorings along an axis reverses that component
         back = [-c if n % 2 == 0 else c for c, n in zip(image, (i, j, k), strict=True)]
         found.append((length, _gain(i, j, k), *(c / length for c in image), *(c / length for c in back)))
     return sorted(found)
@@ -117,7 +117,7 @@ def as_rows(paths: Paths) -> list[tuple[float, ...]]:
     return sorted(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def test_box_room_is_heard_as_its_images_in_three_dimensions_say() -> None:
+def test_box_room_has_the_paths_of_its_images_in_three_dimensions() -> None:
     paths = paths_from(room_of(BOX), HERE, SEARCH)
     straight = [row for row in as_rows(paths) if _goes_straight_out(row)]
     exact = images_of_box(8.0)
@@ -132,7 +132,7 @@ def _by_millimetre(rows: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 
 
 def _goes_straight_out(row: tuple[float, ...]) -> bool:
-    """Whether a path of the box room leaves square to a wall, or towards a corner."""
+    """Return whether a path of the box room leaves perpendicular to a wall, or towards a corner."""
     leaving, x, y = np.array(row[2:4]), HERE.position[0], HERE.position[1]
     size = float(np.hypot(*leaving))
     if size < 1e-9 or min(abs(leaving)) < 1e-9 * size:
@@ -155,32 +155,35 @@ def test_place_without_height_and_room_without_heights_stay_in_the_plan() -> Non
     assert not lifted.elevations.any()
 
 
-def test_low_wall_answers_from_its_foot_and_by_its_top_and_the_wall_behind_is_seen_over_it() -> None:
+def test_low_wall_has_echoes_of_foot_and_top_and_does_not_hide_the_wall_behind() -> None:
     fence, back = wall("fence", (-2.0, 1.0), (2.0, 1.0), height=(0.0, 0.6)), wall("back", (-9.0, 3.0), (9.0, 3.0))
     room = room_of(fence + back, LEVELS[: LEVELS.index("[ceiling]")])
     place = Place("here", (0.0, 0.0), height=0.9)
     flat = find_paths(room, place.position, SEARCH)
-    assert flat.via(0, room) == ("fence",)  # the plan alone would stop here
+    assert flat.via(0, room) == ("fence",)  # the plan has only this path
     paths = paths_from(room, place, PathSearch(6.4, WAVELENGTH))
     level = np.abs(paths.elevations).max(axis=1) < 1e-9
     assert [paths.via(k, room) for k in np.flatnonzero(level) if paths.edges[k] < 0] == [("back",)]
-    heard = {via: (length, gain) for length, gain, via in from_above(room, place, PathSearch(6.4, WAVELENGTH))}
-    assert heard[("floor", "fence")] == pytest.approx((2 * math.hypot(1.0, 0.9), 0.72))
+    detected = {via: (length, gain) for length, gain, via in from_above(room, place, PathSearch(6.4, WAVELENGTH))}
+    assert detected[("floor", "fence")] == pytest.approx((2 * math.hypot(1.0, 0.9), 0.72))
     top = math.hypot(1.0, 0.3)
-    assert heard[("fence/",)] == pytest.approx((2 * top, 1 / (math.tau * math.sqrt(top / WAVELENGTH))), rel=1e-2)
-    # the foot of the wall behind is hidden: sound would have to pass 0.6 m at y = 1
-    assert ("floor", "back") not in heard
+    assert detected[("fence/",)] == pytest.approx((2 * top, 1 / (math.tau * math.sqrt(top / WAVELENGTH))), rel=1e-2)
+    # the foot of the wall behind is hidden: the straight line to it is at 0.6 m where y = 1
+    assert ("floor", "back") not in detected
 
 
-def test_foot_of_the_wall_behind_is_heard_where_the_low_wall_leaves_its_way_free() -> None:
+def test_foot_of_the_wall_behind_is_received_if_the_low_wall_does_not_block_it() -> None:
     fence, back = wall("fence", (-2.0, 1.0), (2.0, 1.0), height=(0.0, 0.6)), wall("back", (-9.0, 3.0), (9.0, 3.0))
     room = room_of(fence + back, LEVELS[: LEVELS.index("[ceiling]")])
-    for height, free in ((0.89, False), (0.91, True)):  # of the straight line to the foot at y = 3: 2/3 of it at y = 1
+    for height, free in (
+        (0.89, False),
+        (0.91, True),
+    ):  # the straight line to the foot at y = 3 is at 2/3 of the height at y = 1
         vias = {via for *_, via in from_above(room, Place("here", (0.0, 0.0), height=height), SEARCH)}
         assert (("floor", "back") in vias) is free
 
 
-def test_hanging_panel_answers_by_its_lower_edge_alone() -> None:
+def test_hanging_panel_has_an_echo_of_its_lower_edge_only() -> None:
     room = room_of(wall("panel", (-2.0, 1.0), (2.0, 1.0), height=(1.5, 2.0)), levels="")
     paths = paths_from(room, Place("here", (0.0, 0.0), height=1.0), PathSearch(3.0, WAVELENGTH))
     assert [paths.via(k, room) for k in range(len(paths))] == [("panel/",), ("panel/",)]
@@ -188,7 +191,7 @@ def test_hanging_panel_answers_by_its_lower_edge_alone() -> None:
     assert (paths.elevations > 0).all()
 
 
-def test_wall_met_at_a_slant_blocks_and_sends_nothing_straight_back() -> None:
+def test_oblique_wall_blocks_and_has_no_echo() -> None:
     slanted = wall("slanted", (-1.0, 0.5), (1.0, 1.5))
     room = room_of(slanted + wall("back", (-9.0, 3.0), (9.0, 3.0)))
     vias = {via for *_, via in from_above(room, Place("here", (0.0, 0.0), height=0.9), SEARCH)}
@@ -200,16 +203,18 @@ def test_wall_met_at_a_slant_blocks_and_sends_nothing_straight_back() -> None:
     assert ("floor", "back") not in vias
 
 
-def test_post_keeps_its_curvature_by_way_of_the_floor() -> None:
+def test_post_keeps_its_curvature_factor_on_paths_over_the_floor() -> None:
     room = room_of(post("pillar", 1.0, 0.0, 0.05) + wall("far", (-9.0, -9.0), (-9.0, 9.0)))
-    heard = {via: (length, gain) for length, gain, via in from_above(room, replace(HERE, position=(0.0, 0.0)), SEARCH)}
+    detected = {
+        via: (length, gain) for length, gain, via in from_above(room, replace(HERE, position=(0.0, 0.0)), SEARCH)
+    }
     curvature = math.sqrt(0.05 / (0.05 + 0.95))
-    assert heard[("floor", "pillar")] == pytest.approx((2 * math.hypot(0.95, 0.9), 0.8 * 0.9 * curvature))
-    assert heard[("ceiling", "pillar")] == pytest.approx((2 * math.hypot(0.95, 1.5), 0.7 * 0.9 * curvature))
+    assert detected[("floor", "pillar")] == pytest.approx((2 * math.hypot(0.95, 0.9), 0.8 * 0.9 * curvature))
+    assert detected[("ceiling", "pillar")] == pytest.approx((2 * math.hypot(0.95, 1.5), 0.7 * 0.9 * curvature))
 
 
-def test_sensor_above_a_low_post_hears_what_its_lid_leaves_free_and_inside_a_tall_one_nothing() -> None:
-    # on the straight line from 0.9 m down to the foot of the wall 1 m off, the post's rim at 0.2 m is passed at 0.72 m
+def test_lid_of_a_low_post_blocks_and_inside_a_tall_post_there_are_no_paths() -> None:
+    # on the straight line from 0.9 m down to the foot of the wall 1 m away, the height at the rim (0.2 m) is 0.72 m
     walls, place = wall("far", (-9.0, 1.0), (9.0, 1.0)), Place("here", (0.0, 0.0), height=0.9)
     for top, foot_is_free in ((0.71, True), (0.73, False)):
         room = room_of(post("stool", 0.0, 0.0, 0.2, (0.0, top)) + walls)
@@ -217,22 +222,24 @@ def test_sensor_above_a_low_post_hears_what_its_lid_leaves_free_and_inside_a_tal
         assert (("floor", "far") in vias) is foot_is_free
         assert ("ceiling", "far") in vias
         everything = paths_from(room, place, SEARCH)
-        assert ("floor",) not in [everything.via(k, room) for k in range(len(everything))]  # the lid is in between
+        assert ("floor",) not in [everything.via(k, room) for k in range(len(everything))]  # blocked by the lid
     assert len(paths_from(room_of(post("column", 0.0, 0.0, 0.2) + walls), place, SEARCH)) == 0
 
 
-def test_vertical_edge_bends_sound_that_comes_by_the_floor() -> None:
+def test_vertical_edge_diffracts_sound_from_the_floor() -> None:
     room = room_of(wall("end", (0.35, 0.0), (1.0, -0.4)))
     place = Place("here", (0.0, 0.0), height=0.2)
     search = PathSearch(1.0, WAVELENGTH)
     in_plan = find_paths(room, place.position, search)
-    heard = [(length, gain) for length, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}]
+    detected = [
+        (length, gain) for length, gain, via in from_above(room, place, search) if set(via) == {"end/", "floor"}
+    ]
     length = math.hypot(0.7, 0.4)
-    assert len(heard) == 1  # equal legs: it meets the edge where that meets the floor
-    assert heard[0] == pytest.approx((length, 0.8 * in_plan.gains[0] * math.sqrt(length / 0.7)))
+    assert len(detected) == 1  # equal legs: the path meets the edge at its foot
+    assert detected[0] == pytest.approx((length, 0.8 * in_plan.gains[0] * math.sqrt(length / 0.7)))
 
 
-def test_every_reversed_path_is_a_path() -> None:
+def test_every_path_has_its_reverse() -> None:
     room = room_of(BOX + wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.5)))
     ways = [tuple(np.round(row, 6) + 0.0) for row in as_rows(paths_from(room, HERE, PathSearch(7.0, WAVELENGTH)))]
     assert len(ways) > 60
@@ -240,7 +247,7 @@ def test_every_reversed_path_is_a_path() -> None:
     assert {row[:8] for row in ways} == turned
 
 
-def test_moving_everything_changes_nothing() -> None:
+def test_moving_the_room_changes_nothing() -> None:
     def moved(x: float, y: float) -> tuple[float, float]:
         turned = complex(x, y) * complex(math.cos(0.7), math.sin(0.7)) + complex(4.0, -2.5)
         return turned.real, turned.imag
@@ -257,7 +264,7 @@ def test_moving_everything_changes_nothing() -> None:
     assert np.sort(turned.gains) == pytest.approx(np.sort(still.gains), abs=1e-9)
 
 
-def test_outlines_seen_from_above_end_where_they_start_and_have_a_corner_for_every_touch() -> None:
+def test_outlines_in_the_plan_are_closed_with_one_point_for_every_touch() -> None:
     room = room_of(BOX + wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.5)))
     paths = paths_from(room, HERE, PathSearch(7.0, WAVELENGTH))
     for k in range(len(paths)):
@@ -269,7 +276,7 @@ def test_outlines_seen_from_above_end_where_they_start_and_have_a_corner_for_eve
 
 
 def test_parallel_sections_share_the_face_between_them() -> None:
-    # the top of the wall cuts through the transducer's face, 40 mm across, a quarter below its middle
+    # the top of the wall crosses the transducer's face, 40 mm wide, a quarter of it below its centre
     room = room_of(wall("kerb", (-2.0, 1.0), (2.0, 1.0), height=(-1.0, 0.89)), levels="")
     place, search = Place("here", (0.0, 0.0), height=0.9), PathSearch(3.0, WAVELENGTH, diffraction=False)
     assert len(paths_from(room, place, search)) == 0
@@ -282,26 +289,26 @@ def test_parallel_sections_share_the_face_between_them() -> None:
     assert whole.gains == pytest.approx(paths_from(room_of(BOX), HERE, SEARCH).gains)
 
 
-def test_two_sections_hear_one_wall_once() -> None:
+def test_one_wall_in_two_sections_is_one_path() -> None:
     kerb, back = wall("kerb", (3.0, 1.0), (4.0, 1.0), height=(-1.0, 0.9)), wall("back", (-2.0, 2.0), (2.0, 2.0))
     paths = paths_from(room_of(kerb + back, levels=""), replace(HERE, position=(0.0, 0.0)), SEARCH, None, 0.02, 2)
     assert paths.gains[paths.lengths < 5] == pytest.approx([0.9])
 
 
-def test_sender_and_receiver_side_by_side_hear_the_floor_and_far_apart_only_the_plan() -> None:
+def test_near_sender_and_receiver_use_the_floor_and_distant_ones_only_the_plan() -> None:
     room, place = room_of(BOX), replace(HERE, position=(1.1, 0.7))
-    for apart, heard in ((0.026, True), (0.3, False)):
+    for apart, detected in ((0.026, True), (0.3, False)):
         paths = paths_from(room, place, SEARCH, receiver=(1.1 + apart, 0.7))
         lengths = {paths.via(k, room): float(paths.lengths[k]) for k in range(len(paths))}
         assert lengths[("w[2]",)] == pytest.approx(math.hypot(2.6, apart))
-        assert (("floor", "w[2]") in lengths) is heard
-        if heard:
+        assert (("floor", "w[2]") in lengths) is detected
+        if detected:
             assert lengths[("floor", "w[2]")] == pytest.approx(math.hypot(2.6, 1.8, apart), abs=2e-4)
             assert ("floor", "w[2]", "w[3]") in lengths
 
 
-def test_edges_that_only_a_section_sees_have_names() -> None:
-    # the fence divides the outer corner of the box into wedges that bend nothing; above the fence there is no fence
+def test_edges_that_exist_only_in_a_section_have_names() -> None:
+    # the fence divides the outer corner of the box into wedges that do not diffract
     box = wall("box", (1.0, -0.5), (1.0, 0.5), (2.0, 0.5))
     fence = wall("fence", (1.0, 0.5), (1.0, 1.5), height=(0.0, 0.5))
     room = room_of(box + fence, levels="")
@@ -338,11 +345,11 @@ def test_readings_in_a_box_room_are_those_of_its_images_in_three_dimensions() ->
         exact = first_images(place, board, headings)
         assert scan.ranges == pytest.approx(exact, abs=1e-9, nan_ok=True)
         out_of_plan += np.count_nonzero(~np.isclose(flat.ranges, exact, equal_nan=True))
-    assert out_of_plan > 10  # headings at which the plan alone would err
+    assert out_of_plan > 10  # headings at which the plan alone gives a wrong range
 
 
 def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray:
-    """Range at each heading by image sources in three dimensions of the box room, all of them, (n,) m."""
+    """Return the range at each heading by all image sources of the box room in three dimensions, (n,) m."""
     ka = board.wavenumber(room_of(BOX).air) * board.aperture_radius
     axes = np.column_stack((np.cos(headings), np.sin(headings)))
     first = np.full(len(headings), np.inf)
@@ -360,15 +367,15 @@ def first_images(place: Place, board: Board, headings: FloatArray) -> FloatArray
     return np.where(np.isfinite(first), first, np.nan)
 
 
-def test_fake_scanner_hears_what_sections_hear() -> None:
+def test_fake_scanner_uses_sections() -> None:
     room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
-    heard = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
+    detected = RoomEchoes(room, room.places["robot"], board, disturbance=EXACT).receive(
         Ping(math.pi / 2, 0, 0, 0.06, False)
     )
-    assert heard.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
+    assert detected.echo_times[0] * room.air.speed_of_sound / 2 == pytest.approx(math.hypot(1.4, 0.25), abs=1e-6)
 
 
-def test_furniture_stands_before_floor_and_ceiling() -> None:
+def test_furniture_is_numbered_before_floor_and_ceiling() -> None:
     room = load_room("rooms/doorstep.toml")
     furnished = with_furniture(room, (1.3, 0.9), np.random.default_rng(1))
     assert furnished.names[-4:] == ("bin", "furniture", "floor", "ceiling")
@@ -376,7 +383,7 @@ def test_furniture_stands_before_floor_and_ceiling() -> None:
 
 
 def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
-    # were it one, nothing could pass from the wall behind to the wall ahead by way of the floor
+    # with such a wall, no path could lead from the wall behind over the floor to the wall ahead
     room, board = room_of(BOX), replace(load_board("paper"), max_range=4.0)
     scan = predict_scan(
         room, replace(HERE, height=0.15), board, np.array([math.pi / 2]), PredictionOptions(unit=Unit.REFLECT)
@@ -386,7 +393,7 @@ def test_reflecting_face_is_no_wall_from_floor_to_ceiling() -> None:
     assert ("w[2]", "unit", "w[2]") in vias
 
 
-def test_nearest_wall_is_one_that_stands_at_the_height_of_the_transducer() -> None:
+def test_nearest_wall_spans_the_height_of_the_transducer() -> None:
     room, board = load_room("rooms/doorstep.toml"), load_board("polaroid-6500")
     for place, distance, via in (("robot", 2.3, ("north",)), ("plan", 1.4, ("step",))):
         scan = predict_with(Model.NEAREST, room, room.places[place], board, np.array([math.pi / 2]))
@@ -398,7 +405,7 @@ def test_nearest_wall_is_one_that_stands_at_the_height_of_the_transducer() -> No
 @pytest.mark.parametrize(
     "position", [(0.0, 0.0), (1.0, 0.0), (0.4, 0.9), (0.4, 1.5), (2.2, 1.0), (2.0, 1.0), (-1.0, 0.5), (3.0, 2.0)]
 )
-def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_is_answered(
+def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_has_sane_paths(
     position: tuple[float, float], height: float
 ) -> None:
     things = wall("fence", (0.4, 0.3), (0.4, 1.5), height=(0.0, 0.9)) + post("post", 2.0, 1.0, 0.2, (0.0, 0.9))
@@ -407,12 +414,12 @@ def test_sensor_on_walls_and_tops_in_corners_posts_and_outside_is_answered(
     assert np.isfinite(paths.leaving).all()
     assert np.isfinite(paths.arriving).all()
     assert (paths.gains > 0).all()
-    # no path is louder than what it reflects off leaves of it
+    # no path is louder than its reflectances allow
     for k in range(len(paths)):
         assert paths.gains[k] <= room.reflectances[paths.surfaces[k][paths.surfaces[k] >= 0]].prod() + 1e-12
 
 
-def test_models_that_know_one_reflection_know_one_out_of_the_plan_as_well() -> None:
+def test_single_reflections_include_those_out_of_the_plan() -> None:
     room = room_of(BOX)
     scan = predict_scan(room, HERE, load_board("paper"), np.zeros(1), PredictionOptions(max_bounces=1))
     assert scan.paths.bounces.max() == 1

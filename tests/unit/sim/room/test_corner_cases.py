@@ -1,4 +1,4 @@
-"""Corner cases give answers: never NaN, never a hang, never a path that is louder or shorter than one can be."""
+"""Corner cases have valid results: no NaN, no hang, no path louder or shorter than possible."""
 
 import math
 
@@ -32,7 +32,7 @@ def assert_sane(paths: Paths) -> None:
         assert np.hypot(*legs.T).sum() == pytest.approx(paths.lengths[path], abs=1e-8)
 
 
-def heard_from(room: Room, *position: float, search: PathSearch = SEARCH) -> Paths:
+def paths_at(room: Room, *position: float, search: PathSearch = SEARCH) -> Paths:
     paths = find_paths(room, (position[0], position[1]), search)
     assert_sane(paths)
     return paths
@@ -42,59 +42,59 @@ def lengths_of(paths: Paths) -> list[float]:
     return sorted({round(float(length), 6) for length in paths.lengths})
 
 
-def test_sensor_on_a_wall_hears_the_walls_across() -> None:
-    assert {2.0, 4.0} <= set(lengths_of(heard_from(polygon_room(SQUARE), 1.0, 0.0)))
+def test_sensor_on_a_wall_has_echoes_of_the_opposite_walls() -> None:
+    assert {2.0, 4.0} <= set(lengths_of(paths_at(polygon_room(SQUARE), 1.0, 0.0)))
 
 
-def test_sensor_in_a_corner_hears_the_walls_across() -> None:
-    found = lengths_of(heard_from(polygon_room(SQUARE), 0.0, 0.0))
+def test_sensor_in_a_corner_has_echoes_of_the_opposite_walls() -> None:
+    found = lengths_of(paths_at(polygon_room(SQUARE), 0.0, 0.0))
     assert 4.0 in found
     assert round(4 * math.sqrt(2), 6) in found
 
 
-def test_sensor_on_the_end_of_a_wall_is_answered() -> None:
-    heard_from(polygon_room([(0.0, 0.0), (2.0, 0.0), (3.0, 2.0)], closed=False), 0.0, 0.0)
+def test_sensor_on_the_end_of_a_wall_has_sane_paths() -> None:
+    paths_at(polygon_room([(0.0, 0.0), (2.0, 0.0), (3.0, 2.0)], closed=False), 0.0, 0.0)
 
 
-def test_sensor_inside_a_post_hears_nothing() -> None:
+def test_sensor_inside_a_post_has_no_paths() -> None:
     room = polygon_room(SQUARE, extra='[[posts]]\nname = "post"\ncenter = [1.0, 1.0]\nradius = 0.3\nmaterial = "hard"')
-    assert len(heard_from(room, 1.1, 1.0)) == 0
-    assert len(heard_from(room, 1.0, 1.0)) == 0
+    assert len(paths_at(room, 1.1, 1.0)) == 0
+    assert len(paths_at(room, 1.0, 1.0)) == 0
 
 
-def test_sensor_on_the_skin_of_a_post_is_answered() -> None:
+def test_sensor_on_the_surface_of_a_post_has_sane_paths() -> None:
     room = polygon_room(SQUARE, extra='[[posts]]\nname = "post"\ncenter = [1.0, 1.0]\nradius = 0.3\nmaterial = "hard"')
-    assert 1.4 in lengths_of(heard_from(room, 1.3, 1.0))
+    assert 1.4 in lengths_of(paths_at(room, 1.3, 1.0))
 
 
-def test_sensor_outside_the_room_hears_its_outside() -> None:
-    assert lengths_of(heard_from(polygon_room(SQUARE), 3.0, 1.0))[0] == 2.0
+def test_sensor_outside_the_room_has_echoes_of_its_outside() -> None:
+    assert lengths_of(paths_at(polygon_room(SQUARE), 3.0, 1.0))[0] == 2.0
 
 
-def test_sensor_far_from_everything_hears_nothing() -> None:
-    assert len(heard_from(polygon_room(SQUARE), 1e6, -1e6)) == 0
+def test_sensor_far_from_the_room_has_no_paths() -> None:
+    assert len(paths_at(polygon_room(SQUARE), 1e6, -1e6)) == 0
 
 
-def test_ray_down_a_walls_length_is_answered() -> None:
-    # the fin lies on a ray of the fan, from its near end to its far one
+def test_ray_along_a_wall_has_sane_paths() -> None:
+    # the fin lies along a ray of the fan
     angle = float(fan(RAYS)[100])
     along = np.array([math.cos(angle), math.sin(angle)])
     room = room_of([(*(0.5 * along), *(1.5 * along)), (2.0, -3.0, 2.0, 3.0)])
-    found = heard_from(room, 0.0, 0.0)
+    found = paths_at(room, 0.0, 0.0)
     assert 4.0 in lengths_of(found)
     assert ("w0",) not in [found.via(path, room) for path in range(len(found))]
 
 
 @pytest.mark.parametrize("ray", [0, 100, 777])
-def test_ray_that_hits_a_vertex_exactly_invents_and_loses_nothing(ray: int) -> None:
+def test_ray_that_hits_a_vertex_exactly_adds_and_loses_no_path(ray: int) -> None:
     angle = float(fan(RAYS)[ray])
     ring = [(1.5 * math.cos(angle + k * 1.1), 1.5 * math.sin(angle + k * 1.1)) for k in range(6)]
     room = polygon_room(ring)
-    found = heard_from(room, 0.0, 0.0, search=PathSearch(9.0, 0.00696, 3, diffraction=False, rays=RAYS))
+    found = paths_at(room, 0.0, 0.0, search=PathSearch(9.0, 0.00696, 3, diffraction=False, rays=RAYS))
     assert lengths_of(found) == pytest.approx(sorted(set(np.round(specular_lengths(room, (0.0, 0.0), 3), 6))), abs=1e-6)
 
 
-def test_walls_that_cross_reflect_as_if_they_met() -> None:
+def test_crossing_walls_reflect_like_meeting_ones() -> None:
     room = room_of([(-2.0, 0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 2.0)])
     found = find_paths(room, (0.7, 0.4), PathSearch(3.0, 0.00696, diffraction=False, rays=RAYS))
     assert_sane(found)
@@ -103,30 +103,30 @@ def test_walls_that_cross_reflect_as_if_they_met() -> None:
 
 def test_leaky_room_keeps_the_echoes_of_its_walls() -> None:
     leaky = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 2e-5)], closed=False)
-    found = heard_from(leaky, 0.7, 0.6)
+    found = paths_at(leaky, 0.7, 0.6)
     assert {1.2, 1.4, 2.6, 2.8, 4.0} <= set(lengths_of(found))
 
 
-def test_wall_that_reflects_nothing_answers_nothing_but_still_stands_in_the_way() -> None:
+def test_wall_without_reflectance_has_no_echo_but_blocks() -> None:
     room = room_of(
         [(1.0, -1.0, 1.0, 1.0), (2.0, -5.0, 2.0, 5.0), (-1.0, -5.0, -1.0, 5.0)], reflectances=[0.0, 1.0, 1.0]
     )
-    found = heard_from(room, 0.0, 0.0, search=PathSearch(5.0, 0.00696, diffraction=False, rays=RAYS))
+    found = paths_at(room, 0.0, 0.0, search=PathSearch(5.0, 0.00696, diffraction=False, rays=RAYS))
     assert [found.via(path, room) for path in range(len(found))] == [("w2",)]
 
 
-def test_walls_that_reflect_all_take_nothing() -> None:
+def test_perfect_walls_lose_no_amplitude() -> None:
     room = room_of([(0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 1.0, 1.0)])
-    found = heard_from(room, 0.3, 0.5, search=PathSearch(30.0, 0.00696, diffraction=False, rays=RAYS))
+    found = paths_at(room, 0.3, 0.5, search=PathSearch(30.0, 0.00696, diffraction=False, rays=RAYS))
     assert len(found) > 40
     assert found.gains == pytest.approx(np.ones(len(found)))
 
 
 @pytest.mark.parametrize("threshold", ["-60.0", "-90.0", "-1e6"])
-def test_hardly_any_threshold_hears_what_there_is_and_no_silence(threshold: str) -> None:
+def test_lowest_thresholds_detect_all_echoes_and_nothing_else(threshold: str) -> None:
     board = parse_board(
         f"""
-        name = "all ears"
+        name = "sensitive"
         aperture_radius = 0.0192
         frequency = 49400.0
         transmit_cycles = 16
@@ -144,7 +144,7 @@ def test_hardly_any_threshold_hears_what_there_is_and_no_silence(threshold: str)
     assert all(math.isfinite(echo.level_db) for k in range(4) for echo in scan.echoes(k))
 
 
-def test_room_of_a_hundred_thousand_walls_loads_and_answers() -> None:
+def test_room_of_a_hundred_thousand_walls_loads_and_has_paths() -> None:
     # rows of little boxes round an open square
     boxes = [
         (x * 0.2, y * 0.2)
@@ -161,13 +161,13 @@ def test_room_of_a_hundred_thousand_walls_loads_and_answers() -> None:
     ]
     room = parse_room('name = "many"\n[materials.hard]\nreflectance = 0.9\n' + "\n".join(chains), "many")
     assert len(room.walls) == 100_000
-    found = heard_from(room, 0.05, 0.05, search=PathSearch(4.0, 0.00696, 4, rays=RAYS))
+    found = paths_at(room, 0.05, 0.05, search=PathSearch(4.0, 0.00696, 4, rays=RAYS))
     assert found.lengths[0] == pytest.approx(2 * 0.75)
     assert room.names[int(found.surfaces[0, 0])].startswith("b")
 
 
-def test_ways_by_one_wall_to_one_edge_each_have_a_slot_of_their_own() -> None:
-    # a round room drawn with 100 000 corners hung while they shared a few
+def test_paths_over_many_walls_to_one_edge_have_separate_hash_slots() -> None:
+    # with few hash slots for all of them, a round room with 100 000 corners took forever
     count = 300
     walls = np.arange(count, dtype=np.int32)[:, None]
     slots = {_hash(np.array([wall, 1, edge], np.int32), walls) for wall in range(count) for edge in range(count)}
@@ -187,7 +187,7 @@ _post = st.tuples(_grid, _grid, st.sampled_from([0.1, 0.5, 1.0]))
     st.tuples(_grid, _grid),
     st.sampled_from(EdgeStrength),
 )
-def test_things_that_meet_cross_and_lie_on_one_another_are_answered(
+def test_surfaces_that_meet_cross_and_overlap_have_sane_paths(
     walls: list[tuple[float, float, float, float]],
     posts: list[tuple[float, float, float]],
     source: tuple[float, float],
@@ -200,7 +200,7 @@ def test_things_that_meet_cross_and_lie_on_one_another_are_answered(
 
 @settings(max_examples=15, deadline=None)
 @given(st.lists(_wall, min_size=1, max_size=6), st.lists(_post, max_size=1), st.tuples(_grid, _grid))
-def test_scans_from_anywhere_give_ranges_or_none(
+def test_scans_at_any_place_have_valid_ranges_or_none(
     walls: list[tuple[float, float, float, float]],
     posts: list[tuple[float, float, float]],
     position: tuple[float, float],
@@ -208,7 +208,7 @@ def test_scans_from_anywhere_give_ranges_or_none(
     board = load_board("polaroid-6500")
     headings = np.radians(np.arange(0, 360, 15.0))
     scan = predict_scan(room_of(walls, posts), Place("here", position), board, headings)
-    heard = scan.ranges[~np.isnan(scan.ranges)]
-    assert (heard >= board.blanked_range(scan.room.air)).all()
-    assert (heard <= board.max_range + 1e-6).all()
+    detected = scan.ranges[~np.isnan(scan.ranges)]
+    assert (detected >= board.blanked_range(scan.room.air)).all()
+    assert (detected <= board.max_range + 1e-6).all()
     assert all(math.isfinite(echo.level_db) for k in range(len(headings)) for echo in scan.echoes(k))

@@ -1,4 +1,4 @@
-"""The edges of a room are those that every wall held against every vertex gives, however many walls there are."""
+"""The edges of a room equal those of a search of all walls at all vertices, for any number of walls."""
 
 import math
 
@@ -21,7 +21,7 @@ _wall = st.tuples(_coordinate, _coordinate, _coordinate, _coordinate).filter(lam
 
 
 def by_place(wedge: Wedge) -> Wedge:
-    """Sort key: openings that differ by rounding only are equal."""
+    """Return a sort key in which openings that differ only by rounding are equal."""
     x, y, opening, name = wedge
     return x, y, round(opening, 6), name
 
@@ -31,7 +31,7 @@ def names_of(walls: FloatArray) -> tuple[str, ...]:
 
 
 def faces_at(vertex: tuple[float, float], walls: FloatArray) -> list[tuple[float, int]]:
-    """Directions of the walls that leave a point, each direction once, with the first wall that has it."""
+    """Return the directions of walls from a point, each direction once, with its first wall."""
     faces: dict[float, int] = {}
     for k, (x0, y0, x1, y1) in enumerate(walls.tolist()):
         ends = ((x0, y0), (x1, y1))
@@ -44,7 +44,7 @@ def faces_at(vertex: tuple[float, float], walls: FloatArray) -> list[tuple[float
 
 
 def wedges(walls: FloatArray) -> list[Wedge]:
-    """Every wedge of air that bends sound, found without a grid."""
+    """Return every wedge of air that diffracts, found without a grid."""
     found = []
     for x, y in sorted({(x, y) for wall in walls.tolist() for x, y in (wall[:2], wall[2:])}):
         faces = faces_at((x, y), walls)
@@ -64,9 +64,11 @@ def found_wedges(walls: FloatArray) -> list[Wedge]:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(_wall, min_size=1, max_size=9))
-@example([(-2.0, 0.0, 2.0, -2.0), (-2.0, 1.0, 2.0, -2.0)])  # an opening at the edge between two roundings
-@example([(0.0, 0.0, 0.0, -1.0), (0.0, 0.0, 0.0, -2.0), (-1.0, 0.0, 1.0, -2.0)])  # openings equal but for rounding
-def test_edges_are_those_that_every_wall_at_every_vertex_gives(drawn: list[tuple[float, ...]]) -> None:
+@example([(-2.0, 0.0, 2.0, -2.0), (-2.0, 1.0, 2.0, -2.0)])  # an opening between two rounded values
+@example(
+    [(0.0, 0.0, 0.0, -1.0), (0.0, 0.0, 0.0, -2.0), (-1.0, 0.0, 1.0, -2.0)]
+)  # openings that differ only by rounding
+def test_edges_equal_those_of_a_search_without_grid(drawn: list[tuple[float, ...]]) -> None:
     walls = np.array(drawn)
     found, expected = found_wedges(walls), wedges(walls)
     assert [(x, y, name) for x, y, _, name in found] == [(x, y, name) for x, y, _, name in expected]
@@ -96,7 +98,7 @@ def test_a_chain_of_thousands_has_an_edge_at_every_corner() -> None:
     }
 
 
-def test_a_post_beside_the_end_of_a_wall_is_no_wall() -> None:
+def test_a_post_at_the_end_of_a_wall_does_not_change_its_edge() -> None:
     text = """
         name = "Post at an end"
         materials.hard = { reflectance = 0.9 }

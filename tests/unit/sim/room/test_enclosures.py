@@ -1,4 +1,4 @@
-"""Closed chains of walls shut off the edges beyond them, and nothing else; what is heard stays as it was."""
+"""Closed chains of walls separate only the edges beyond them, and do not change paths."""
 
 import math
 from dataclasses import fields, replace
@@ -27,15 +27,15 @@ def separated_from(room: Room, x: float, y: float) -> set[str]:
     return {name for name, gone in zip(room.edges.names, shut, strict=True) if gone}
 
 
-def test_from_inside_the_outer_corners_of_the_room_are_shut_off_and_the_boxs_are_not() -> None:
+def test_from_inside_the_room_its_outer_corners_are_unreachable_and_the_boxs_reachable() -> None:
     assert separated_from(ROOM, 0.0, 0.0) == {"w[0]/w[3]", "w[2]/w[3]", "w[0]/w[1]", "w[1]/w[2]"}
 
 
-def test_from_outside_the_room_its_corners_are_in_reach() -> None:
+def test_from_outside_the_room_its_corners_are_reachable() -> None:
     assert separated_from(ROOM, 5.0, 0.0) == set()
 
 
-def test_from_inside_the_box_its_outer_corners_are_shut_off() -> None:
+def test_from_inside_the_box_its_outer_corners_are_unreachable() -> None:
     assert {name for name in separated_from(ROOM, 0.4, 0.4) if "box" in name} == {
         "box[0]/box[3]",
         "box[2]/box[3]",
@@ -44,11 +44,11 @@ def test_from_inside_the_box_its_outer_corners_are_shut_off() -> None:
     }
 
 
-def test_on_a_wall_there_is_no_telling() -> None:
+def test_from_a_wall_all_edges_are_reachable() -> None:
     assert separated_from(ROOM, 0.0, -1.0) == set()
 
 
-def test_open_chain_shuts_nothing_off() -> None:
+def test_open_chain_separates_no_edges() -> None:
     gap = polygon_room([(-1.0, -1.0), (1.5, -1.0), (1.5, 1.2), (-1.0, 1.2)], closed=False)
     assert len(find_enclosures(gap.walls, gap.edges).starts) == 0
     assert separated_from(gap, 0.0, 0.0) == set()
@@ -69,7 +69,7 @@ def assert_same_paths(one: Paths, other: Paths) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_paths_are_the_same_as_with_every_edge_looked_for(seed: int) -> None:
+def test_paths_are_the_same_without_enclosures(seed: int) -> None:
     room = star_room(seed, 7, convex=False)
     assert len(room.edges) > 0
     random = np.random.default_rng(seed)
@@ -79,7 +79,7 @@ def test_paths_are_the_same_as_with_every_edge_looked_for(seed: int) -> None:
         assert_same_paths(find_paths(room, position, SEARCH), find_paths(without_enclosures(room), position, SEARCH))
 
 
-def test_crossing_walls_of_one_chain_still_shut_off_only_what_no_sound_reaches() -> None:
+def test_chain_with_crossing_walls_separates_only_unreachable_edges() -> None:
     eight = polygon_room([(-1.0, -1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0)])
     for position in ((0.5, 0.1), (-0.6, 0.0), (0.0, 0.6), (3.0, 0.2)):
         assert_same_paths(find_paths(eight, position, SEARCH), find_paths(without_enclosures(eight), position, SEARCH))
@@ -89,12 +89,12 @@ def test_crossing_walls_of_one_chain_still_shut_off_only_what_no_sound_reaches()
     ("point", "outside"),
     [((1.0, 1.0), False), ((5.0, 5.0), True), ((-0.1, 1.0), True), ((0.0, 1.0), False), ((2.9, 2.9), True)],
 )
-def test_outside_is_what_no_chain_goes_round(point: tuple[float, float], outside: bool) -> None:
-    bent = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0)])
-    assert bent.is_outside(point) is outside
+def test_points_that_no_chain_encloses_are_outside(point: tuple[float, float], outside: bool) -> None:
+    l_shaped = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0)])
+    assert l_shaped.is_outside(point) is outside
 
 
-def test_an_open_room_has_no_outside_nor_has_the_floor_round_a_box() -> None:
+def test_open_rooms_have_no_outside() -> None:
     assert not polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0)], closed=False).is_outside((9.0, 9.0))
     box = [(1.0, 1.0, 2.0, 1.0), (2.0, 1.0, 2.0, 2.0), (2.0, 2.0, 1.0, 2.0), (1.0, 2.0, 1.0, 1.0)]
     assert not room_of([(0.0, 0.0, 9.0, 0.0), *box]).is_outside((0.5, 0.5))

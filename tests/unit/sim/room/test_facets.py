@@ -1,4 +1,4 @@
-"""A pillar drawn of many walls is told from what is meant to have many walls, and why it matters is heard."""
+"""Pillars of many walls are distinguished from intended chains of many walls, and have almost no echoes."""
 
 import math
 from collections.abc import Sequence
@@ -38,14 +38,14 @@ def drawn(*chains: Points, place: tuple[float, float] | None = (1.0, 1.4), more:
 
 
 @pytest.mark.parametrize("pillar", [circle(12), circle(64), circle(64)[::-1]], ids=["12", "64", "clockwise"])
-def test_a_pillar_of_many_walls_is_a_circle_of_its_middle_and_radius(pillar: Points) -> None:
+def test_a_pillar_of_many_walls_is_a_circle_with_centre_and_radius(pillar: Points) -> None:
     (found,) = facets_of(drawn(BOX, pillar))
     assert found.walls == range(4, 4 + len(pillar))
     assert found.middle == pytest.approx(MIDDLE)
     assert found.radius == pytest.approx(RADIUS)
 
 
-def test_several_pillars_are_found_and_posts_are_none() -> None:
+def test_several_pillars_are_found_and_posts_are_ignored() -> None:
     post = '[[posts]]\nname = "post"\ncenter = [1.0, 0.5]\nradius = 0.2\nmaterial = "m"'
     found = facets_of(drawn(circle(20), BOX, circle(30, 0.2, (3.0, 2.0)), more=post))
     assert [one.radius for one in found] == pytest.approx([0.15, 0.2])
@@ -69,29 +69,29 @@ STAIRS = [(0.1 * (k // 2 + k % 2), 0.1 * (k // 2)) for k in range(30)] + [(0.0, 
     ],
     ids=["octagon", "round bay", "star", "stairs", "ellipse", "chords", "round room", "round room, furnished"],
 )
-def test_what_is_not_a_round_thing_in_the_room_is_left_alone(chains: Sequence[Points]) -> None:
+def test_other_chains_are_not_circles(chains: Sequence[Points]) -> None:
     assert facets_of(drawn(*chains)) == ()
 
 
-def test_who_stands_inside_a_circle_is_in_a_round_room() -> None:
+def test_a_circle_round_a_place_is_a_round_room() -> None:
     tower, building = circle(64, 1.0), BOX
     assert facets_of(drawn(building, tower, place=(2.1, 1.4))) == ()
     assert len(facets_of(drawn(building, tower, place=(0.5, 0.5)))) == 1
 
 
-def test_the_walls_of_a_round_room_are_not_in_it_though_it_names_no_places() -> None:
+def test_a_round_room_without_places_is_not_an_object() -> None:
     table = [(0.5, 0.5), (1.0, 0.5), (0.7, 0.8)]
     assert facets_of(drawn(circle(64, 3.0), table, place=None)) == ()
     assert len(facets_of(drawn(circle(64), table, place=None))) == 1
 
 
-def test_no_room_of_ours_is_suspected() -> None:
+def test_no_example_room_contains_circles_of_walls() -> None:
     for file in sorted(Path("rooms").glob("*.toml")):
         assert facets_of(load_room(file)) == (), file.name
     assert facets_of(office_floor(1000)) == ()
 
 
-def test_why_a_board_that_hears_a_post_hardly_hears_the_same_pillar_of_walls() -> None:
+def test_a_post_has_echoes_and_the_same_pillar_of_walls_almost_none() -> None:
     post = f'[[posts]]\nname = "post"\ncenter = {list(MIDDLE)}\nradius = {RADIUS}\nmaterial = "m"'
     towards, board = np.array([math.atan2(0.1, 1.0)]), load_board("paper")
     (round_one,), (flat,) = (
@@ -102,16 +102,14 @@ def test_why_a_board_that_hears_a_post_hardly_hears_the_same_pillar_of_walls() -
     assert math.isnan(flat)
 
 
-def test_the_command_warns_in_one_line_that_says_what_to_write(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_warns_in_one_line_with_the_replacement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "room.toml"
     file.write_text(room_text(BOX, circle(64)))
     for command in ("simulate", "paths"):
         assert run([command, str(file), *(["--step", "90"] if command == "simulate" else [])]) == 0
-        told = capsys.readouterr()
-        assert told.err == (
+        printed = capsys.readouterr()
+        assert printed.err == (
             f"sonarhw: warning: {file}: walls 'w1[0]' to 'w1[63]' approximate a circle, but flat walls return almost "
             "no sound; use [[posts]] with center = [2, 1.5] and radius = 0.15\n"
         )
-        assert "warning" not in told.out
+        assert "warning" not in printed.out

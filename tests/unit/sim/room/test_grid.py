@@ -1,4 +1,4 @@
-"""The grid hides nothing: what it lets a ray meet is what trying every surface one by one gives."""
+"""The grid loses no surface: results equal those of a test of all surfaces."""
 
 import math
 
@@ -12,7 +12,7 @@ from sonarhw_sim.room.grid import lay_grid, list_points
 
 from tests.fixtures.rooms_for_tests import room_of
 
-# round numbers too: walls and rays along the lines between cells
+# also round numbers: walls and rays along the lines between cells
 coordinates = st.one_of(st.floats(-5, 5), st.integers(-5, 5).map(float))
 points = st.tuples(coordinates, coordinates)
 walls = st.tuples(points, points).filter(lambda ends: math.dist(*ends) > 1e-3).map(lambda ends: (*ends[0], *ends[1]))
@@ -37,7 +37,7 @@ def test_first_hit_is_the_nearest_of_all_surfaces(
 
 @settings(max_examples=200, deadline=None)
 @given(clutter, points, points)
-def test_leg_is_free_where_no_surface_by_itself_stands_in_it(
+def test_leg_is_free_if_no_single_surface_blocks_it(
     things: tuple[list[tuple[float, ...]], list[tuple[float, ...]]],
     start: tuple[float, float],
     end: tuple[float, float],
@@ -50,7 +50,7 @@ def test_leg_is_free_where_no_surface_by_itself_stands_in_it(
     assert leg_is_free(*leg, lay_grid(all_walls, all_posts)) == all(alone)
 
 
-def test_points_are_listed_wherever_they_are_within_reach() -> None:
+def test_points_are_listed_in_all_cells_within_reach() -> None:
     random = np.random.default_rng(0)
     room = room_of(random.uniform(-4, 4, (60, 4)))
     cells, some = room.surfaces.cells, random.uniform(-4, 4, (50, 2))
@@ -61,7 +61,7 @@ def test_points_are_listed_wherever_they_are_within_reach() -> None:
         assert set(np.flatnonzero(np.hypot(*(some - (x, y)).T) <= 0.3)) <= set(here.tolist())
 
 
-def test_cells_are_about_as_many_as_walls_whatever_the_shape() -> None:
+def test_there_are_about_as_many_cells_as_walls_in_any_shape() -> None:
     random = np.random.default_rng(0)
     for stretch in (1.0, 1e3, 1e-3):
         ends = random.uniform(0, 1, (1000, 4)) * (stretch, 1, stretch, 1)
@@ -70,7 +70,7 @@ def test_cells_are_about_as_many_as_walls_whatever_the_shape() -> None:
 
 
 @pytest.mark.parametrize("place", [(-3.0, 1.0), (1.0, 9.0), (40.0, 40.0)])
-def test_rays_from_outside_the_grid_come_in(place: tuple[float, float]) -> None:
+def test_rays_from_outside_enter_the_grid(place: tuple[float, float]) -> None:
     surfaces = room_of([(0, 0, 2, 0), (2, 0, 2, 2), (2, 2, 0, 2), (0, 2, 0, 0)]).surfaces
     towards = math.atan2(1.0 - place[1], 1.0 - place[0])
     distance, surface = first_hit(*place, math.cos(towards), math.sin(towards), -1, surfaces)

@@ -1,4 +1,4 @@
-"""Walls that go all round a point, against polygons and rooms whose walls meet anywhere but at their ends."""
+"""Enclosure of a point, against polygons and rooms whose walls do not meet at their ends."""
 
 import math
 
@@ -12,16 +12,16 @@ from tests.fixtures.rooms_for_tests import star_room
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_walls_of_one_chain_go_round_what_lies_inside_it(seed: int) -> None:
+def test_walls_of_one_chain_enclose_the_points_inside(seed: int) -> None:
     walls, random = star_room(seed, 9, convex=False).walls, np.random.default_rng(seed)
     points = random.uniform(walls.min(), walls.max(), (40, 2))
-    told = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
-    assert told == inside(points, walls).tolist()
-    assert 0 < sum(told) < 40
+    enclosed = [walls_enclose(walls, (float(x), float(y))) for x, y in points]
+    assert enclosed == inside(points, walls).tolist()
+    assert 0 < sum(enclosed) < 40
 
 
-def test_walls_that_cross_close_a_room_and_a_gap_opens_it() -> None:
-    # four walls laid like a hash sign
+def test_crossing_walls_enclose_a_room_and_a_gap_opens_it() -> None:
+    # four walls like a hash sign
     walls = np.array([(-2.0, s, 2.0, s) for s in (-1.0, 1.0)] + [(s, -2.0, s, 2.0) for s in (-1.0, 1.0)])
     assert walls_enclose(walls, (0.3, 0.2))
     assert not walls_enclose(walls, (1.5, 0.2))

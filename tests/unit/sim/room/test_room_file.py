@@ -1,4 +1,4 @@
-"""A wrong room file or profile is refused with one clear line that says where and what was expected."""
+"""A wrong room file or profile is rejected with one line that names the key and the expected value."""
 
 import math
 from pathlib import Path
@@ -40,7 +40,7 @@ material = "m"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('name = "w"', 'name = "w"\ncolour = "red"', "walls[0].colour: unknown key"),
         ('material = "m"', 'material = "wood"', "material 'wood' of 'w' is not defined; defined: m"),
@@ -66,17 +66,17 @@ material = "m"
         ("position = [0.2, 0.3]", "", "places.here.position: missing"),
     ],
 )
-def test_wrong_room_is_refused_with_key_and_reason(old: str, new: str, said: str) -> None:
+def test_wrong_room_is_rejected_with_key_and_reason(old: str, new: str, message: str) -> None:
     assert old in GOOD
     with pytest.raises(InputError) as refusal:
         parse_room(GOOD.replace(old, new, 1), "bad.toml")
     assert str(refusal.value).startswith("bad.toml: ")
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("height = [0.0, 0.4]", "height = [0.4, 0.0]", "height of post 'p' must be [lower, upper], got [0.4, 0.0]"),
         ("height = [0.0, 0.4]", "height = 0.4", "posts[0].height: expected a list of numbers"),
@@ -99,16 +99,16 @@ def test_wrong_room_is_refused_with_key_and_reason(old: str, new: str, said: str
         ("position = [0.2, 0.3]", "position = [5.1, 5.1]", "place 'here' lies inside post 'p'"),
     ],
 )
-def test_wrong_heights_are_refused_with_key_and_reason(old: str, new: str, said: str) -> None:
+def test_wrong_heights_are_rejected_with_key_and_reason(old: str, new: str, message: str) -> None:
     assert old in TALL
     with pytest.raises(InputError) as refusal:
         parse_room(TALL.replace(old, new, 1), "bad.toml")
     assert str(refusal.value).startswith("bad.toml: ")
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_heights_are_read_and_what_has_none_is_endless() -> None:
+def test_heights_are_read_and_default_to_infinite() -> None:
     room = parse_room(TALL, "tall.toml")
     assert room.names == ("w[0]", "w[1]", "p", "floor", "ceiling")
     assert room.heights.tolist() == [[-math.inf, math.inf]] * 2 + [[0.0, 0.4], [0.0, 0.0], [2.5, 2.5]]
@@ -122,7 +122,7 @@ def test_place_above_a_low_post_is_free() -> None:
     assert parse_room(above, "tall.toml").place("here").position == (5.1, 5.1)
 
 
-def test_room_without_walls_is_refused() -> None:
+def test_room_without_walls_is_rejected() -> None:
     with pytest.raises(InputError, match="at least one"):
         parse_room('name = "empty"', "bad.toml")
 
@@ -144,17 +144,17 @@ def test_place_by_name_by_numbers_or_alone() -> None:
 
 
 @pytest.mark.parametrize("wanted", ["there", "1,2,3", "nan,1", "5.2,5.0"])
-def test_wrong_place_is_refused(wanted: str) -> None:
+def test_wrong_place_is_rejected(wanted: str) -> None:
     with pytest.raises(InputError):
         parse_room(GOOD, "good.toml").place(wanted)
 
 
-def test_place_must_be_named_where_there_are_several() -> None:
+def test_place_is_required_if_there_are_several() -> None:
     with pytest.raises(InputError, match="figure7, figure9"):
         load_room("rooms/simple.toml").place(None)
 
 
-def test_unknown_board_lists_those_that_ship() -> None:
+def test_error_for_an_unknown_board_lists_the_included_ones() -> None:
     with pytest.raises(InputError, match="known: hc-sr04, lego-nxt, paper, paper-b12, polaroid-56, polaroid-6500"):
         load_board("nothing")
 

@@ -1,4 +1,4 @@
-"""A room that is changed and written reads back the same, with its author's comments still in it."""
+"""A changed and saved room reads back the same, with its comments."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -21,7 +21,7 @@ SHARES = st.floats(0, 1)
 
 
 def assert_same_rooms(one: Room, other: Room, but: tuple[str, ...] = ()) -> None:
-    """The rooms are the same in everything but those fields and their text."""
+    """Assert that the rooms are equal except for these fields and their text."""
     for field in fields(Room):
         if field.name in (*but, "text"):
             continue
@@ -42,7 +42,7 @@ def comments(text: str) -> list[str]:
 @pytest.mark.parametrize("path", ROOMS, ids=lambda path: path.stem)
 @settings(max_examples=15, deadline=None)
 @given(t=st.floats(-40, 60), h=SHARES, p=st.floats(30, 120), x=st.floats(50, 99), heading=st.floats(-360, 360))
-def test_every_shipped_room_reads_back_as_it_was_changed(
+def test_every_example_room_reads_back_as_changed(
     path: Path, t: float, h: float, p: float, x: float, heading: float
 ) -> None:
     room = load_room(path)
@@ -75,14 +75,14 @@ def test_the_reflectance_of_a_material_is_that_of_all_its_surfaces() -> None:
 
 
 @pytest.mark.parametrize("bad", [1.5, -0.1, float("nan")])
-def test_what_no_room_file_may_say_is_refused_and_the_room_stays(bad: float) -> None:
+def test_invalid_changes_are_rejected_and_the_room_is_unchanged(bad: float) -> None:
     room = load_room(SIMPLE)
     with pytest.raises(InputError, match="reflectance"):
         with_material(room, "shelving", bad, 0.0)
     assert_same_rooms(room, load_room(SIMPLE))
 
 
-def test_a_place_inside_a_post_is_refused() -> None:
+def test_a_place_inside_a_post_is_rejected() -> None:
     text = (
         load_room(SIMPLE).text + '\n[[posts]]\nname = "p"\ncenter = [0.3, 0.3]\nradius = 0.1\nmaterial = "shelving"\n'
     )
@@ -90,7 +90,7 @@ def test_a_place_inside_a_post_is_refused() -> None:
         with_place(parse_room(text, "with a post"), Place("here", (0.35, 0.3)))
 
 
-def test_a_saved_room_loads_and_no_other_file_is_lost(tmp_path: Path) -> None:
+def test_a_saved_room_loads_and_existing_files_are_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     room = with_air(load_room(SIMPLE), Air(temperature_c=3.0))
     save_room(room, file)
