@@ -183,8 +183,8 @@ def _step_row(
 ) -> None:
     """Replace the pressures of a row from the previous step by those of the next.
 
-    `rows` are the row before, this row and the row after; this row is a cell longer at both ends. `right` and `upper` are
-    the faces before and after each cell.
+    `rows` are the row before, this row and the row after; this row is a cell longer at both ends. `right` and `upper`
+    are the faces before and after each cell.
     """
     before, now, after = rows
     for j in range(old.shape[0]):
