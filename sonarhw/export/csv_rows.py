@@ -12,10 +12,10 @@ HEADER = "time_s,heading_deg,range_m,echoes_s"
 
 
 def row(reading: Reading, began: float) -> str:
-    """One line: seconds since the scan began, turntable angle in degrees, range in m, echo times in s joined by `;`.
+    """Return one line: time since the start of the scan in s, angle in degrees, range in m, echo times in s with `;`.
 
-    `began` is the start of the scan on the clock of `Reading.time`: the time stamp of the Started frame, in s.
-    Without an echo range and echo times are empty.
+    `began` is the start of the scan on the clock of `Reading.time`, the time stamp of the Started frame, in s.
+    Without an echo, range and echo times are empty.
     """
     distance = "" if reading.range is None else number(reading.range)
     echoes = ";".join(map(number, reading.echo_times))
@@ -23,12 +23,12 @@ def row(reading: Reading, began: float) -> str:
 
 
 def write_csv(log: "Log", file: BinaryIO) -> None:
-    """Write the readings of all scans to `file`, one line a reading below a header."""
+    """Write the readings of all scans to `file`: a header, then one line per reading."""
     file.write(f"{HEADER}\n".encode())
     for scan in log.scans:
         file.writelines(f"{row(reading, scan.began)}\n".encode() for reading in scan.readings)
 
 
 def number(value: float) -> str:
-    """A number with 9 significant digits, as in every CSV of this project; never `-0`."""
+    """Return a number with 9 significant digits, as in every CSV of this project; never `-0`."""
     return f"{value + 0.0:.9g}"

@@ -1,7 +1,6 @@
-"""Readings become the frames that a scanner would have sent for them: how imported and simulated scans become logs.
+"""Write imported and simulated scans as logs, with the frames that a scanner would have sent for the readings.
 
-Takes readings; hands on a log file whose decoding gives back the same ranges. One decoder for
-everything: nothing that reads a log can tell an imported scan from a recorded one but by its metadata.
+So all logs are decoded in the same way. Only the metadata distinguishes an imported scan from a recorded one.
 """
 
 import math
@@ -19,18 +18,17 @@ from sonarhw.wire.reading_messages import reading_message, trace_chunks
 from sonarhw.wire.units import centidegrees_of, microseconds_of, millimetres_per_second_of, seconds_of
 
 _TICK = 1e-6  # s
-_HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the commands that nobody sent
+_HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the assumed commands
 
 
 def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False) -> None:
-    """Write one scan as a log that began at `metadata.started`.
+    """Write one scan as a log that starts at `metadata.started`.
 
-    Decoding gives back angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm and traces to 8 bits; of more than
-    122 echoes the earliest. Readings are numbered anew in their order, and those of one time
-    (or out of order) come 1 µs apart. Raises LogError where the file exists (unless
-    `overwrite`) or cannot be written, ValueError where a reading has values that no frame can carry.
+    Decoding restores angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm, traces to 8 bits, and the earliest 122 echoes.
+    Readings are numbered again in their order. Readings with equal or decreasing times are set 1 µs apart. Raises
+    LogError if the file exists (unless `overwrite`) or cannot be written, ValueError if a value fits no frame.
     """
-    # everything is encoded before the file is made: what no frame can carry leaves none behind
+    # all is encoded before the file is created, so that an error leaves no file
     pieces = _encode(metadata, readings)
     with LogWriter(path, metadata, overwrite=overwrite, live=False) as writer:
         for frames, reading in pieces:
@@ -44,7 +42,7 @@ _Stamped = tuple[float, bytes]  # s since the scan began, frame
 
 
 def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[list[_Stamped], Reading | None]]:
-    """The frames of a scan, those of each reading with it."""
+    """Return the frames of a scan in pieces, each with its reading."""
     sender = _Sender()
     settings = _settings(readings)
     greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
@@ -52,7 +50,7 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
     first = min((reading.time for reading in readings), default=0.0)
     time, fired = 0.0, -_TICK
     for number, reading in enumerate(readings):
-        # a ping is known by when it was fired; two at one time would be taken for one sent twice
+        # a ping is identified by its time; two at the same time would be taken for a repeated one
         fired = max(reading.time - first, fired + _TICK)
         reading = replace(reading, number=number, time=fired)
         time = max(time, reading.time + seconds_of(settings.listen_us))
@@ -65,13 +63,13 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
 
 
 class _Sender:
-    """Stamps messages as a device that was switched on when the scan began."""
+    """Encodes messages as a device that was switched on at the start of the scan."""
 
     def __init__(self) -> None:
         self._sequence = 0
 
     def send(self, message: Message, time: float) -> _Stamped:
-        """The frame of a message sent `time` seconds after the scan began, with that time."""
+        """Return `time` (s since the start of the scan) and the frame of a message sent then."""
         frame = Frame(message.TYPE, self._sequence, microseconds_of(time), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
         return time, encode_frame(frame)
@@ -80,7 +78,7 @@ class _Sender:
 def _speed_of_sound(readings: Sequence[Reading]) -> int:
     speed = readings[0].speed_of_sound if readings else 0.0
     if readings and not (math.isfinite(speed) and speed >= 1):
-        raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; ranges cannot be kept without one")
+        raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; expected at least 1 m/s, or ranges are lost")
     return millimetres_per_second_of(speed)
 
 
@@ -101,11 +99,11 @@ def _info(metadata: LogMetadata, readings: Sequence[Reading]) -> Info:
 
 def _settings(readings: Sequence[Reading]) -> Settings:
     traces = [reading.trace for reading in readings if reading.trace is not None]
-    heard = [reading.echo_times[-1] for reading in readings if reading.echo_times]
-    heard += [trace.start + len(trace.samples) / trace.rate for trace in traces]
+    ends = [reading.echo_times[-1] for reading in readings if reading.echo_times]
+    ends += [trace.start + len(trace.samples) / trace.rate for trace in traces]
     return Settings(
         command=_CONFIGURE,
-        listen_us=math.ceil(max(heard, default=0.0) * 1e6),
+        listen_us=math.ceil(max(ends, default=0.0) * 1e6),
         blanking_us=0,
         trace=int(bool(traces)),
         speed_of_sound=_speed_of_sound(readings),

@@ -1,6 +1,6 @@
-"""Readings as named arrays in an .npz file, one row a reading.
+"""Readings as named arrays in an .npz file, one row per reading.
 
-Traces are written one by one: an hour of them does not fit into memory.
+Traces are written one by one, because the traces of an hour do not fit into memory.
 """
 
 import math
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from sonarhw.log import Log
 
 _TRACE_TYPE = np.dtype("<f4")  # holds the converter's 16 bits exactly
-_QUICKLY = 1  # deflate; the best is no smaller by a tenth and takes many times as long
+_FAST = 1  # deflate level; the best level saves less than a tenth and takes many times as long
 
 
 def write_npz(log: "Log", file: BinaryIO) -> None:
     """Write the readings of all scans to `file`.
 
-    One row a reading: `scan`, `number`, `sweep`, `ping`; `time_s` since its scan began; `heading_deg`, the turntable
-    angle; `range_m`, NaN without an echo; `echoes_s` (n, most echoes), padded with NaN; `temperature_c`, NaN without
-    a thermometer; `speed_of_sound`. Where there are traces also `traces` (n, longest) float32, padded with NaN,
-    `trace_rate_hz` and `trace_start_s`. Raises NotALog where a trace can no longer be read.
+    One row per reading: `scan`, `number`, `sweep`, `ping`; `time_s` since the start of its scan; `heading_deg`, the
+    turntable angle; `range_m`, NaN without an echo; `echoes_s` (n, most echoes), padded with NaN; `temperature_c`, NaN
+    without a thermometer; `speed_of_sound`. With traces also `traces` (n, longest) float32, padded with NaN,
+    `trace_rate_hz` and `trace_start_s`. Raises NotALog if a trace can no longer be read.
     """
     rows = [(index, scan, reading) for index, scan in enumerate(log.scans) for reading in scan.readings]
     readings = [reading for _, _, reading in rows]
@@ -42,7 +42,7 @@ def write_npz(log: "Log", file: BinaryIO) -> None:
         "temperature_c": _floats([reading.temperature_c for reading in readings]),
         "speed_of_sound": np.array([reading.speed_of_sound for reading in readings], np.float64),
     }
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_QUICKLY) as archive:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_FAST) as archive:
         for name, column in columns.items():
             _write(archive, name, column.shape, column.dtype, [column])
         if any(reading.trace for reading in readings):
@@ -51,8 +51,8 @@ def write_npz(log: "Log", file: BinaryIO) -> None:
 
 def _write_traces(archive: zipfile.ZipFile, readings: Sequence[Reading]) -> None:
     traces = [reading.trace for reading in readings]
-    told = [(len(trace.samples), trace.rate, trace.start) if trace else (0, math.nan, math.nan) for trace in traces]
-    sizes, rates, starts = np.array(told, np.float64).T
+    facts = [(len(trace.samples), trace.rate, trace.start) if trace else (0, math.nan, math.nan) for trace in traces]
+    sizes, rates, starts = np.array(facts, np.float64).T
     _write(archive, "trace_rate_hz", rates.shape, rates.dtype, [rates])
     _write(archive, "trace_start_s", starts.shape, starts.dtype, [starts])
     longest = int(sizes.max())
@@ -70,7 +70,7 @@ def _write_traces(archive: zipfile.ZipFile, readings: Sequence[Reading]) -> None
 def _write(
     archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], kind: np.dtype[Any], pieces: Iterable[NDArray[Any]]
 ) -> None:
-    """Write an array of that shape piece by piece, as `np.savez` would."""
+    """Write an array of that shape piece by piece, in the format of `np.savez`."""
     header = {"shape": shape, "fortran_order": False, "descr": np.lib.format.dtype_to_descr(kind)}
     with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
         np.lib.format.write_array_header_2_0(cast(BinaryIO, member), header)

@@ -1,7 +1,8 @@
-"""Logs, the door: `LogWriter` records, `read_log` reads a whole or torn log, `copy_log` writes one anew.
+"""Logs: `LogWriter` records, `read_log` reads a whole or torn log, `copy_log` writes a repaired copy.
 
-The file is MCAP: uncompressed, one chunk a reading, the raw frames as the truth, decoded readings and one LaserScan a
-sweep beside them for other tools, and at its end an index by which it is opened at once. Traces stay in the file.
+A log is an uncompressed MCAP file with one chunk per reading. It contains the raw frames, which are authoritative, and
+for other tools the decoded readings and one LaserScan per sweep. An index at its end lets it open at once. Traces stay
+in the file.
 """
 
 from sonarhw.log.contents import Log, LogMetadata, RecordedFrame, RecordedFrames, RecordedScan

@@ -1,7 +1,7 @@
-"""The file under a log that is being written: whole pieces, pushed to the disk as they come.
+"""The file of a log that is being written, in whole pieces that are synced to the disk one by one.
 
-Takes bytes from the MCAP writer; hands on a file that ends behind a whole piece, whatever happens to process, disk
-or drive. A file that is to be overwritten stays as it was until the new one has something to put in its place.
+The file ends after a whole piece, whatever happens to process, disk or drive. A file to be overwritten is unchanged
+until the new log has its first reading.
 """
 
 import errno
@@ -15,57 +15,57 @@ from pathlib import Path
 
 from sonarhw.errors import LogError
 
-_NO_DISK = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # what a pipe or a device says that knows no fsync
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # what was written before stays
+_NO_DISK = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
 
 
 class LogFile:
-    """Gathers what is written and gives it to the system in one piece at `flush`.
+    """Collects bytes and writes them in one piece at `flush`.
 
-    With `live` a thread pushes every piece on to the disk at once, so that a drive that is pulled out has it, and so
-    that its end is noticed: without that the system takes bytes for half a minute for a drive that is gone. Else
-    the disk has everything when `close` returns.
+    With `live` a thread syncs every piece to the disk at once. A drive that is pulled out then has all pieces, and its
+    removal is noticed: without a sync the system accepts bytes for a removed drive for half a minute. Without `live`
+    everything is on the disk when `close` returns.
     """
 
     def __init__(self, path: Path, overwrite: bool, live: bool) -> None:
-        """Make the file. Raises LogError where it exists (unless `overwrite`) or cannot be made."""
+        """Create the file. Raises LogError if it exists (unless `overwrite`) or cannot be created."""
         self.path = path
-        self.readings = 0  # in the file after the next `flush`; what an error tells of
+        self.readings = 0  # in the file after the next `flush`; stated in error messages
         self._pending = bytearray()
         self._written = 0  # bytes
         self._kept = 0  # readings
         self._beside = _beside(path) if overwrite and path.is_file() else None
-        # a device or a pipe is always there, and nothing in it can be lost
+        # a device or a pipe always exists, and has no content to lose
         self._device = path.exists() and not path.is_file() and not path.is_dir()
         try:
             self._file = FileIO(self._beside or path, "wb" if self._device else "xb")
         except FileExistsError as error:
-            raise LogError(f"{path}: exists already; choose another name or overwrite it on purpose") from error
+            raise LogError(f"{path}: exists already; choose another name, or allow overwriting it") from error
         except OSError as error:
             raise LogError(f"{path}: cannot be written: {error.strerror}") from error
         self._pusher = _Pusher(self._file) if live else None
 
     @property
     def closed(self) -> bool:
-        """Whether nothing can be written any more."""
+        """Whether the file is closed."""
         return self._file.closed
 
     @property
     def overwriting(self) -> bool:
-        """Whether the file that is to be overwritten is still there as it was."""
+        """Whether the file to be overwritten is still unchanged."""
         return self._beside is not None
 
     def write(self, data: bytes) -> int:
-        """Keep the bytes for the next `flush`."""
+        """Store the bytes until the next `flush`."""
         self._pending += data
         return len(data)
 
     def tell(self) -> int:
-        """Offset in the file of the next byte written."""
+        """Return the offset in the file of the next byte."""
         return self._written + len(self._pending)
 
     def flush(self) -> None:
-        """Give everything to the system. On failure cut the file behind its last whole piece and raise LogError."""
+        """Write all stored bytes. On failure truncate the file after its last whole piece and raise LogError."""
         try:
             if self._pusher and self._pusher.failure:
                 raise self._pusher.failure
@@ -86,12 +86,12 @@ class LogFile:
             self._pusher.push(self._kept)
 
     def take_place(self) -> None:
-        """Put the file where the one is that it overwrites, if that has not happened yet. Raises LogError."""
+        """Replace the file to be overwritten, unless this has been done. Raises LogError."""
         if self._beside is None:
             return
         beside, self._beside = self._beside, None
         self._stop_pushing()
-        # not every system renames a file that is open
+        # some systems cannot rename an open file
         self._file.close()
         try:
             target = self.path.resolve()
@@ -107,7 +107,7 @@ class LogFile:
             self._pusher.push(self._kept)
 
     def close(self) -> None:
-        """Push everything to the disk and close the file; what was not flushed is dropped. Raises LogError."""
+        """Sync the file to the disk and close it. Bytes that were not flushed are dropped. Raises LogError."""
         if self._file.closed:
             return
         try:
@@ -119,14 +119,14 @@ class LogFile:
             self._file.close()
 
     def drop(self) -> None:
-        """Close the file and remove it; one that was to be overwritten stays as it was."""
+        """Close and remove the file. A file to be overwritten is unchanged."""
         if not self._file.closed:
             self._give_up()
         if not self._beside and not self._device:
             self.path.unlink(missing_ok=True)
 
     def _failure(self, error: OSError) -> LogError:
-        # a full disk keeps what it took; of one that has gone only what was pushed to it is sure
+        # a full disk keeps all it accepted; a removed one only what was synced
         pusher = self._pusher
         unsure = pusher and (error is pusher.failure or error.errno not in _FULL)
         kept = pusher.kept if pusher and unsure else self._kept
@@ -134,10 +134,10 @@ class LogFile:
             return LogError(
                 f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
             )
-        told = f"{kept} reading{' is' if kept == 1 else 's are'} kept in it"
-        room = "make room or " if error.errno in _FULL else ""
+        count = f"{kept} reading{' is' if kept == 1 else 's are'} kept in it"
+        room = "free disk space or " if error.errno in _FULL else ""
         return LogError(
-            f"{self.path}: cannot be written any further: {error.strerror}; {told}; {room}record to another disk"
+            f"{self.path}: cannot be written any further: {error.strerror}; {count}; {room}record to another disk"
         )
 
     def _stop_pushing(self) -> None:
@@ -149,7 +149,7 @@ class LogFile:
             self._stop_pushing()
             self._file.truncate(self._written)
         except OSError:
-            pass  # then the reader finds where the last whole piece ends
+            pass  # the reader finds the end of the last whole piece
         finally:
             self._file.close()
             if self._beside:
@@ -158,10 +158,10 @@ class LogFile:
 
 
 class _Pusher:
-    """A thread that pushes a file to its disk as often as that keeps up with."""
+    """A thread that syncs a file to its disk as often as the disk allows."""
 
     def __init__(self, file: FileIO) -> None:
-        self.kept = 0  # readings that are on the disk
+        self.kept = 0  # readings on the disk
         self._file = file
         self._wanted = 0
         self.failure: OSError | None = None
@@ -171,12 +171,12 @@ class _Pusher:
         self._thread.start()
 
     def push(self, readings: int) -> None:
-        """Push what is there by now, with that many readings, without waiting for it."""
+        """Request a sync of the file, which has that many readings now, without waiting for it."""
         self._wanted = readings
         self._wake.set()
 
     def stop(self) -> None:
-        """End the thread. The file may be closed then."""
+        """End the thread. Then the file may be closed."""
         self._stopping = True
         self._wake.set()
         self._thread.join()
@@ -203,5 +203,5 @@ def _push(file: FileIO) -> None:
 
 
 def _beside(path: Path) -> Path:
-    # only within one folder does a file change its name in one step
+    # a rename is atomic only within one folder
     return path.resolve().with_name(f".sonarhw-{secrets.token_hex(6)}.part")

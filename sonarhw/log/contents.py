@@ -1,7 +1,4 @@
-"""What a log holds: the values that the writer takes and the reader gives, and the names inside the file.
-
-Takes nothing, hands on frozen dataclasses; bytes and files are in log_writer and log_reader.
-"""
+"""The contents of a log as frozen dataclasses, and the names used in the file."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,21 +17,21 @@ FRAMES_RECEIVED = "/frames/rx"
 FRAMES_SENT = "/frames/tx"
 READINGS = "/readings"
 SWEEPS = "/scan"
-# in the order in which they are registered, from 1 on: where the record that says so is lost, this still holds
+# in the order of their channel numbers, from 1: used also if the channel records are lost
 TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS)
 
 
 @dataclass(frozen=True)
 class LogMetadata:
-    """Where a log comes from; stands at the beginning of the file."""
+    """The origin of a log; the first record of the file."""
 
-    made_by: str  # "scan", "import", "simulate"; "unknown" where a torn file ends before it
-    started: float  # s since the epoch; 0 where a torn file ends before it
-    room_file: str = ""  # name of the room file, empty where none was given
-    room_text: str = ""  # the room file's text as it was then
+    made_by: str  # "scan", "import", "simulate"; "unknown" if a torn file ends before it
+    started: float  # s since the epoch; 0 if a torn file ends before it
+    room_file: str = ""  # name of the room file, empty without one
+    room_text: str = ""  # text of the room file at that time
     place: str = ""
     board: str = ""  # name of the board profile
-    board_text: str = ""  # the board profile's text as it was then
+    board_text: str = ""  # text of the board profile at that time
     product_version: str = version("sonarhw")
     format_version: int = FORMAT_VERSION
 
@@ -49,58 +46,58 @@ class RecordedFrame:
 
 
 class RecordedFrames(Protocol):
-    """All frames of a log, in order; they stay in the file, and every iteration reads them from there."""
+    """All frames of a log, in order. Every iteration reads them from the file."""
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of frames."""
 
     def __iter__(self) -> Iterator[RecordedFrame]:
-        """One after the other. Raises NotALog where the file can no longer be read."""
+        """Yield the frames. Raises NotALog if the file can no longer be read."""
 
     def pieces(self) -> Iterator[list[RecordedFrame]]:
-        """The same, those together that were written together."""
+        """Yield the frames in the groups in which they were written."""
 
 
 @dataclass(frozen=True)
 class RecordedScan:
-    """The readings from one Started to the next; a scan that broke and went on is one."""
+    """The readings from one Started to the next. An interrupted and continued scan is one scan."""
 
     began: float  # s on the clock of the readings
-    expected: int | None  # readings announced by Started; None where the log does not hold it
+    expected: int | None  # readings announced by Started; None if the log does not contain it
     settings: Settings | None
-    readings: tuple[Reading, ...]  # by number; their traces stay in the file until they are looked at
-    finished: Finished | None  # None where the log ends before the scan does
-    homed: tuple[float, ...] = ()  # when the zero was sought anew in mid-scan, s on the clock of the readings
+    readings: tuple[Reading, ...]  # by number; their traces are read from the file on access
+    finished: Finished | None  # None if the log ends before the scan
+    homed: tuple[float, ...] = ()  # times of homings during the scan, s on the clock of the readings
 
     @property
     def angle_warning(self) -> str | None:
-        """Which readings may stand at wrong angles, and why; None where that is not known of any."""
+        """The readings that may have wrong angles, and why, as a clause; None if there are none."""
         slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
         if not slipped and not self.homed:
             return None
-        apart = split_at_homings(
+        runs = split_at_homings(
             [reading.time for reading in self.readings], [reading.angle for reading in self.readings], self.homed
         )
-        of_last = lost_steps_clause(apart) if slipped else None
-        told = of_last and f"the turntable lost steps; {of_last}"
-        return "; ".join(filter(None, (told, unverified_clause(apart)))) or None
+        of_last = lost_steps_clause(runs) if slipped else None
+        lost = of_last and f"the turntable lost steps; {of_last}"
+        return "; ".join(filter(None, (lost, unverified_clause(runs)))) or None
 
 
 @dataclass(frozen=True)
 class Log:
-    """A log as it was read."""
+    """The contents of a log."""
 
     metadata: LogMetadata
-    info: Info | None  # the last one, where the device was greeted more than once
+    info: Info | None  # of the last greeting
     settings: Settings | None  # the last in force
     frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
-    torn: str | None  # where the file ends too early or is damaged, as a clause; None: it is whole
-    damaged: bool = False  # not at its end alone
+    torn: str | None  # clause with the place where the file ends too early or is damaged; None: it is whole
+    damaged: bool = False  # damaged elsewhere than at its end
 
     @property
     def condition(self) -> str:
-        """The word for it: whole, torn or damaged."""
+        """`whole`, `torn` or `damaged`."""
         return "damaged" if self.damaged else "torn" if self.torn else "whole"
 
     @property

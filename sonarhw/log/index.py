@@ -1,9 +1,8 @@
-"""The index at the end of a closed log: its readings without their traces, and where each lies in the file.
+"""The index at the end of a closed log: its readings without traces, and the position of each in the file.
 
-Takes what a `Follower` has found, when the log is closed; hands on the same when it is opened, without going through
-the frames again. It lies in the file as an MCAP attachment: an .npz of plain columns. What a log says stays in its
-frames; a log without index, with one of another version, or with one that some tool has carried over into another
-file is gone through.
+It contains what a `Follower` found in the frames, so that opening a log need not decode them again. It is an MCAP
+attachment, an .npz file of plain columns. The frames remain authoritative: the index is ignored if it has another
+version, or if another tool has copied it into another file.
 """
 
 import json
@@ -31,7 +30,7 @@ _M = TypeVar("_M", bound=Message)
 
 @dataclass(frozen=True)
 class IndexedScan:
-    """A scan as the index holds it: its readings are in columns."""
+    """A scan in the index, with its readings in columns."""
 
     scan: RecordedScan  # without readings
     columns: Columns
@@ -39,7 +38,7 @@ class IndexedScan:
 
 @dataclass(frozen=True)
 class LogIndex:
-    """What is known of a log when its frames have been gone through."""
+    """What the frames of a log contain."""
 
     info: Info | None
     settings: Settings | None
@@ -48,7 +47,7 @@ class LogIndex:
 
 
 def index_of(follower: Follower) -> LogIndex:
-    """The index of the frames that `follower` has taken."""
+    """Return the index of the frames that `follower` has processed."""
     return LogIndex(follower.info, follower.settings, follower.frames, tuple(map(_indexed, follower.scans())))
 
 
@@ -58,7 +57,7 @@ def _indexed(scan: FollowedScan) -> IndexedScan:
 
 
 def pack_index(index: LogIndex, at: int) -> bytes:
-    """The index as it lies in the file at offset `at`."""
+    """Return the bytes of the index at offset `at` of the file."""
     head = {
         "version": _VERSION,
         "at": at,
@@ -85,7 +84,7 @@ def pack_index(index: LogIndex, at: int) -> bytes:
 
 
 def unpack_index(data: bytes, at: int) -> LogIndex | None:
-    """The index in an attachment at offset `at`; None where it is of another version or was made for another file."""
+    """Return the index in an attachment at offset `at`. None if it has another version or belongs to another file."""
     try:
         with np.load(BytesIO(data)) as arrays:
             head = json.loads(arrays[_HEAD].tobytes())

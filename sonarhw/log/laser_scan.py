@@ -1,6 +1,6 @@
-"""A sweep as the foxglove.LaserScan message that log viewers draw.
+"""A sweep as a foxglove.LaserScan protobuf message, which log viewers draw.
 
-Takes the readings of one sweep; hands on the protobuf message. No echo is +inf, a heading without a reading NaN.
+No echo is +inf; a heading without a reading is NaN.
 """
 
 import math
@@ -14,15 +14,15 @@ from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from sonarhw.readings import Reading
 
 FRAME_ID = "turntable"
-_MOST_RANGES = 36_000  # a hundredth of a degree all round; a finer grid is a slip of the headings, not a sweep
-_SAME_HEADING = 1e-6  # rad; the wire carries microdegrees
+_MOST_RANGES = 36_000  # 0.01° over a whole turn; a finer step is an error of a heading
+_SAME_HEADING = 1e-6  # rad; messages have microdegrees
 
 
 def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
-    """The message for the readings of one sweep, at least one; `time` (s since the epoch) becomes its time stamp.
+    """Return the message for the readings of one sweep, at least one. `time` (s since the epoch) is its time stamp.
 
-    The message knows equal steps only, so ranges lie on the grid of the smallest step between two headings. Of
-    several pings at one heading the middle range counts.
+    The message has equal steps only, so the ranges are on a grid of the smallest step between two headings. Of several
+    pings at one heading the median range is used.
     """
     ranges = _by_heading(readings)
     headings = sorted(ranges)

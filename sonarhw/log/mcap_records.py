@@ -1,8 +1,7 @@
-"""Takes an MCAP file apart record by record, as far as it goes: the container under a log, whole or torn.
+"""Read the records of an MCAP file, the container of a log, whole or torn.
 
-Takes a file; hands on its records, one after the other, and says where it is cut or damaged. Behind a damaged stretch
-it goes on with the next chunk whose CRC-32 is right. Nothing here needs the index at the end of the file, and never
-more of it is in memory than a record.
+Damaged places are reported, and reading continues at the next chunk with a correct CRC-32. The index at the end of the
+file is not needed, and only one record at a time is in memory.
 """
 
 import math
@@ -25,7 +24,7 @@ from mcap.writer import MCAP0_MAGIC
 
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_CHUNK = struct.Struct("<QQQIIQ")  # start and end time, size, CRC-32, length of the compression's name, size again
+_CHUNK = struct.Struct("<QQQIIQ")  # start and end time, size, CRC-32, length of the compression's name, stored size
 _NAME_AT = 32
 _CHUNK_HEAD = re.compile(rb"\x06.{4}\x00{4}.{20}\x00{4}.{4}\x00{4}.{4}\x00{4}", re.DOTALL)  # uncompressed, below 4 GiB
 _HEAD_SIZE = _RECORD.size + _CHUNK.size
@@ -37,13 +36,13 @@ UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the
 
 
 class OpenFile:
-    """A file that is read here and there, from any thread; closed when nobody needs it any more.
+    """A file for random access from any thread. It is closed when it is garbage-collected.
 
-    What another process puts in its place meanwhile is not seen.
+    If another process replaces the file meanwhile, the old contents are still read.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open it. Raises OSError."""
+        """Open the file. Raises OSError."""
         self.path = path
         self._file: IO[bytes] = path.open("rb", buffering=0)
         weakref.finalize(self, self._file.close)
@@ -52,7 +51,7 @@ class OpenFile:
         self._at, self._window = 0, b""
 
     def read(self, at: int, size: int) -> bytes:
-        """`size` bytes from offset `at` on, fewer where the file ends. Raises OSError."""
+        """Return `size` bytes from offset `at`, fewer at the end of the file. Raises OSError."""
         with self._lock:
             start = at - self._at
             if not 0 <= start <= start + size <= len(self._window):
@@ -62,9 +61,9 @@ class OpenFile:
 
 
 class Record(NamedTuple):
-    """One record of an MCAP file; a chunk's CRC-32 is right."""
+    """One record of an MCAP file."""
 
-    at: int  # offset in the file; of a record inside a chunk, that of the chunk
+    at: int  # offset in the file; for a record inside a chunk, offset of the chunk
     opcode: int
     content: bytes
 
@@ -72,7 +71,7 @@ class Record(NamedTuple):
 class McapMessage(NamedTuple):
     """One message of an MCAP file."""
 
-    at: int  # offset of the chunk it lies in
+    at: int  # offset of its chunk
     channel: int
     time: int  # ns since the epoch
     data: bytes
@@ -80,14 +79,14 @@ class McapMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class Damage:
-    """A place that cannot be read, as a clause."""
+    """A place in the file that cannot be read, as a clause."""
 
     text: str
-    at_end: bool = False  # nothing but the end of the file is missing
+    at_end: bool = False  # only the end of the file is missing
 
 
 def is_mcap(file: OpenFile) -> bool:
-    """Whether a file begins as an MCAP file, or has a chunk of one near its spoilt beginning. Raises OSError."""
+    """Return whether a file starts as an MCAP file, or has a chunk near its damaged start. Raises OSError."""
     if file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC:
         return True
     found = _next_chunk(file, 0, _NEAR)
@@ -95,11 +94,11 @@ def is_mcap(file: OpenFile) -> bool:
 
 
 def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Record | McapMessage | Damage]:
-    """Every readable record and message from offset `start` on, and what lies in between. Raises OSError."""
+    """Yield every readable record and message from offset `start`, and the damage between them. Raises OSError."""
     if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
         yield Damage("its first bytes are not those of an MCAP file")
-    at = sound = start  # all chunks in front of `sound` have been seen
-    last = False  # none that can be read comes any more
+    at = sound = start  # all readable chunks before `sound` have been yielded
+    last = False  # whether there are no more readable chunks
     while at < file.size:
         record = _record_at(file, at)
         if record is None:
@@ -118,7 +117,7 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
             yield record
         elif isinstance(inside := _unpacked(record), Damage):
             yield inside
-            # its length may be damaged too and lead past good chunks
+            # its length may be damaged too, and skip good chunks
             again = None if last else _next_chunk(file, at + 1)
             last = again is None
             sound = end = again or end
@@ -131,19 +130,19 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
 
 
 def _record_at(file: OpenFile, at: int) -> Record | None:
-    """The record at that offset; None where none begins there or it is not all there."""
+    """Return the record at that offset; None if none starts there or it is incomplete."""
     head = file.read(at, _RECORD.size)
     if len(head) < _RECORD.size:
         return None
     opcode, length = _RECORD.unpack(head)
-    # zeros are what a file system leaves of pages that did not reach the disk before the power failed
+    # after a power failure a file system leaves zeros for pages that did not reach the disk
     if not Opcode.HEADER <= opcode <= Opcode.DATA_END or at + _RECORD.size + length > file.size:
         return None
     return Record(at, opcode, file.read(at + _RECORD.size, length))
 
 
 def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
-    """What a chunk holds, or why that cannot be read."""
+    """Return the contents of a chunk, or the damage that makes them unreadable."""
 
     def left_out(why: str) -> Damage:
         return Damage(f"the record that begins at byte {chunk.at} is left out: {why}")
@@ -152,7 +151,7 @@ def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
         return left_out("it is damaged")
     _, _, size, crc, name, stored = _CHUNK.unpack_from(chunk.content)
     if chunk.content[_NAME_AT : _NAME_AT + name] in (b"lz4", b"zstd"):
-        return left_out("it is compressed, which logs of this project never are")
+        return left_out("it is compressed, but logs of this project are not")
     if name or not size == stored == len(chunk.content) - _CHUNK.size:
         return left_out("it is damaged")
     data = chunk.content[_CHUNK.size :]
@@ -170,11 +169,11 @@ def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
         else:
             found.append(Record(chunk.at, opcode, data[at:end]))
         at = end
-    return found if at == len(data) else left_out("what it holds does not fill it")
+    return found if at == len(data) else left_out("its records do not fill it")
 
 
 def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | None:
-    """Offset of the next chunk from `start` on whose CRC-32 is right; None where none begins before `stop`."""
+    """Return the offset of the next chunk from `start` with a correct CRC-32; None if none starts before `stop`."""
     at = start
     while at < min(file.size, stop):
         window = file.read(at, _WINDOW)
@@ -194,15 +193,15 @@ def _is_chunk(file: OpenFile, at: int) -> bool:
 
 @dataclass(frozen=True)
 class Ending:
-    """What a closed file says of itself at its end."""
+    """The summary at the end of a closed file."""
 
-    checked: bool  # it carries checksums over all of itself
-    sound: bool  # those that it carries are right
+    checked: bool  # it has checksums for the whole file
+    sound: bool  # its checksums are correct
     attachments: dict[str, int]  # offset of each, by name
 
 
 def read_ending(file: OpenFile) -> Ending | None:
-    """The end of a file, checked against all of it; None where the file was not closed."""
+    """Return the summary of a file, with its checksums checked; None if the file was not closed."""
     footer_at = file.size - len(MCAP0_MAGIC) - _FOOTER_SIZE
     if footer_at < len(MCAP0_MAGIC) or file.read(file.size - len(MCAP0_MAGIC), len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         return None
@@ -241,7 +240,7 @@ def _attachments(summary: bytes) -> dict[str, int]:
 
 
 def attachment(file: OpenFile, at: int) -> bytes | None:
-    """The data of the attachment at that offset; None where there is none."""
+    """Return the data of the attachment at that offset; None if there is none."""
     record = _record_at(file, at)
     if record is None or record.opcode != Opcode.ATTACHMENT:
         return None
@@ -250,12 +249,12 @@ def attachment(file: OpenFile, at: int) -> bytes | None:
 
 
 def profile_of(record: Record) -> str | None:
-    """The profile in a header; None of another record. Raises what is in UNREADABLE."""
+    """Return the profile in a header; None for other records. Raises the errors in UNREADABLE."""
     return str(Header.read(_stream(record)).profile) if record.opcode == Opcode.HEADER else None
 
 
 def metadata_of(record: Record) -> tuple[str, dict[str, str]] | None:
-    """Name and fields of metadata; None of another record. Raises what is in UNREADABLE."""
+    """Return name and fields of a metadata record; None for other records. Raises the errors in UNREADABLE."""
     if record.opcode != Opcode.METADATA:
         return None
     metadata = Metadata.read(_stream(record))
@@ -263,7 +262,7 @@ def metadata_of(record: Record) -> tuple[str, dict[str, str]] | None:
 
 
 def channel_of(record: Record) -> dict[int, str]:
-    """Number and topic of a channel; empty of another record. Raises what is in UNREADABLE."""
+    """Return number and topic of a channel record; empty for other records. Raises the errors in UNREADABLE."""
     if record.opcode != Opcode.CHANNEL:
         return {}
     channel = Channel.read(_stream(record))

@@ -1,7 +1,7 @@
-"""Opens a log, whole or torn: the readings that its frames decode to.
+"""Read a log, whole or torn.
 
-Takes a file; hands on a `Log`. A closed and undamaged one is opened by its index, which takes no longer than checking
-that it is undamaged; any other is gone through frame by frame. Frames and traces stay in the file.
+A closed and undamaged log is opened through its index, which takes only as long as its checksums. The frames of any
+other log are decoded one by one. Frames and traces stay in the file.
 """
 
 import json
@@ -34,22 +34,22 @@ from sonarhw.log.reading_columns import readings_of
 from sonarhw.log.recorded_frames import LogFrames, StoredTraces, known_topics, recorded_frame
 from sonarhw.log.recorded_scans import Follower
 
-_Speeds = dict[tuple[int, int], float]  # m/s, by number of the reading and device clock, µs
+_Speeds = dict[tuple[int, int], float]  # m/s, by number and device time (µs) of the reading
 
 
 def read_log(path: Path) -> Log:
-    """Everything readable in a log; `torn` of the result says where it ends too early or is damaged.
+    """Return everything readable in a log. `torn` states where it ends too early or is damaged.
 
-    Raises NotALog where the file cannot be read, is no log of this project, or is of a newer format.
+    Raises NotALog if the file cannot be read, is not a log of this project, or has a newer format.
     """
     try:
         file = OpenFile(path)
         if not file.size:
-            raise NotALog(f"{path}: is empty; a log of this project was expected")
+            raise NotALog(f"{path}: is empty; expected a log of this project")
         if not is_mcap(file):
             raise NotALog(
-                f"{path}: is not an MCAP file; a log of this project was expected"
-                "; a scan in CSV becomes one by `sonarhw import`"
+                f"{path}: is not an MCAP file; expected a log of this project; "
+                "`sonarhw import` converts a scan in CSV to a log"
             )
         head = _Head(path)
         ending = read_ending(file)
@@ -58,7 +58,7 @@ def read_log(path: Path) -> Log:
         if index is None:
             index, damage = _gone_through(file, head)
             if ending and not ending.sound and not damage:
-                damage.append(Damage("its checksum does not match, though every chunk of frames is as it was written"))
+                damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     torn = _torn(damage)
@@ -74,7 +74,7 @@ def _recorded(indexed: IndexedScan, file: OpenFile) -> RecordedScan:
 
 
 class _Head:
-    """What a file says of itself, as far as it has been read."""
+    """The header of a file, as far as it has been read."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -86,27 +86,27 @@ class _Head:
         return self._fields is not None
 
     def take(self, record: Record) -> None:
-        """Look at a record. Raises what is in UNREADABLE."""
+        """Process a record. Raises the errors in UNREADABLE."""
         self._profile = profile_of(record) or self._profile
         name, fields = metadata_of(record) or ("", None)
         if name == METADATA_NAME:
             self._fields = fields
 
     def metadata(self, torn: str | None, talks: bool) -> LogMetadata:
-        """Where the log comes from; `talks`: a scanner speaks in it. Raises NotALog where it is none."""
+        """Return the metadata. `talks` states whether there are frames of a scanner. Raises NotALog if it is no log."""
         if self._fields is not None:
             return _metadata(self._path, self._fields)
         if torn and (self._profile == PROFILE or (self._profile is None and talks)):
             return LogMetadata("unknown", 0.0, product_version="unknown")
         if torn and self._profile is None:
-            raise NotALog(f"{self._path}: nothing in it can be read: {torn}, before it says what it is")
+            raise NotALog(f"{self._path}: nothing in it can be read, the header is unreadable: {torn}")
         raise NotALog(
             f"{self._path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata"
         )
 
 
 def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
-    """The index of a log that was closed and is undamaged; None where it has to be gone through."""
+    """Return the index of a closed and undamaged log; None if its frames must be decoded."""
     at = ending.attachments.get(NAME)
     if at is None or not ending.checked:
         return None
@@ -123,7 +123,7 @@ def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
 
 
 def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
-    """What the readable frames tell, and what could not be read."""
+    """Decode the readable frames. Return their index, and the damage."""
     follower, topics = Follower(), known_topics()
     damage: list[Damage] = []
     speeds: _Speeds = {}
@@ -147,7 +147,7 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
 
 
 def _decoded_speed(data: bytes) -> _Speeds:
-    """The speed of sound in a decoded reading."""
+    """Return the speed of sound in a decoded reading."""
     try:
         record = json.loads(data)
         return {(record["number"], round(record["time"] * 1e6)): float(record["speed_of_sound"])}
@@ -160,7 +160,7 @@ def _has_no_speed(scan: IndexedScan) -> bool:
 
 
 def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
-    """The scan with its speed of sound from the decoded readings, where its Settings were lost."""
+    """Return the scan with the speed of sound of the decoded readings, if its Settings were lost."""
     if not _has_no_speed(scan):
         return scan
     columns = scan.columns
@@ -171,7 +171,7 @@ def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
 
 
 def _torn(damage: list[Damage]) -> str | None:
-    # a disk may have spoilt thousands of records: the first says enough in a line
+    # thousands of records may be damaged; the first is enough for one line
     more = len(damage) - 1
     others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
     return f"{damage[0].text}{others}" if damage else None
@@ -191,11 +191,11 @@ def _metadata(path: Path, fields: dict[str, str]) -> LogMetadata:
             room_text=fields["room_text"],
             place=fields["place"],
             board=fields["board"],
-            board_text=fields.get("board_text", ""),  # logs of the first days have none
+            board_text=fields.get("board_text", ""),  # missing in early logs
             product_version=fields["product_version"],
             format_version=format_version,
         )
     except KeyError as error:
         raise NotALog(f"{path}: its {METADATA_NAME} metadata has no field {error}") from error
     except ValueError as error:
-        raise NotALog(f"{path}: its {METADATA_NAME} metadata cannot be understood: {error}") from error
+        raise NotALog(f"{path}: its {METADATA_NAME} metadata is invalid: {error}") from error

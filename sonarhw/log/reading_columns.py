@@ -1,7 +1,6 @@
-"""The readings of one recorded scan as columns: some 100 bytes each, however long their traces.
+"""The readings of one recorded scan as columns, about 100 bytes each.
 
-Takes readings as they come and where in the log their traces lie; hands on the readings, each with a trace that is
-read from the log when somebody looks at it.
+Traces are not stored, only their positions in the log. They are read from the log on access.
 """
 
 from array import array
@@ -21,7 +20,7 @@ NO_TRACE = -1
 
 
 class ReadingColumns:
-    """Grows by a row a reading; a trace may be found for a row later."""
+    """Columns with one row per reading. The trace of a row may be added later."""
 
     def __init__(self) -> None:
         self._whole = {name: array("q") for name in _WHOLE}
@@ -37,11 +36,11 @@ class ReadingColumns:
 
     @property
     def latest(self) -> float:
-        """When the last of the readings was made, s; there is one."""
+        """Time of the latest reading, s. There must be at least one."""
         return max(self._real["time"])
 
     def add(self, reading: Reading, span: Span | None) -> None:
-        """Append a reading; `span` is None where no part of its trace has come yet."""
+        """Append a reading. `span` is None if no part of its trace has been found yet."""
         self._rows[reading.number] = len(self)
         first, last = span or (NO_TRACE, NO_TRACE)
         whole = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
@@ -54,21 +53,21 @@ class ReadingColumns:
         self._echo_times.extend(reading.echo_times)
 
     def extend_trace(self, number: int, began: int, chunk: int) -> None:
-        """A part of a reading's trace lies in `chunk`; the reading itself in the chunk `began`."""
+        """Note that `chunk` has a part of a reading's trace, and the chunk `began` the reading itself."""
         row = self._rows[number]
         if self._whole["first_chunk"][row] == NO_TRACE:
             self._whole["first_chunk"][row] = began
         self._whole["last_chunk"][row] = chunk
 
     def columns(self) -> Columns:
-        """Plain arrays in the order in which the readings came; `echo_times` are those of all, one after the other."""
+        """Return arrays in the order of the rows. `echo_times` has the echoes of all readings, one after another."""
         whole = {name: np.array(values, np.int64) for name, values in self._whole.items()}
         real = {name: np.array(values, np.float64) for name, values in self._real.items()}
         return {**whole, **real, "echo_times": np.array(self._echo_times, np.float64)}
 
 
 def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[Reading, ...]:
-    """The readings in columns, by number; `trace` makes one of a reading's number and span."""
+    """Return the readings by number. `trace` returns the trace for a reading's number and span."""
     order = np.argsort(columns["number"], kind="stable").tolist()
     rows = [*_rows(columns, trace)]
     return tuple(rows[row] for row in order)
@@ -76,13 +75,13 @@ def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[
 
 def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Reading]:
     echo_times = columns["echo_times"].tolist()
-    heard = 0
+    used = 0
     names = (*_WHOLE, *_REAL)
     for row in zip(*(columns[name].tolist() for name in names), strict=True):
         number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
         temperature, host_time = (None if value != value else value for value in maybe)
-        times = tuple(echo_times[heard : heard + echoes])
-        heard += echoes
+        times = tuple(echo_times[used : used + echoes])
+        used += echoes
         yield Reading(
             number=number,
             sweep=sweep,

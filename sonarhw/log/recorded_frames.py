@@ -1,4 +1,4 @@
-"""The frames in a log's file, and traces that are read from it on demand."""
+"""The frames in the file of a log, and its traces, which are read on demand."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +19,7 @@ _UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
 
 
 class LogFrames:
-    """The frames in a log file; `RecordedFrames`."""
+    """The frames in a log file, as `RecordedFrames`."""
 
     def __init__(self, file: OpenFile, count: int) -> None:
         self._file = file
@@ -33,13 +33,13 @@ class LogFrames:
             yield frame
 
     def pieces(self) -> Iterator[list[RecordedFrame]]:
-        """The frames of one chunk after the other."""
+        """Yield the frames of each chunk."""
         for _, together in groupby(_frames(self._file), key=lambda placed: placed[0]):
             yield [frame for _, frame in together]
 
 
 def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFrame | None:
-    """The frame in a message of the file; None where it holds none."""
+    """Return the frame in a message of the file; None if it contains none."""
     topic = topics.get(message.channel)
     if topic not in (FRAMES_RECEIVED, FRAMES_SENT):
         return None
@@ -47,7 +47,7 @@ def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFram
 
 
 def known_topics() -> dict[int, str]:
-    """The topics by channel, as this project's writer registers them."""
+    """Return the topics by channel, as `LogWriter` registers them."""
     return dict(enumerate(TOPICS, start=1))
 
 
@@ -64,7 +64,7 @@ def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, Rec
 
 
 class StoredTraces:
-    """The traces of one scan; the last few that were looked at are kept."""
+    """The traces of one scan, with a cache of the last few."""
 
     def __init__(self, file: OpenFile, settings: Settings | None) -> None:
         self._file = file
@@ -72,7 +72,7 @@ class StoredTraces:
         self.load = lru_cache(maxsize=_TRACES_AT_HAND)(self._load)
 
     def trace(self, number: int, span: Span) -> Trace:
-        """The trace of that reading, which lies in those chunks; nothing is read yet."""
+        """Return the trace of a reading, whose chunks are in `span`. It is read on first access."""
         return StoredTrace(self, number, span)
 
     def _load(self, number: int, span: Span) -> Trace:
@@ -82,7 +82,7 @@ class StoredTraces:
         return found[-1]
 
     def _assembled(self, span: Span) -> list[Reading]:
-        # the same decoder as everywhere, on the stretch that holds the reading
+        # the usual decoder, on the chunks of this reading
         assembler = ReadingAssembler()
         assembler.feed(self._settings)
         readings: list[Reading] = []
@@ -100,9 +100,9 @@ class StoredTraces:
 
 
 class StoredTrace(Trace):
-    """A trace that stays in its log: every access reads it from there, and only `StoredTraces` keeps the last few.
+    """A trace that is read from its log on access, through the cache of `StoredTraces`.
 
-    Access raises NotALog where the log can no longer be read.
+    Access raises NotALog if the log can no longer be read.
     """
 
     def __init__(self, traces: StoredTraces, number: int, span: Span) -> None:

@@ -1,7 +1,6 @@
-"""From recorded frames to scans: follows a recorded conversation the way the driver followed the live one.
+"""Decode recorded frames to readings and scans, in the same way as the driver decoded the live conversation.
 
-Takes frames in the order they were recorded, with where they lie; hands on readings as they become known, and the
-scans they belong to. Traces are not put together here, only found: an hour of them is more than a memory holds.
+Only the positions of traces are noted, because the traces of an hour do not fit into memory.
 """
 
 import struct
@@ -31,39 +30,39 @@ from sonarhw.wire.messages import (
     unpack_message,
 )
 
-_NUMBER = struct.Struct("<I")  # what a TraceChunk begins with; all of it would take as long as the rest of the log
-_TRACES_AHEAD = 4  # that may come before their reading, which was lost at first
+_NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding it all would double the time to read a log
+_TRACES_AHEAD = 4  # traces kept that arrive before their readings, which were lost and sent again
 
 
 @dataclass
 class FollowedScan:
-    """A scan as far as it has been followed."""
+    """A scan as far as its frames have been processed."""
 
     command: int  # sequence number of its newest StartScan
-    order: StartScan | None  # None where the log holds no host
-    since_us: int  # device clock; what was fired earlier belongs to the scan before
+    order: StartScan | None  # None if the log has no frames from a host
+    since_us: int  # device time; earlier pings belong to the scan before
     settings: Settings | None
     started: float | None = None  # s on the clock of the readings
     expected: int | None = None
     readings: ReadingColumns = field(default_factory=ReadingColumns)
     first: Reading | None = None  # the one with the lowest number
     finished: Finished | None = None
-    homed: list[float] = field(default_factory=list)  # time of the newest reading when the zero was sought anew
+    homed: list[float] = field(default_factory=list)  # time of the newest reading before each homing
 
     @property
     def answered(self) -> bool:
-        """Whether the device has said anything to the order."""
+        """Whether the device has answered the command."""
         return self.started is not None or len(self.readings) > 0
 
     @property
     def began(self) -> float:
-        """When it began, s on the clock of its readings."""
-        # where the first Started was lost, the repeated one is younger than the first readings
+        """Start of the scan, s on the clock of its readings."""
+        # if the first Started was lost, the repeated one is later than the first readings
         known = [] if self.first is None else [self.first.time]
         return min(known if self.started is None else [*known, self.started])
 
     def goes_on_with(self, order: StartScan) -> bool:
-        """Whether that is an order for a part of this scan that is missing, or for all of it where nothing came."""
+        """Return whether `order` requests a missing part of this scan, or all of it if there are no readings yet."""
         part = order.first > 0 or order.count > 0
         return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
 
@@ -73,11 +72,11 @@ def _whole(order: StartScan) -> StartScan:
 
 
 class Follower:
-    """Sorts what recorded frames say into scans.
+    """Assigns recorded frames to scans.
 
-    A scan begins with the host's StartScan, or with the device's Started where the log holds no host (imported and
-    simulated scans). Either may stand there twice: a command is repeated until its answer comes. A scan that broke and
-    went on is one scan.
+    A scan begins with the host's StartScan, or with the device's Started if the log has no frames from a host, as in
+    imported and simulated scans. Either may occur twice, because a command is repeated until it is answered. An
+    interrupted and continued scan is one scan.
     """
 
     def __init__(self) -> None:
@@ -89,19 +88,19 @@ class Follower:
         self._scans: list[FollowedScan] = []
         self._hello: int | None = None  # sequence number of the newest
         self._greeted_at = 0  # number of scans when the conversation began
-        self._homed = False  # whether the zero was sought since the newest scan was ordered
+        self._homed = False  # whether the turntable has homed since the newest scan was requested
         self._newest_us = 0
-        self._newest: tuple[int, int] | None = None  # number of the newest reading and its place
-        self._ahead: dict[int, Span] = {}  # traces whose reading has not come, by number
+        self._newest: tuple[int, int] | None = None  # number and chunk offset of the newest reading
+        self._ahead: dict[int, Span] = {}  # traces without their reading, by number
 
     def take(self, recorded: RecordedFrame, place: int = 0) -> list[Reading]:
-        """The readings, without traces, that this frame tells; `place` is the offset of the chunk it lies in.
+        """Process a frame and return the readings that it completes, without traces.
 
-        Damaged frames and unknown messages say nothing.
+        `place` is the offset of its chunk. Damaged frames and unknown messages are ignored.
         """
         self.frames += 1
         block = recorded.wire[:-1]
-        # most of a log is traces; the chunk that a frame lies in was checked
+        # fast path: most of a log is traces, and the CRC-32 of the chunk has been checked
         if recorded.received and frame_type(block) == TraceChunk.TYPE:
             self._find_trace(frame_payload(block), place)
             return []
@@ -114,7 +113,7 @@ class Follower:
             return []
         if message is None:
             return []
-        # an answer to nobody says nothing, its time neither; whether it is one is not known here
+        # an answer may be unmatched, and the times of unmatched answers must be ignored
         if recorded.received and not isinstance(message, Accepted | Refused):
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)
@@ -123,11 +122,11 @@ class Follower:
 
     @property
     def begun(self) -> int:
-        """How many scans have been ordered; one that goes on is none."""
+        """Number of scans requested; a continued scan counts once."""
         return len(self._scans)
 
     def scans(self) -> list[FollowedScan]:
-        """All scans so far, in the order they began; an order that the device never answered is none."""
+        """Return all scans so far, in order, without those that the device never answered."""
         return [scan for scan in self._scans if scan.answered]
 
     def _from_host(self, frame: Frame, message: Message) -> list[Reading]:
@@ -148,7 +147,7 @@ class Follower:
                 self.info = message
             case Settings():
                 self.settings = message
-                # a reading is then whole without its trace
+                # so that a reading is complete without its trace
                 message = replace(message, trace=0)
             case Started():
                 if not self._is_current(message.command):
@@ -167,11 +166,11 @@ class Follower:
         return self._assembler.feed(message)
 
     def _finish(self, scan: FollowedScan, message: Finished) -> None:
-        # what only fills a gap made fewer than the scan has
+        # a command for a missing part has fewer readings than the whole scan
         if self._is_current(message.command) and (not scan.finished or message.readings >= scan.finished.readings):
             scan.finished = message
         elif scan.finished and message.outcome == Outcome.LOST_STEPS and not self._homed:
-            # noticed behind it, on the way over the zero mark
+            # detected after the scan, when the turntable turned over the zero mark
             scan.finished = replace(scan.finished, outcome=Outcome.LOST_STEPS, text=message.text)
 
     def _is_current(self, command: int) -> bool:
@@ -191,7 +190,7 @@ class Follower:
 
     def _forget(self, command: int) -> None:
         self._homed = False
-        # a new scan numbers its readings anew, which the assembler learns from a Started
+        # numbers start again in a new scan; a Started resets the assembler
         self._assembler.feed(Started(command, 0))
         self._newest, self._ahead = None, {}
 
@@ -211,7 +210,7 @@ class Follower:
         return fresh
 
     def _find_trace(self, payload: bytes, place: int) -> None:
-        """Note where a part of a trace lies: of the newest reading, or of one whose message is still to come."""
+        """Note the position of a part of a trace, of the newest reading or of one that follows."""
         if len(payload) < _NUMBER.size:
             return
         (number,) = _NUMBER.unpack_from(payload)

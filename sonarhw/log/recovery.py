@@ -1,6 +1,6 @@
-"""Writes a log anew: what could be read of a torn one becomes a whole one, with index and sweeps.
+"""Write the readable part of a torn log as a whole log with index and sweeps.
 
-Takes a `Log` as it was read; hands on a file with the same frames at the same times.
+The new file has the same frames at the same times.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ from sonarhw.log.writer import LogWriter
 
 
 def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
-    """Write all of `log` to `path`. Raises LogError where that exists (unless `overwrite`) or cannot be written."""
+    """Write all of `log` to `path`. Raises LogError if it exists (unless `overwrite`) or cannot be written."""
     with LogWriter(path, log.metadata, overwrite=overwrite, live=False) as writer:
         for frames in log.frames.pieces():
             readings = [reading for frame in frames for reading in writer.take(frame)]

@@ -1,8 +1,8 @@
-"""Writes a log: an uncompressed MCAP file with one chunk a reading, on disk before the next ping.
+"""Write a log: an uncompressed MCAP file with one chunk per reading, on disk before the next ping.
 
-Takes frames and readings as a Recorder; hands on a file that is readable however the process ends. While a scan runs,
-frames wait for their reading and leave with it in one chunk; while none runs, each frame is written at once. So a
-killed process loses at most the frames of the reading in flight. Closing adds the index that opens an hour at once.
+The file is readable however the process ends. During a scan the frames of a reading are written with it in one chunk;
+otherwise each frame is written at once. So a killed process loses at most the frames of the current reading. Closing
+adds the index, with which a log of an hour opens at once.
 """
 
 import json
@@ -62,10 +62,10 @@ _FRAME_ENCODING = "application/x-sonarhw-frame"
 class LogWriter:
     """A log being written; a `sonarhw.host.recorder.Recorder` and a context manager.
 
-    Raises LogError where the file exists (unless `overwrite`), cannot be made, or no longer takes what is written;
-    the file then keeps everything up to the last whole reading. A file that is overwritten stays as it was until the
-    first reading comes, or `close`. `live` is for what is being measured: each reading is pushed on to the disk, so
-    that a drive may be pulled out. `warn` is told in a line when the disk is nearly full. Any thread may use it.
+    Raises LogError if the file exists (unless `overwrite`), or cannot be created or written. The file then keeps
+    everything up to the last whole reading. A file to be overwritten is unchanged until the first reading, or `close`.
+    With `live`, for measurements, each reading is synced to the disk, so that a drive may be pulled out. `warn` gets
+    one line when the disk is nearly full. Any thread may use the writer.
     """
 
     def __init__(
@@ -77,11 +77,11 @@ class LogWriter:
         live: bool = True,
         warn: Callable[[str], None] | None = None,
     ) -> None:
-        self._lock = threading.RLock()  # one thread records what another may close
+        self._lock = threading.RLock()  # one thread may close the log while another records
         self._file = LogFile(path, overwrite, live)
         self._room = DiskSpaceMonitor(path, warn) if warn else None
         self._scanning = False
-        self._scans = 0  # whose sweeps are written
+        self._scans = 0  # number of scans when sweeps were last written
         self._follower = Follower()
         self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
         self._time = metadata.started
@@ -97,7 +97,7 @@ class LogWriter:
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the file."""
         return self._file.path
 
     def __enter__(self) -> Self:
@@ -112,11 +112,11 @@ class LogWriter:
             self.close()
 
     def frame(self, received: bool, time: float, wire: bytes) -> None:
-        """Keep one frame's bytes with its delimiter; `time` in s since the epoch. Raises LogError."""
+        """Record one frame's bytes with its delimiter; `time` is in s since the epoch. Raises LogError."""
         self.take(RecordedFrame(time, received, wire))
 
     def take(self, recorded: RecordedFrame) -> list[Reading]:
-        """Keep a frame; the readings, without traces, that it tells. Raises LogError."""
+        """Record a frame, and return the readings, without traces, that it completes. Raises LogError."""
         with self._lock:
             return self._take(recorded)
 
@@ -124,9 +124,9 @@ class LogWriter:
         self._time = recorded.time
         kind = frame_type(recorded.wire[:-1]) if recorded.received else None
         if kind == Started.TYPE:
-            self._commit()  # what belongs to the scan before
+            self._commit()  # frames of the scan before
             self._scanning = True
-        # the time as it will be read
+        # the time as a reader will decode it
         placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
         readings = self._follower.take(placed, self._file.tell())
         self._file.readings += len(readings)
@@ -141,14 +141,14 @@ class LogWriter:
         return readings
 
     def reading(self, reading: Reading) -> None:
-        """Keep one decoded reading and write it, with the frames before it, to disk. Raises LogError."""
+        """Write one decoded reading, with the frames before it, to disk. Raises LogError."""
         with self._lock:
             self._reading(reading)
 
     def _reading(self, reading: Reading) -> None:
         self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
         for sweep, readings in [*self._sweeps.items()]:
-            # until then the device may send one of them again
+            # until then the device may send a reading of this sweep again
             if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT_READINGS:
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
@@ -156,7 +156,7 @@ class LogWriter:
         self._commit()
 
     def close(self) -> None:
-        """Write the last sweep and the index, and close the file; a second call does nothing. Raises LogError."""
+        """Write the last sweep and the index, and close the file. A second call does nothing. Raises LogError."""
         with self._lock:
             if not self._file.closed:
                 self._finish()
@@ -174,7 +174,7 @@ class LogWriter:
             self._file.close()
 
     def drop(self) -> None:
-        """Close the log and leave nothing of it: no file, and one that was to be overwritten as it was."""
+        """Close and remove the log. A file to be overwritten is unchanged."""
         with self._lock:
             self._file.drop()
 
@@ -198,7 +198,7 @@ class LogWriter:
 
 
 def metadata_record(metadata: LogMetadata) -> dict[str, str]:
-    """The metadata as the text fields of an MCAP metadata record; the start time as ISO 8601 in UTC."""
+    """Return the text fields of the MCAP metadata record, with the start time as ISO 8601 in UTC."""
     return {
         "format_version": str(metadata.format_version),
         "product_version": metadata.product_version,
@@ -213,7 +213,7 @@ def metadata_record(metadata: LogMetadata) -> dict[str, str]:
 
 
 def reading_record(reading: Reading) -> dict[str, Any]:
-    """The reading as it lies on the channel of decoded readings: degrees, metres, seconds, °C."""
+    """Return the JSON fields of a reading on the channel of decoded readings, in degrees, metres, seconds and °C."""
     return {
         "time": reading.time,
         "sweep": reading.sweep,

@@ -1,8 +1,7 @@
-"""A log played back: which of its readings have been made by now, on their recorded schedule.
+"""Playback of a log for a viewer: which readings have been made at the current position.
 
-Takes a log and a watcher's clock; hands on how many readings are shown. It plays at any speed, in a loop, without the
-waits in which nothing was measured, and goes to any time, scan, sweep or reading, backwards too. No thread and no clock
-of its own.
+It plays at any speed, in a loop, with or without long gaps, and seeks to any time, scan, sweep or reading. It has no
+thread and no clock: the viewer passes the elapsed time.
 """
 
 import math
@@ -12,41 +11,41 @@ from statistics import median
 
 from sonarhw.log.contents import Log
 
-_REACHED = 1e-6  # s: a slider's whole milliseconds must not cut off the last reading
-_PAUSE = 1.0  # s between two scans of a log, however long they lie apart
-_GAP = 5.0  # times the usual wait from one reading to the next; a longer one, if over _PAUSE too, is a gap
+_REACHED = 1e-6  # s; tolerance, so that rounding does not exclude a reading
+_PAUSE = 1.0  # s between two scans of a log, whatever the recorded pause
+_GAP = 5.0  # a wait longer than this multiple of the median wait, and longer than _PAUSE, is a gap
 
 
 class Playback:
-    """A position in the time of a log; at its end to begin with, so that everything is seen at once."""
+    """A position in the time of a log. It starts at the end, so that all readings are visible."""
 
     def __init__(self, log: Log) -> None:
         self.log = log
         self.readings = log.readings
-        self.loop = False  # whether it starts over at the end
+        self.loop = False  # whether it restarts at the end
         self.playing = False
         self._times = self._recorded = _schedule(log)
         self.duration = self._times[-1] if self._times else 0.0  # s
         self._skip_gaps = False
         self._speed = 1.0
-        self._watched = 0.0  # s that the watcher's clock has told of
-        self._anchor = (0.0, self.duration)  # a moment of the watcher's clock and the position then
+        self._watched = 0.0  # s; sum of the elapsed times that the viewer has passed
+        self._anchor = (0.0, self.duration)  # a viewer's time and the position at that time
 
     @property
     def position(self) -> float:
-        """Where it is, s from the beginning."""
+        """Current position, s from the beginning."""
         since, position = self._anchor
         if not self.playing or self._watched <= since:
             return position
         if math.isinf(self._speed):
             return self.duration
-        # always from the anchor: nothing adds up, however often and unevenly the clock is looked at
+        # computed from the anchor, so that rounding errors do not add up
         ahead = position + (self._watched - since) * self._speed
         return ahead % self._lap if self.loop else min(ahead, self.duration)
 
     @property
     def speed(self) -> float:
-        """Times faster than recorded, above 0; infinite: all at once."""
+        """Speed relative to the recording, above 0; infinite: all at once."""
         return self._speed
 
     @speed.setter
@@ -58,7 +57,7 @@ class Playback:
 
     @property
     def skip_gaps(self) -> bool:
-        """Whether long waits between two readings are left out, and no longer count in the time of the log."""
+        """Whether long gaps between two readings are removed from the time of the log."""
         return self._skip_gaps
 
     @skip_gaps.setter
@@ -71,28 +70,28 @@ class Playback:
 
     @property
     def scan_starts(self) -> tuple[float, ...]:
-        """When the first reading of each scan was made, s from the beginning; of scans that have one."""
+        """Time of the first reading of each scan that has readings, s from the beginning."""
         scans = (scan for scan, recorded in enumerate(self.log.scans) if recorded.readings)
         return tuple(self._times[self._first_of(scan)] for scan in scans)
 
     @property
     def count(self) -> int:
-        """How many readings have been made at this position."""
+        """Number of readings made up to the current position."""
         return bisect_right(self._times, self.position + _REACHED)
 
     def play(self) -> None:
-        """Go on, from the beginning where the end was reached."""
+        """Play from the current position, or from the beginning if it is at the end."""
         position = self.position
         self.seek(0.0 if position >= self.duration else position)
         self.playing = True
 
     def pause(self) -> None:
-        """Stand still."""
+        """Pause at the current position."""
         self.seek(self.position)
         self.playing = False
 
     def advance(self, elapsed: float) -> bool:
-        """Let `elapsed` s of the watcher's time pass; whether the position has moved."""
+        """Let `elapsed` s of the viewer's time pass. Return whether the position has moved."""
         self._watched += elapsed
         if not self.playing:
             return False
@@ -100,28 +99,28 @@ class Playback:
             self.pause()
         return True
 
-    # going somewhere
+    # seeking
 
     def seek(self, position: float) -> None:
-        """Go to `position`, s from the beginning; it plays on from there if it played."""
+        """Go to `position`, s from the beginning. Playing continues from there."""
         self._anchor = (self._watched, min(max(position, 0.0), self.duration))
 
     def seek_reading(self, index: int) -> None:
-        """Go to where that reading of the log has just been made. Raises IndexError where there is none."""
+        """Go to the time of that reading of the log. Raises IndexError if there is none."""
         self.seek(self._times[range(len(self._times))[index]])
 
     def seek_scan(self, scan: int) -> None:
-        """Go to the first reading of a scan, counted from 0. Raises IndexError where the log has none."""
+        """Go to the first reading of a scan, counted from 0. Raises IndexError if there is none."""
         self.seek_reading(self._first_of(scan))
 
     def seek_sweep(self, scan: int, sweep: int) -> None:
-        """Go to the first reading of a sweep or of the next that the scan has. Raises IndexError where it has none."""
+        """Go to the first reading of a sweep, or of the next one with readings. Raises IndexError if there is none."""
         readings = self.log.scans[scan].readings
         first = bisect_left(readings, sweep, key=lambda reading: reading.sweep)
         self.seek_reading(self._first_of(scan) + range(len(readings))[first])
 
     def step(self, by: int) -> None:
-        """Stand still `by` readings further on, or before; over the end to the beginning in a loop, else not."""
+        """Pause `by` readings after the current one, or before if negative. Wraps around only if `loop` is set."""
         self.pause()
         if self._times:
             wanted = self.count - 1 + by
@@ -130,7 +129,7 @@ class Playback:
 
     @property
     def _lap(self) -> float:
-        """From the beginning of one run to that of the next, s."""
+        """Time from the beginning of one run to that of the next, s."""
         gaps = len(self._times) - 1
         return self.duration + (self.duration / gaps if gaps > 0 and self.duration else _PAUSE)
 
@@ -139,7 +138,7 @@ class Playback:
 
 
 def _schedule(log: Log) -> list[float]:
-    """When each reading of the log was made, s from the beginning; scans follow one another with a short pause."""
+    """Return the time of each reading of the log, s from the beginning, with a short pause between scans."""
     times: list[float] = []
     began = 0.0
     for scan in log.scans:
@@ -152,7 +151,7 @@ def _schedule(log: Log) -> list[float]:
 
 
 def _without_gaps(times: list[float]) -> list[float]:
-    """The schedule with every gap cut to the usual wait; it begins with the first reading."""
+    """Return the schedule with every gap shortened to the median wait. It begins with the first reading."""
     waits = [later - earlier for earlier, later in pairwise(times)]
     usual = median(waits) if waits else 0.0
     longest = max(_GAP * usual, _PAUSE) + _REACHED

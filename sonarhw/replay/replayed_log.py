@@ -1,7 +1,6 @@
-"""A log as a live scanner: what was recorded comes out again on the recorded schedule.
+"""A log as a live scanner, which answers with the recorded identity and plays recorded scans on their schedule.
 
-Takes a `Log` and bytes from a host; hands on the bytes of a scanner that answers with the recorded identity and, at
-each scan command, plays a recorded scan. It is a `Device`: no thread, no port, no clock of its own.
+It is a `Device`, without threads, ports or clock.
 """
 
 import math
@@ -18,9 +17,9 @@ from sonarhw.wire.messages import Configure, Info, Settings, StartScan, Turn
 from sonarhw.wire.reading_messages import reading_message, trace_chunks
 from sonarhw.wire.units import NO_TEMPERATURE, millimetres_per_second_of, seconds_of
 
-_FASTEST_LINE = 1000  # times the recorded one; beyond that a long log would leave in one piece
+_FASTEST_LINE = 1000  # times the recorded speed; on a faster line a long log would leave in one piece
 _TICK = 1e-6  # s
-_USUAL_SPACING = 0.1  # s from the only reading of a scan to the first of the next lap
+_DEFAULT_SPACING = 0.1  # s between laps of a scan with a single reading
 
 
 @dataclass(frozen=True)
@@ -33,34 +32,34 @@ class _Recording:
 
     @property
     def lap(self) -> float:
-        """From the beginning of one run through it to that of the next, s."""
+        """Time from the beginning of one lap to that of the next, s."""
         first, last = self.readings[0].time, self.readings[-1].time
         gaps = len(self.readings) - 1
-        return last - self.began + ((last - first) / gaps if gaps else _USUAL_SPACING)
+        return last - self.began + ((last - first) / gaps if gaps else _DEFAULT_SPACING)
 
     def offset(self, number: int) -> float:
-        """When reading `number` was made, from the beginning, lap after lap, s."""
+        """Return the time of reading `number` from the beginning of the first lap, s."""
         lap, index = divmod(number, len(self.readings))
         return lap * self.lap + self.readings[index].time - self.began
 
 
 class ReplayDevice(ProtocolDevice):
-    """Plays the scans of a log, one at each scan command and after the last one the first again.
+    """Plays one scan of a log for each StartScan; after the last scan it continues with the first.
 
-    A scan command's sector is not obeyed: the recorded readings come, numbered from 0 without gaps. With `loop` the
-    scan starts over, numbers and sweeps going on, until as many readings have come as the host ordered; so the host's
-    count is right, and it ends. Settings are acknowledged and ignored, homing and turning are done at once. Recorded
-    times divided by `speed` (above 0; infinite: as fast as the line goes) set when a reading comes, always counted
-    from the scan's beginning, so that nothing drifts; heartbeats keep their own pace.
+    The requested sector is ignored: the recorded readings are sent, numbered from 0 without gaps. With `loop` the scan
+    repeats, with continued numbers and sweeps, until the requested number of readings has been sent. Settings are
+    acknowledged and ignored; homing and turning take no time. Readings are sent at their recorded times divided by
+    `speed` (above 0; infinite: at the speed of the line), counted from the start of the scan, so that nothing drifts.
+    Heartbeats keep their rate.
     """
 
     def __init__(self, log: Log, speed: float = 1.0, loop: bool = False) -> None:
-        """Raises InputError for a log of which nobody knows the speed of sound."""
+        """Raises InputError for a log without a speed of sound."""
         if not speed > 0:
             raise ValueError(f"speed is {speed}; expected a factor above 0")
         if any(math.isnan(reading.speed_of_sound) for reading in log.readings):
             raise InputError(
-                "the log has no speed of sound, so no ranges: it holds neither Settings nor decoded readings"
+                "the log has no speed of sound, and so no ranges: it contains neither Settings nor decoded readings"
             )
         super().__init__(Line(BYTE_TIME / min(max(1.0, speed), _FASTEST_LINE)))
         self._log = log
@@ -75,42 +74,42 @@ class ReplayDevice(ProtocolDevice):
 
     @property
     def boot(self) -> int:
-        """The recorded one, as in `info`: another one in a heartbeat would tell of a reset."""
+        """The recorded number of starts, as in `info`; another one in a heartbeat would mean a reset."""
         return self._log.info.boot if self._log.info else 0
 
     def temperature(self) -> int:
-        """As recorded with the newest reading."""
+        """Return the recorded temperature of the newest reading."""
         return self._temperature
 
     def angle(self, now: float) -> int:
-        """Where the newest reading was taken."""
+        """Return the angle of the newest reading, µdeg."""
         return self._angle
 
     def info(self, sequence: int) -> Info:
-        """The recorded identity."""
+        """Return the recorded identity."""
         if self._log.info is not None:
             return replace(self._log.info, command=sequence)
         return Info(sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, "sonarhw replay", "", "", NO_TEMPERATURE, 0, 0)
 
     def configure(self, request: Configure, sequence: int) -> Settings:
-        """The recorded settings of the scan that comes next, whatever is wished."""
+        """Return the recorded settings of the next scan, whatever is requested."""
         self._settings = self._recorded_settings() or Settings(
             sequence, request.listen_us, request.blanking_us, request.trace, request.speed_of_sound
         )
         return replace(self._settings, command=sequence)
 
     def homing(self, now: float) -> Iterator[float]:
-        """Done at once."""
+        """Home at once."""
         self._angle = 0
         return iter(())
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
-        """Done at once."""
+        """Turn at once."""
         self._angle = order.angle
         return iter(())
 
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
-        """The next recorded scan; an order for a part is for a part of the one before."""
+        """Play the next recorded scan; a command for a part of a scan plays a part of the last one."""
         if not self._recordings:
             return 0, iter(())
         part = order.first > 0 or order.count > 0
@@ -124,7 +123,7 @@ class ReplayDevice(ProtocolDevice):
         return total, self._play(self._played, numbers, now)
 
     def halt(self, now: float) -> None:
-        """It stands still already."""
+        """Do nothing, because it never moves."""
 
     def _play(self, recording: _Recording, numbers: range, start: float) -> Iterator[float]:
         settings = self._settings or recording.settings
@@ -133,7 +132,7 @@ class ReplayDevice(ProtocolDevice):
         )
         listen = seconds_of(settings.listen_us) if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
-        # what comes first in a part comes at once
+        # the first reading of a part is sent at once
         skipped = recording.offset(numbers[0]) if numbers and numbers[0] else 0.0
         fired = 0.0
         for number in numbers:
@@ -141,10 +140,10 @@ class ReplayDevice(ProtocolDevice):
             recorded = recording.readings[index]
             offset = recording.offset(number) - skipped
             due = start + (offset + listen) / self._speed
-            # a fast replay goes no faster than its line, or a Stop would wait behind all that is still to be sent
+            # no faster than the line, or a Stop would wait for all queued frames
             due = max(due, self.line.idle_from)
             yield due
-            # a ping is known by when it was fired; two at one time would be taken for one sent twice
+            # a ping is identified by its time; two at the same time would be taken for a repeated one
             fired = max(start + offset / self._speed, fired + _TICK)
             sweep = (lap * sweeps + recorded.sweep) % 0x10000
             played = replace(recorded, number=number, sweep=sweep, time=fired)

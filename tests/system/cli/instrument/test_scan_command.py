@@ -262,7 +262,7 @@ def test_a_full_disk_ends_a_scan_with_an_error_of_one_line_and_keeps_the_written
     assert done.returncode == 1
     assert done.stderr == (
         f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
-        "make room or record to another disk\n"
+        "free disk space or record to another disk\n"
     )
     # every printed reading had been written before
     assert 5 < len(done.stdout.splitlines()) - 1 <= kept
