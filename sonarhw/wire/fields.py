@@ -28,7 +28,8 @@ class Scalar:
         try:
             return struct.unpack_from("<" + self.code, payload, at)[0], at + struct.calcsize("<" + self.code)
         except struct.error as error:
-            raise MessageError(f"payload of {len(payload)} bytes ends inside {self.name} at {at}") from error
+            text = f"payload of {len(payload)} bytes is too short for {self.name} at offset {at}"
+            raise MessageError(text) from error
 
 
 U8, U16, U32, U64 = Scalar("u8", "B"), Scalar("u16", "H"), Scalar("u32", "I"), Scalar("u64", "Q")
@@ -37,7 +38,7 @@ I16, I32 = Scalar("i16", "h"), Scalar("i32", "i")
 
 def _take(payload: bytes, at: int, size: int, name: str) -> tuple[bytes, int]:
     if at + size > len(payload):
-        raise MessageError(f"payload of {len(payload)} bytes ends inside {name} at {at}")
+        raise MessageError(f"payload of {len(payload)} bytes is too short for {name} at offset {at}")
     return payload[at : at + size], at + size
 
 
@@ -59,7 +60,7 @@ class Text:
         try:
             return data.decode(), at
         except UnicodeDecodeError as error:
-            raise MessageError(f"text at {at - size} is not UTF-8") from error
+            raise MessageError(f"text at offset {at - size} is not UTF-8") from error
 
 
 @dataclass(frozen=True)

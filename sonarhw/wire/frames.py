@@ -44,7 +44,7 @@ class Rejected:
 def encode_frame(frame: Frame) -> bytes:
     """Return the encoded frame with its delimiter. Raises ValueError if the payload is longer than MAX_PAYLOAD."""
     if len(frame.payload) > MAX_PAYLOAD:
-        raise ValueError(f"payload of {len(frame.payload)} bytes; at most {MAX_PAYLOAD} fit a frame")
+        raise ValueError(f"payload of {len(frame.payload)} bytes is too long; a frame takes at most {MAX_PAYLOAD}")
     body = _HEADER.pack(frame.type, frame.sequence, frame.time_us) + frame.payload
     stuffed: bytes = cobs.encode(body + _CRC.pack(zlib.crc32(body)))
     return stuffed + DELIMITER
@@ -53,11 +53,11 @@ def encode_frame(frame: Frame) -> bytes:
 def decode_block(block: bytes) -> Frame | Rejected:
     """Return the frame in the bytes between two delimiters, or the reason why they are rejected."""
     if len(block) > LONGEST_BLOCK:
-        return Rejected(block, f"{len(block)} bytes without a delimiter")
+        return Rejected(block, f"{len(block)} bytes without a delimiter; a block has at most {LONGEST_BLOCK}")
     try:
         body = cobs.decode(block)
     except cobs.DecodeError as error:
-        return Rejected(block, f"byte stuffing broken: {error}")
+        return Rejected(block, f"invalid byte stuffing (COBS): {error}")
     if len(body) < _SHORTEST:
         return Rejected(block, f"{len(body)} bytes; a frame has at least {_SHORTEST}")
     if zlib.crc32(body[: -_CRC.size]) != _CRC.unpack(body[-_CRC.size :])[0]:
