@@ -1,4 +1,4 @@
-"""The B-scan as arrays, held against what is known without it: where an echo must lie, and where nothing does."""
+"""The B-scan as arrays, checked against known positions of echoes and gaps."""
 
 import math
 from dataclasses import replace
@@ -52,7 +52,7 @@ BLACK = ColourScale(np.full((256, 4), 255, dtype=np.uint8), 0.0, 1.0, "")
 
 
 def spike(distance: float, reach: float = 3.0, level: float = 1.0) -> Trace:
-    """A trace of silence but for one sample, when an echo of that range comes."""
+    """Return a silent trace with one sample, at the time of an echo from `distance`."""
     trace = Trace(np.zeros(math.ceil(2 * reach / SPEED * RATE)), RATE, 0.0)
     trace.samples[round(2 * distance / SPEED * RATE)] = level
     return trace
@@ -73,12 +73,12 @@ def test_an_echo_lies_in_the_cell_of_its_range(distance: float) -> None:
     assert loudest_at(trace_row(spike(distance), SPEED, cells), cells) == pytest.approx(distance, abs=cells.width)
 
 
-def test_an_echo_keeps_its_level_however_wide_the_cells() -> None:
+def test_an_echo_keeps_its_level_for_any_cell_width() -> None:
     for cells in (RangeCells(0.005, 600), RangeCells(0.3, 10)):
         assert np.nanmax(trace_row(spike(1.0, level=0.25), SPEED, cells)) == 0.25
 
 
-def test_every_cell_that_a_trace_reaches_has_a_level_and_none_beyond() -> None:
+def test_exactly_the_cells_within_a_trace_have_a_level() -> None:
     cells = cells_for(5.0, SPEED / 2 / RATE)
     row = trace_row(spike(1.0, reach=3.0), SPEED, cells)
     assert cells.count <= CELLS
@@ -86,7 +86,7 @@ def test_every_cell_that_a_trace_reaches_has_a_level_and_none_beyond() -> None:
     assert np.isnan(row[cells.middles > 3.0 + cells.width]).all()
 
 
-def test_lost_samples_are_a_gap_of_the_row() -> None:
+def test_lost_samples_are_a_gap_in_the_row() -> None:
     trace = spike(1.0)
     trace.samples[(trace.times * SPEED / 2 > 2.0) & (trace.times * SPEED / 2 < 2.2)] = np.nan
     cells = cells_for(3.0, 0.004)
@@ -95,7 +95,7 @@ def test_lost_samples_are_a_gap_of_the_row() -> None:
     assert loudest_at(row, cells) == pytest.approx(1.0, abs=cells.width)
 
 
-def test_the_envelope_of_an_undersampled_carrier_is_that_of_the_carrier() -> None:
+def test_the_envelope_of_an_undersampled_carrier_is_correct() -> None:
     rate, carrier = 76_923.0, 49_400.0
     times = np.arange(1500) / rate
     swell = 0.8 * np.exp(-(((times - 0.01) / 0.001) ** 2))
@@ -111,7 +111,7 @@ def test_the_predicted_echo_of_a_wall_lies_where_the_wall_is() -> None:
     scan = predict_scan(room, place, board, np.array([0.0]))
     cells = cells_for(3.0, 0.004)
     row = predicted_row(scan, 0.0, cells)
-    # the burst begins to come back then, and swells for some cycles more
+    # the echo starts at this range and rises over some cycles
     beyond_ringing = cells.middles > 0.6
     first = cells.middles[beyond_ringing & (row >= 0.1 * np.nanmax(row[beyond_ringing]))][0]
     assert first == pytest.approx(1.0, abs=0.03)
@@ -121,7 +121,7 @@ def one_wall(room: Room, wall: tuple[tuple[float, float], tuple[float, float]]) 
     return replace(room, walls=np.array([[*wall]]).reshape(room.walls[:1].shape), air=Air())
 
 
-def test_a_head_beside_its_axis_is_predicted_at_the_headings_that_its_prediction_has() -> None:
+def test_a_transducer_off_the_axis_is_predicted_at_the_headings_of_its_prediction() -> None:
     board = replace(load_board("polaroid-6500"), max_range=2.0, mount=Mount(ahead=0.05))
     room = one_wall(load_room(ROOM), ((1.0, -3.0), (1.0, 3.0)))
     scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.radians([0.0, 20.0, 340.0]))
@@ -144,12 +144,12 @@ def test_a_reading_lies_at_its_heading_in_the_room() -> None:
     assert bscan.row_at(math.radians(200.0)) is None
 
 
-def test_of_several_readings_of_a_heading_the_newest_is_drawn() -> None:
+def test_the_newest_of_several_readings_at_a_heading_is_drawn() -> None:
     old, new = reading(0, 90.0), reading(7, 90.0)
     assert newest_by_heading([old, reading(3, 180.0), new], 0.0)[heading_key(math.pi / 2)] is new
 
 
-def test_missing_headings_are_gaps_and_others_touch() -> None:
+def test_missing_headings_are_gaps_and_other_headings_are_contiguous() -> None:
     cells = RangeCells(0.1, 10)
     degrees = [d for d in range(0, 360, 5) if d not in (100, 105)]
     bscan = bscan_of({heading_key(math.radians(d)): np.ones(10) for d in degrees}, cells)
@@ -163,19 +163,19 @@ def test_missing_headings_are_gaps_and_others_touch() -> None:
 
 @pytest.mark.parametrize("mount", [Mount(), Mount(ahead=0.1, aside=0.2, separation=0.04)])
 @pytest.mark.parametrize("degrees", [0.0, 60.0, 135.0, 290.0])
-def test_in_a_polar_picture_an_echo_lies_where_the_transducer_looks_at_its_range(degrees: float, mount: Mount) -> None:
+def test_a_polar_picture_shows_an_echo_in_front_of_the_transducer_at_its_range(degrees: float, mount: Mount) -> None:
     cells, middle, along = cells_for(2.0, 0.004), (0.5, -0.25), math.radians(degrees)
     bscan = bscan_of({heading_key(along): echo_row([1.0], cells)}, cells)
     polar = Arm(*arm(replace(load_board("polaroid-6500"), mount=mount)))
     x, y = middle_of(draw_bscan(bscan, BLACK, None, polar), polar_area(cells, middle, polar))
-    stands = mount.pose(Place("here", middle), along).receiver
-    assert (x, y) == pytest.approx((stands[0] + math.cos(along), stands[1] + math.sin(along)), abs=0.02)
+    position = mount.pose(Place("here", middle), along).receiver
+    assert (x, y) == pytest.approx((position[0] + math.cos(along), position[1] + math.sin(along)), abs=0.02)
     heading, far = polar.seen_at(np.array(x - middle[0]), np.array(y - middle[1]))
     assert (math.remainder(heading - along, math.tau), far) == pytest.approx((0.0, 1.0), abs=0.02)
 
 
 def middle_of(pixels: Pixels, area: tuple[float, float, float, float]) -> tuple[float, float]:
-    """The middle of what is drawn, in the coordinates of the area."""
+    """Return the centre of the opaque pixels, in the coordinates of the area."""
     left, bottom, width, height = area
     rows, columns = np.nonzero(pixels[:, :, 3])
     return (
@@ -184,38 +184,38 @@ def middle_of(pixels: Pixels, area: tuple[float, float, float, float]) -> tuple[
     )
 
 
-def test_the_difference_is_in_decibels_and_nothing_under_the_floor_counts() -> None:
+def test_the_difference_is_in_decibels_and_limited_by_the_floor() -> None:
     cells = RangeCells(0.1, 3)
     measured = BScan(np.array([1.0]), cells, np.array([[0.1, 1e-5, np.nan]]), 0.1)
     predicted = BScan(np.array([1.02]), cells, np.array([[0.01, 1e-4, 0.5]]), 0.1)
-    apart = difference(measured, predicted, -40.0)
-    np.testing.assert_allclose(apart.levels, [[20.0, 0.0, np.nan]])
+    result = difference(measured, predicted, -40.0)
+    np.testing.assert_allclose(result.levels, [[20.0, 0.0, np.nan]])
     np.testing.assert_allclose(difference(measured, predicted, None).levels[0, :2], [0.09, -9e-5])
 
 
-def test_headings_that_are_not_predicted_have_no_difference() -> None:
+def test_headings_without_prediction_have_no_difference() -> None:
     cells = RangeCells(0.1, 3)
     measured = BScan(np.array([1.0, 2.0]), cells, np.ones((2, 3)), 0.1)
     predicted = BScan(np.array([2.0]), cells, np.ones((1, 3)), 0.1)
     assert difference(measured, predicted, -40.0).headings.tolist() == [2.0]
 
 
-def test_louder_is_lighter_in_every_scale() -> None:
-    """A map for the colour-blind: lightness alone tells the level."""
+def test_higher_levels_are_lighter_in_every_scale() -> None:
+    """Lightness alone shows the level, also to colour-blind readers."""
     for decibels, levels in ((True, np.array([-40.0, -30, -20, -10, 0])), (False, np.linspace(0, 1, 5))):
         scale = colour_scale(Pane.MEASURED, decibels, -40.0, LIGHT)
         red, green, blue, _ = scale.of(levels).view(np.uint8).reshape(5, 4).astype(float).T
         assert (np.diff(0.2126 * red + 0.7152 * green + 0.0722 * blue) > 0).all()
 
 
-def test_what_is_not_known_has_no_colour() -> None:
+def test_unknown_levels_have_no_colour() -> None:
     scale = colour_scale(Pane.DIFFERENCE, True, -40.0, LIGHT)
     assert scale.of(np.array([np.nan]))[0] == 0
     assert in_db(np.array([0.0]), -40.0)[0] == -40.0
 
 
-def whole(request: BScanRequest) -> BScans:
-    """Ask until it is done, as the window does."""
+def completed(request: BScanRequest) -> BScans:
+    """Repeat the request until the B-scan is complete, as the window does."""
     answer = request.answer()
     while answer.rows.done < 1:
         answer = replace(request, before=answer.rows).answer()
@@ -229,8 +229,8 @@ def request_of(scene: Scene) -> BScanRequest:
     return BScanRequest(1, scene, readings, outline, FLAT, LIGHT, None)
 
 
-def test_slice_by_slice_gives_what_one_by_one_does(request_of: BScanRequest) -> None:
-    answer = whole(request_of)
+def test_computation_in_slices_gives_the_same_rows_as_single_predictions(request_of: BScanRequest) -> None:
+    answer = completed(request_of)
     cells = answer.rows.cells
     headings = request_of.outline.headings
     expected = [request_of.outline.signal_at(k, 2 * cells.reach / SPEED) for k in range(len(headings))]
@@ -241,8 +241,8 @@ def test_slice_by_slice_gives_what_one_by_one_does(request_of: BScanRequest) -> 
     assert set(answer.pictures) == set(Pane)
 
 
-def test_a_row_is_made_once_and_again_only_for_another_reading(request_of: BScanRequest) -> None:
-    first = whole(request_of).rows
+def test_a_row_is_computed_again_only_for_another_reading(request_of: BScanRequest) -> None:
+    first = completed(request_of).rows
     again = replace(
         request_of, readings=(*request_of.readings[1:], reading(99, 0.0, spike(2.0))), before=first
     ).answer()
@@ -253,22 +253,22 @@ def test_a_row_is_made_once_and_again_only_for_another_reading(request_of: BScan
     assert loudest_at(again.rows.measured[0].levels, cells) == pytest.approx(2.0, abs=cells.width)
 
 
-def test_another_prediction_begins_anew_and_keeps_what_was_measured(request_of: BScanRequest) -> None:
-    first = whole(request_of).rows
+def test_another_prediction_replaces_only_the_predicted_rows(request_of: BScanRequest) -> None:
+    first = completed(request_of).rows
     again = replace(request_of, outline=replace(request_of.outline), before=first).answer().rows
     assert all(again.measured[key] is first.measured[key] for key in first.measured)
     assert not any(row is first.predicted.get(key) for key, row in again.predicted.items())
 
 
-def test_without_traces_the_measured_image_has_the_ranges_and_nothing_else(request_of: BScanRequest) -> None:
-    answer = whole(replace(request_of, readings=(reading(0, 40.0, ranges=(0.5, 1.5)), reading(1, 60.0))))
+def test_without_traces_the_measured_picture_shows_only_the_ranges(request_of: BScanRequest) -> None:
+    answer = completed(replace(request_of, readings=(reading(0, 40.0, ranges=(0.5, 1.5)), reading(1, 60.0))))
     assert not answer.rows.traced
     cells, row = answer.rows.cells, answer.measured.levels[answer.measured.row_at(math.radians(40.0)) or 0]
     assert cells.middles[np.isfinite(row)] == pytest.approx([0.5, 1.5], abs=cells.width)
     assert np.isnan(answer.measured.levels[1]).all()
 
 
-def test_a_trace_that_cannot_be_read_is_a_gap_and_is_told(request_of: BScanRequest) -> None:
+def test_an_unreadable_trace_is_a_gap_and_is_reported(request_of: BScanRequest) -> None:
     class Torn(Trace):
         @property
         def times(self) -> FloatArray:
@@ -276,7 +276,7 @@ def test_a_trace_that_cannot_be_read_is_a_gap_and_is_told(request_of: BScanReque
 
     broken = replace(request_of.readings[3], trace=Torn(np.zeros(1), RATE, 0.0))
     readings = (*request_of.readings[:3], broken, *request_of.readings[4:])
-    answer = whole(replace(request_of, readings=readings))
+    answer = completed(replace(request_of, readings=readings))
     assert "reading 3" in answer.rows.unreadable
     silent = [np.isnan(row).all() for row in answer.measured.levels]
     assert silent == [k == 3 for k in range(18)]

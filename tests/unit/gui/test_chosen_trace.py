@@ -1,4 +1,4 @@
-"""What the trace view is about, without a window: times, levels, gains and carriers held against physics."""
+"""The content of the trace view without a window: times, levels, gains and carriers checked against physics."""
 
 import math
 from dataclasses import replace
@@ -18,7 +18,7 @@ from sonarhw.readings import Reading, Trace
 from tests.fixtures.window_scene import ROOM
 
 SPEED = 343.2
-DISTANCE = 0.9  # m: its echo comes just after a step of the gain, where that is farthest from the ideal one
+DISTANCE = 0.9  # m; its echo comes just after a gain step, where the stepped gain differs most from the ideal one
 
 
 def reading(trace: Trace | None = None, echo_times: tuple[float, ...] = ()) -> Reading:
@@ -27,7 +27,7 @@ def reading(trace: Trace | None = None, echo_times: tuple[float, ...] = ()) -> R
 
 @pytest.fixture(scope="module", params=[*Receiver])
 def before_a_wall(request: pytest.FixtureRequest) -> Scene:
-    """A board that looks at a wall, and nothing else; its echo stays below full scale."""
+    """A board in front of a single wall; the echo stays below full scale."""
     room = load_room(ROOM)
     wall = np.array([[(DISTANCE, -3.0), (DISTANCE, 3.0)]]).reshape(room.walls[:1].shape)
     board = replace(load_board("polaroid-6500"), max_range=3.0)
@@ -39,7 +39,7 @@ def predicted_of(scene: Scene) -> PredictedScan:
     return predict_scan(scene.room, scene.pose, scene.board, np.array([0.0]), scene.options)
 
 
-def test_an_echo_is_marked_when_its_sound_is_back_and_as_loud_as_the_trace_says(before_a_wall: Scene) -> None:
+def test_the_mark_of_an_echo_has_the_time_and_the_level_of_the_trace(before_a_wall: Scene) -> None:
     scene = before_a_wall
     trace = chosen_trace(scene, reading(), predicted_of(scene), 0)
     speed = scene.room.air.speed_of_sound
@@ -51,7 +51,7 @@ def test_an_echo_is_marked_when_its_sound_is_back_and_as_loud_as_the_trace_says(
     assert envelope.values[near].max() == pytest.approx(echo.level_db, abs=0.3)
 
 
-def test_the_gain_is_that_of_the_receiver(before_a_wall: Scene) -> None:
+def test_the_gain_depends_on_the_receiver(before_a_wall: Scene) -> None:
     scene = before_a_wall
     gain = chosen_trace(scene, reading(), None, 0).gain
     steps = np.diff(gain.curve.values)
@@ -69,7 +69,7 @@ def test_the_gain_is_that_of_the_receiver(before_a_wall: Scene) -> None:
         assert twice == pytest.approx(20 * math.log10(2), abs=0.01)
 
 
-def test_blanking_and_threshold_are_the_boards(before_a_wall: Scene) -> None:
+def test_blanking_and_threshold_come_from_the_board(before_a_wall: Scene) -> None:
     trace = chosen_trace(before_a_wall, reading(), None, 0)
     assert trace.blanking == before_a_wall.board.blanking
     assert trace.threshold_db == before_a_wall.board.threshold_db
@@ -78,7 +78,7 @@ def test_blanking_and_threshold_are_the_boards(before_a_wall: Scene) -> None:
     assert trace.range_at(0.01) == pytest.approx(1.716)
 
 
-def test_a_carrier_is_predicted_as_the_converter_that_measured_it_sees_it(before_a_wall: Scene) -> None:
+def test_a_carrier_is_predicted_at_the_sample_rate_of_the_measured_one(before_a_wall: Scene) -> None:
     prediction = predicted_of(before_a_wall)
     samples = prediction.signal_at(0, 0.015).sampled()
     carried = Trace(samples, CONVERTER_RATE, 0.0, carrier=True)
@@ -92,14 +92,14 @@ def test_a_carrier_is_predicted_as_the_converter_that_measured_it_sees_it(before
     assert np.abs(measured - trace.predicted.envelope.values)[inside].max() < 3.0
 
 
-def test_a_converter_fast_enough_sees_the_carrier_itself(before_a_wall: Scene) -> None:
+def test_a_fast_converter_does_not_undersample_the_carrier(before_a_wall: Scene) -> None:
     fast = Trace(np.zeros(4000), 400e3, 0.0, carrier=True)
     trace = chosen_trace(before_a_wall, reading(fast), predicted_of(before_a_wall), 0)
     assert not trace.predicted.undersampled
     assert trace.predicted.rate == 400e3
 
 
-def test_without_a_carrier_the_predicted_one_has_several_samples_a_period(before_a_wall: Scene) -> None:
+def test_without_a_measured_carrier_the_predicted_one_has_several_samples_per_period(before_a_wall: Scene) -> None:
     envelope = Trace(np.zeros(500), 50e3, 0.0)
     trace = chosen_trace(before_a_wall, reading(envelope), predicted_of(before_a_wall), 0)
     assert trace.measured.rf is None
@@ -107,7 +107,7 @@ def test_without_a_carrier_the_predicted_one_has_several_samples_a_period(before
     assert trace.duration == pytest.approx(499 / 50e3)
 
 
-def test_what_was_measured_is_shown_where_nothing_is_predicted(scene: Scene) -> None:
+def test_without_prediction_the_measured_trace_is_shown(scene: Scene) -> None:
     trace = chosen_trace(scene, reading(Trace(np.full(100, 0.1), 50e3, 0.001), (0.0012, 0.0018)), None, 0)
     assert trace.predicted is None
     assert trace.echoes == ()

@@ -1,4 +1,4 @@
-"""Traces kept in the bytes in which they came lose nothing, and take an eighth of the memory."""
+"""Packed traces keep every sample and need an eighth or a quarter of the memory."""
 
 import sys
 
@@ -14,7 +14,7 @@ FORMS = {8: (np.uint8, FULL_SCALE), 16: (np.uint16, 257 * FULL_SCALE)}
 
 @pytest.mark.parametrize("bits", FORMS)
 @pytest.mark.parametrize("carrier", [False, True])
-def test_a_packed_trace_is_the_same_sample_for_sample(bits: int, carrier: bool) -> None:
+def test_a_packed_trace_has_the_same_samples(bits: int, carrier: bool) -> None:
     form, full = FORMS[bits]
     steps = np.random.default_rng(1).integers(0, full, 3000, endpoint=True).astype(form)
     levels = steps / full
@@ -28,11 +28,11 @@ def test_a_packed_trace_is_the_same_sample_for_sample(bits: int, carrier: bool) 
 
 
 @pytest.mark.parametrize("samples", [[0.1234567], [np.nan, 0.0], [-0.5], [1.5]])
-def test_what_no_converter_of_whole_steps_gave_stays_as_it_is(samples: list[float]) -> None:
+def test_samples_that_are_not_converter_steps_are_not_packed(samples: list[float]) -> None:
     trace = Trace(np.array(samples), 50e3, 0.0)
     assert packed(trace) is trace
 
 
-def test_a_reading_without_a_trace_stays_as_it_is() -> None:
+def test_a_reading_without_a_trace_is_unchanged() -> None:
     reading = Reading(0, 0, 0, 0.0, 0.0, (), 343.2)
     assert with_packed_trace(reading) is reading

@@ -1,4 +1,4 @@
-"""A room changed as with a pencil: what was meant is changed, and nothing else."""
+"""Edits of a room change what they should, and nothing else."""
 
 import math
 from collections.abc import Callable
@@ -66,23 +66,23 @@ def wall(room: Room, name: str) -> list[float]:
     return room.walls[room.names.index(name)].tolist()
 
 
-def test_walls_that_meet_at_a_corner_still_meet_when_it_is_moved() -> None:
+def test_walls_still_meet_at_a_corner_that_is_moved() -> None:
     room = move_corner(SIMPLE, (0.928, 0.742), (1.0, 0.8))
     assert wall(room, "right") == [0.928, 0.0, 1.0, 0.8]
     assert wall(room, "top") == [1.0, 0.8, 0.0, 0.742]
     assert wall(room, "bottom") == wall(SIMPLE, "bottom")
-    assert len(room.edges) > len(SIMPLE.edges)  # no right angle any more: it bends sound
+    assert len(room.edges) > len(SIMPLE.edges)  # no longer a right angle: sound is diffracted there
     assert_same_rooms(room, SIMPLE, but=("walls", "edges"))
 
 
-def test_a_wall_that_is_moved_takes_its_neighbours_along() -> None:
+def test_moving_a_wall_moves_the_ends_of_its_neighbours() -> None:
     room = move_wall(SIMPLE, SIMPLE.names.index("top"), (0.0, 0.1))
     np.testing.assert_allclose(wall(room, "top"), [0.928, 0.842, 0.0, 0.842])
     np.testing.assert_allclose(wall(room, "right"), [0.928, 0.0, 0.928, 0.842])
     assert corners(room)[0] == (0.0, 0.0)
 
 
-def test_an_echo_comes_back_from_a_wall_where_it_was_put() -> None:
+def test_a_new_wall_returns_an_echo() -> None:
     room = add_wall(SIMPLE, (0.2, 0.1), (0.2, 0.6), "shelving")
     search = PathSearch(max_length=1.2, wavelength=0.007, max_bounces=1)
     near = find_paths(room, (0.5, 0.3), search)
@@ -91,7 +91,7 @@ def test_an_echo_comes_back_from_a_wall_where_it_was_put() -> None:
     assert add_wall(room, (0, 1), (1, 1), "shelving").names[4:] == ("wall 1", "wall 2")
 
 
-def test_a_wall_taken_out_of_a_closed_chain_leaves_the_others_with_their_names() -> None:
+def test_removing_a_wall_of_a_closed_chain_keeps_the_names_of_the_others() -> None:
     room = remove_surface(SIMPLE, SIMPLE.names.index("right"))
     assert sorted(room.names) == ["bottom", "left", "top"]
     for name in room.names:
@@ -99,13 +99,13 @@ def test_a_wall_taken_out_of_a_closed_chain_leaves_the_others_with_their_names()
     assert comments(room.text) == comments(SIMPLE.text)
 
 
-def test_a_wall_taken_out_of_the_middle_leaves_two_chains() -> None:
+def test_removing_a_wall_in_the_middle_leaves_two_chains() -> None:
     room = remove_surface(load_room(FOLDER / "arena.toml"), 3)
     assert "north" not in room.names
     assert {"west", "north-west", "divider", "north-east", "shoulder", "east", "south"} == set(room.names)
 
 
-def test_the_last_wall_stays() -> None:
+def test_the_last_wall_and_the_floor_cannot_be_removed() -> None:
     room = load_room(FOLDER / "figure2b.toml")
     with pytest.raises(InputError, match="last wall"):
         remove_surface(room, 0)
@@ -113,7 +113,7 @@ def test_the_last_wall_stays() -> None:
         remove_surface(DOORSTEP, DOORSTEP.levels.start)
 
 
-def test_a_wall_of_another_material_keeps_place_name_and_height() -> None:
+def test_a_surface_with_another_material_keeps_position_name_and_height() -> None:
     for name in ("south", "step", "bin", "ceiling"):
         room = set_material(DOORSTEP, DOORSTEP.names.index(name), "rug")
         there = {known: k for k, known in enumerate(room.names)}
@@ -126,7 +126,7 @@ def test_a_wall_of_another_material_keeps_place_name_and_height() -> None:
         assert_same_rooms(parse_room(room.text, "again"), room)
 
 
-def test_a_post_is_put_moved_made_larger_and_taken_away() -> None:
+def test_a_post_is_added_moved_resized_and_removed() -> None:
     room = add_post(SIMPLE, (0.3, 0.5), 0.05, "shelving")
     post = room.names.index("post 1")
     room = resize_post(move_post(room, post, (0.4, 0.5)), post, 0.08)
@@ -134,17 +134,17 @@ def test_a_post_is_put_moved_made_larger_and_taken_away() -> None:
     assert remove_surface(room, post).text.strip() == SIMPLE.text.strip()
 
 
-def test_a_post_is_not_put_over_a_place() -> None:
+def test_a_post_cannot_contain_a_place() -> None:
     with pytest.raises(InputError, match="place 'figure7' lies inside post 'post 1'"):
         add_post(SIMPLE, (0.82, 0.345), 0.05, "shelving")
 
 
-def test_a_wall_of_no_length_is_refused() -> None:
+def test_a_wall_without_length_is_rejected() -> None:
     with pytest.raises(InputError, match="has no length"):
         move_corner(SIMPLE, (0.0, 0.0), (0.928, 0.0))
 
 
-def test_a_wall_gets_a_corner_where_it_was_split() -> None:
+def test_a_split_wall_has_a_corner() -> None:
     room = split_wall(SIMPLE, SIMPLE.names.index("top"), (0.5, 0.742))
     assert wall(room, "top") == [0.928, 0.742, 0.5, 0.742]
     assert wall(room, "top 2") == [0.5, 0.742, 0.0, 0.742]
@@ -152,7 +152,7 @@ def test_a_wall_gets_a_corner_where_it_was_split() -> None:
 
 
 @pytest.mark.parametrize("text", [INLINE, MIXED], ids=["inline", "mixed"])
-def test_a_file_may_be_written_in_any_way_that_toml_allows(text: str) -> None:
+def test_room_files_in_any_toml_style_can_be_edited(text: str) -> None:
     room = parse_room(text, "room")
     room = add_wall(room, (0.0, 3.0), (4.0, 3.0), "m")
     room = add_post(room, (1.5, 1.0), 0.2, "n")
@@ -165,7 +165,7 @@ def test_a_file_may_be_written_in_any_way_that_toml_allows(text: str) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
-def test_whatever_is_changed_reads_back_and_keeps_what_was_not_meant(data: st.DataObject) -> None:
+def test_any_edit_can_be_read_back_and_changes_nothing_else(data: st.DataObject) -> None:
     room = data.draw(st.sampled_from([SIMPLE, DOORSTEP]))
     for _ in range(data.draw(st.integers(1, 5))):
         surface = data.draw(st.integers(0, len(room.names) - 1))

@@ -1,4 +1,4 @@
-"""What a hand takes hold of in the plan, and what becomes of the scene, without a window."""
+"""Parts of the plan that can be dragged, and the resulting scene, without a window."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ def crowded(scene: Scene) -> Scene:
     return replace(scene, room=add_post(scene.room, (0.4, 0.4), 0.1, "shelving"))
 
 
-def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> None:
+def test_the_sensor_and_its_beam_handle_can_be_gripped(scene: Scene) -> None:
     x, y = scene.pose.position
     near = (x + 5 * PIXEL, y)
     assert sensor_grip(scene, (0.3, 0.3), near, PIXEL).part is GripPart.SENSOR
@@ -49,7 +49,7 @@ def test_the_sensor_is_taken_hold_of_before_what_lies_under_it(scene: Scene) -> 
         ((0.5, 0.4), GripPart.RIM, "post 1"),
     ],
 )
-def test_corner_rim_post_and_wall_are_told_apart(
+def test_corner_rim_post_and_wall_are_distinguished(
     crowded: Scene, at: tuple[float, float], part: GripPart, name: str
 ) -> None:
     grip = room_grip(crowded.room, at, PIXEL)
@@ -59,16 +59,16 @@ def test_corner_rim_post_and_wall_are_told_apart(
     assert surface_at(crowded.room, (0.7, 0.6), PIXEL) is None
 
 
-def test_the_sensor_moves_by_as_much_as_the_hand(scene: Scene) -> None:
+def test_the_sensor_moves_as_far_as_the_mouse(scene: Scene) -> None:
     x, y = scene.pose.position
     moved, label = dragged(scene, Grip(GripPart.SENSOR, (x + 0.004, y)), (x - 0.096, y + 0.2))
     assert moved.pose.position == pytest.approx((x - 0.1, y + 0.2))
     assert moved.pose.heading == scene.pose.heading
     assert label == "moving the sensor"
-    assert moved.room is scene.room  # nothing of the room is worked out again
+    assert moved.room is scene.room  # the room is not computed again
 
 
-def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> None:
+def test_the_sensor_turns_by_the_angle_of_the_drag(scene: Scene) -> None:
     x, y = scene.pose.position
     turned, _ = dragged(scene, Grip(GripPart.BEAM, (x + 0.3, y)), (x, y + 0.1))
     assert math.degrees(turned.pose.heading - scene.pose.heading) == pytest.approx(90)
@@ -76,13 +76,13 @@ def test_the_sensor_turns_by_as_much_as_the_hand_goes_round(scene: Scene) -> Non
     assert math.degrees(back.pose.heading) % 360 == pytest.approx(math.degrees(scene.pose.heading) % 360)
 
 
-def test_the_places_of_the_file_stay_where_they_are(scene: Scene) -> None:
+def test_moving_the_sensor_keeps_the_places_of_the_file(scene: Scene) -> None:
     moved, _ = sensor_at(scene, (0.5, 0.5))
     assert moved.room.places == scene.room.places
     assert moved.pose.name == "0.5,0.5"
 
 
-def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene: Scene, tmp_path: Path) -> None:
+def test_a_recording_contains_the_pose_of_the_sensor(scene: Scene, tmp_path: Path) -> None:
     moved, _ = sensor_turned(sensor_at(scene, (0.5, 0.5))[0], math.radians(30))
     log, path = start_recording(tmp_path, moved, warn=print)
     log.close()
@@ -92,14 +92,14 @@ def test_a_recording_knows_where_the_sensor_was_put_and_how_it_was_turned(scene:
     assert again.room.places.keys() == {*scene.room.places, "0.5,0.5"}
 
 
-def test_a_scan_is_heard_as_its_boards_profile_says(scene: Scene, tmp_path: Path) -> None:
+def test_a_log_uses_the_receiver_of_its_board_profile(scene: Scene, tmp_path: Path) -> None:
     profile = f'{scene.board.text}\nreceiver = "board"\n'
     log, path = start_recording(tmp_path, replace(scene, board=parse_board(profile, "mine.toml")), warn=print)
     log.close()
     assert scene_of_log(read_log(path).metadata).options.receiver is Receiver.BOARD
 
 
-def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> None:
+def test_the_sensor_cannot_be_inside_a_post(crowded: Scene) -> None:
     with pytest.raises(InputError, match="cannot be inside post 1"):
         sensor_at(crowded, (0.45, 0.4))
     beside, _ = sensor_at(crowded, (0.6, 0.4))
@@ -112,7 +112,7 @@ def test_a_sensor_is_not_put_into_a_post_nor_a_post_over_it(crowded: Scene) -> N
     assert label == "resizing post 1"
 
 
-def test_over_a_low_post_a_high_sensor_may_stand() -> None:
+def test_a_sensor_can_be_above_a_low_post() -> None:
     room = load_room(ROOM.with_name("doorstep.toml"))
     board = load_board("polaroid-6500")
     over, _ = sensor_at(Scene(room, room.place("tripod"), board), (0.5, 1.5))
@@ -121,17 +121,17 @@ def test_over_a_low_post_a_high_sensor_may_stand() -> None:
         sensor_at(Scene(room, room.place("robot"), board), (0.5, 1.5))
 
 
-def test_outside_the_walls_is_said_where_walls_enclose_anything(scene: Scene) -> None:
-    def said(room: Room, at: tuple[float, float]) -> bool:
+def test_a_pose_outside_closed_walls_is_reported(scene: Scene) -> None:
+    def outside(room: Room, at: tuple[float, float]) -> bool:
         return "outside the walls" in pose_text(replace(scene, room=room, place=Place("", at)), LengthUnit.M)
 
-    assert not said(scene.room, (0.4, 0.4))
-    assert said(scene.room, (1.4, 0.4))
-    assert not said(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
-    assert said(load_room(ROOM.with_name("arena.toml")), (3.0, 3.0))
+    assert not outside(scene.room, (0.4, 0.4))
+    assert outside(scene.room, (1.4, 0.4))
+    assert not outside(load_room(ROOM.with_name("figure2b.toml")), (5.0, 5.0))
+    assert outside(load_room(ROOM.with_name("arena.toml")), (3.0, 3.0))
 
 
-def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> None:
+def test_the_text_of_a_surface_has_its_material_and_loss(scene: Scene) -> None:
     assert surface_text(scene.room, 0) == "bottom · shelving, reflectance 0.95 (−0.4 dB)"
     doorstep: Room = load_room(ROOM.with_name("doorstep.toml"))
     assert surface_text(doorstep, doorstep.names.index("rug")).startswith(
@@ -139,8 +139,8 @@ def test_a_wall_is_named_with_its_material_and_what_it_takes(scene: Scene) -> No
     )
 
 
-def test_the_losses_along_a_path_are_all_that_it_loses(crowded: Scene) -> None:
-    """Together they are the gain of the path, whatever it touched: walls, posts, edges, floor, a rough wall."""
+def test_the_losses_along_a_path_add_up_to_its_gain(crowded: Scene) -> None:
+    """For paths over walls, posts, edges, floor and a rough wall."""
     tall = load_room(ROOM.with_name("doorstep.toml"))
     board, headings = load_board("polaroid-6500"), np.radians([0.0, 90.0])
     for scan in (

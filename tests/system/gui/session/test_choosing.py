@@ -1,4 +1,4 @@
-"""Asking about a reading: with the mouse in the plan and the range view, and with the keys."""
+"""Selecting a reading with the mouse in any view, and with the keys."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     return window
 
 
-def test_a_click_in_the_plan_tells_about_that_reading(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_in_the_plan_selects_the_reading(qtbot: QtBot, window: MainWindow) -> None:
     click(
         qtbot,
         window.views.plan.drawing,
@@ -32,21 +32,21 @@ def test_a_click_in_the_plan_tells_about_that_reading(qtbot: QtBot, window: Main
     until(qtbot, lambda: "Trace at 270.0°" in window.views.trace.title.text())
 
 
-def test_the_rays_of_the_chosen_reading_end_where_they_began(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_rays_of_the_selected_reading_end_at_the_sensor(qtbot: QtBot, window: MainWindow) -> None:
     window.session.showing.choose(27)
     x, y = window.views.plan.drawing.path._rays.getData()
     assert len(x) == 5  # sensor, bottom, top, bottom, sensor
     assert (x[0], y[0]) == (x[-1], y[-1]) == window.session.shown.scene.place.position
 
 
-def test_a_click_between_the_points_of_the_range_view_takes_the_nearest(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_between_points_of_the_range_view_selects_the_nearest_reading(qtbot: QtBot, window: MainWindow) -> None:
     x, y = place_of(window.views.ranges._marks[0], 9)
     click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, (x + 2.0, y))
     assert window.session.shown.chosen == 9
     assert "at 90.0°" in window.sentence.text()
 
 
-def test_a_row_of_the_table_is_chosen_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_row_of_the_table_is_selected_in_every_view(qtbot: QtBot, window: MainWindow) -> None:
     view, model = window.views.table.view, window.views.table.model
     view.scrollToTop()
     place = view.visualRect(model.index(1, 1)).center()
@@ -59,7 +59,7 @@ def test_a_row_of_the_table_is_chosen_in_every_view(qtbot: QtBot, window: MainWi
     assert view.currentIndex().row() == 9
 
 
-def test_a_click_far_from_any_reading_of_the_plan_changes_nothing(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_far_from_all_readings_changes_nothing(qtbot: QtBot, window: MainWindow) -> None:
     before = window.session.shown.chosen
     click(qtbot, window.views.plan.drawing, window.views.plan.drawing.plot.vb, (0.2, 0.35))
     assert window.session.shown.chosen == before
@@ -76,7 +76,7 @@ def test_left_and_right_step_through_the_readings(qtbot: QtBot, window: MainWind
     assert window.session.shown.chosen == ORDER.readings - 1
 
 
-def test_every_predicted_echo_of_the_chosen_heading_is_marked(qtbot: QtBot, window: MainWindow) -> None:
+def test_every_predicted_echo_of_the_selected_heading_is_marked(qtbot: QtBot, window: MainWindow) -> None:
     window.session.showing.choose(27)
     until(qtbot, lambda: "Trace at 270.0°" in window.views.trace.title.text())
     row, prediction = window.session.shown.chosen_row, window.session.shown.prediction
@@ -88,7 +88,7 @@ def test_every_predicted_echo_of_the_chosen_heading_is_marked(qtbot: QtBot, wind
     assert "bottom>top>bottom" in named
 
 
-def test_another_place_is_another_prediction(qtbot: QtBot, window: MainWindow) -> None:
+def test_another_place_changes_the_prediction(qtbot: QtBot, window: MainWindow) -> None:
     before = window.session.shown.outline
     window.toolbar.place.setCurrentText("figure7")
     window.toolbar.place.textActivated.emit("figure7")

@@ -1,4 +1,4 @@
-"""The window opens as it was left; a memory that is gone or spoilt costs nothing but the memory."""
+"""The window restores its last state; missing or damaged settings are replaced by defaults."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,13 +30,13 @@ CONTROL = Qt.KeyboardModifier.ControlModifier
 
 @pytest.fixture
 def shipped(scene: Scene) -> Scene:
-    """A scene whose board is as its file says."""
+    """A scene with an unchanged board profile."""
     return replace(scene, board=load_board("polaroid-6500"))
 
 
 def never(url: str) -> ScannerTarget:
     def opener() -> Scanner:
-        raise AssertionError("opened without being asked")
+        raise AssertionError("connected without a request")
 
     return ScannerTarget(url, opener)
 
@@ -46,7 +46,7 @@ def reopened(open_with: OpenWith, memory: Path, scene: Scene) -> MainWindow:
     return open_with(scene=elsewhere, memory=memory, resume=True, find_scanner=never)
 
 
-def test_a_window_closed_over_a_log_opens_over_it_again(
+def test_a_log_is_restored_with_views_and_look(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "memory" / "window.ini"
@@ -70,7 +70,7 @@ def test_a_window_closed_over_a_log_opens_over_it_again(
     assert window.files.actions()[0].data() == str(recorded)
 
 
-def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wished(
+def test_a_moved_sensor_and_the_scan_settings_are_restored(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -90,7 +90,7 @@ def test_a_sensor_that_was_moved_stands_where_it_was_left_and_scans_as_was_wishe
     assert window.session.shown.scene.room.text == shipped.room.text
 
 
-def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_log(
+def test_a_fitted_place_and_an_edited_room_are_restored_with_their_log(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -112,7 +112,7 @@ def test_a_place_that_was_found_and_a_room_that_was_edited_come_back_with_their_
     assert len(window.session.shown.readings) == ORDER.readings
 
 
-def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothing(
+def test_after_closing_during_a_scan_the_recording_is_restored_and_nothing_moves(
     qtbot: QtBot, open_with: OpenWith, fake: OpenFake, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -135,10 +135,10 @@ def test_a_window_closed_in_mid_scan_opens_on_what_was_measured_and_moves_nothin
     until(qtbot, lambda: window.session.replay.loaded and predicted(window))
     assert len(window.session.shown.readings) == kept
     assert window.session.status.source is Source.REPLAY
-    assert window.commands.scan.isEnabled()  # with the scanner that was there
+    assert window.commands.scan.isEnabled()  # with the scanner of the last session
 
 
-def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
+def test_the_first_start_and_a_start_with_a_file_restore_nothing(
     open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -150,7 +150,7 @@ def test_the_first_start_and_one_that_was_told_what_to_open_are_not_resumed(
     assert window.session.shown.scene.place.name == "figure9"
 
 
-def test_a_log_that_is_gone_is_told_and_the_room_is_there(
+def test_a_missing_log_is_reported_and_its_room_is_shown(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, shipped: Scene
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -161,7 +161,7 @@ def test_a_log_that_is_gone_is_told_and_the_room_is_there(
 
 
 @pytest.mark.parametrize("text", ["{", "scene=3", 'scene="{}"', "scan=[]", "look/scale=large", "[look", "\udcff"])
-def test_a_spoilt_memory_is_told_and_the_window_opens_all_the_same(
+def test_damaged_settings_are_reported_and_the_window_opens(
     open_with: OpenWith, tmp_path: Path, shipped: Scene, text: str
 ) -> None:
     memory = tmp_path / "window.ini"
@@ -171,9 +171,7 @@ def test_a_spoilt_memory_is_told_and_the_window_opens_all_the_same(
     assert window.session.shown.scene.place.name == "figure7"
 
 
-def test_a_layout_of_another_screen_or_version_is_left_as_usual(
-    open_with: OpenWith, tmp_path: Path, shipped: Scene
-) -> None:
+def test_an_unknown_layout_is_replaced_by_the_default(open_with: OpenWith, tmp_path: Path, shipped: Scene) -> None:
     memory = tmp_path / "window.ini"
     nonsense = QByteArray(b"nonsense")
     layout = {"window": nonsense, "docks": nonsense, "gone": nonsense, "views": nonsense}
@@ -187,7 +185,7 @@ def test_a_layout_of_another_screen_or_version_is_left_as_usual(
 
 
 @pytest.mark.parametrize("used", [(), ("a, b.mcap",), ("ä.mcap", "@c;d.mcap")])
-def test_what_was_written_is_read_again(tmp_path: Path, shipped: Scene, used: tuple[str, ...]) -> None:
+def test_written_settings_are_read_back(tmp_path: Path, shipped: Scene, used: tuple[str, ...]) -> None:
     settings = ScanSettings(tmp_path, ORDER, traces=False, max_range=1.5)
     memory = Memory(
         *(
@@ -206,12 +204,12 @@ def test_what_was_written_is_read_again(tmp_path: Path, shipped: Scene, used: tu
     assert read_memory(tmp_path / "new" / "window.ini") == memory
 
 
-def test_an_empty_file_is_as_good_as_none(tmp_path: Path) -> None:
+def test_an_empty_file_gives_default_settings(tmp_path: Path) -> None:
     (tmp_path / "window.ini").touch()
     assert read_memory(tmp_path / "window.ini") == Memory()
 
 
-def test_a_folder_that_cannot_be_written_is_an_error_in_one_line(tmp_path: Path) -> None:
+def test_unwritable_and_unreadable_settings_are_errors(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError, match="cannot be written"):
         write_memory(tmp_path / "file" / "window.ini", Memory())

@@ -1,4 +1,4 @@
-"""Files get into the window by being dropped, chosen from the recent ones, or as CSV; what is none is told."""
+"""Files are opened by drag and drop, from the recent files and as CSV; errors are reported."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 
 
 def drop(window: MainWindow, *paths: Path) -> bool:
-    """Drop files on the window; whether it takes them."""
+    """Drop files on the window, and return whether it accepts them."""
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
     enter = QDragEnterEvent(QPoint(200, 200), Qt.DropAction.CopyAction, data, LEFT, NO_KEY)
@@ -31,14 +31,14 @@ def drop(window: MainWindow, *paths: Path) -> bool:
     return enter.isAccepted()
 
 
-def test_a_log_that_is_dropped_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
+def test_a_dropped_log_is_shown(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> None:
     window = open_with()
     assert drop(window, recorded)
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
     assert window.session.status.source is Source.REPLAY
 
 
-def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
+def test_a_log_dropped_with_a_room_is_shown_in_this_room(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     room = tmp_path / "other.toml"
@@ -51,7 +51,7 @@ def test_a_room_that_is_dropped_with_a_log_is_the_room_of_the_log(
     assert f"recorded in {ROOM.name}; they are now compared with other.toml" in window.banner.message
 
 
-def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
+def test_a_csv_scan_is_imported_as_a_log_and_its_interpretation_is_reported(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
 ) -> None:
     scan = tmp_path / "turret.csv"
@@ -69,7 +69,7 @@ def test_a_scan_as_csv_becomes_a_log_and_what_was_understood_is_told(
 
 
 @pytest.mark.parametrize("silence", ["400", "0"])
-def test_a_range_that_many_readings_have_is_asked_about_and_is_silence_only_once_somebody_says_so(
+def test_a_frequent_range_means_no_echo_only_after_the_user_confirms_it(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, silence: str
 ) -> None:
     scan = tmp_path / "turret.csv"
@@ -78,22 +78,20 @@ def test_a_range_that_many_readings_have_is_asked_about_and_is_silence_only_once
     window = open_with()
     drop(window, scan)
     until(qtbot, lambda: len(window.session.shown.readings) == 12)
-    said = f"8 readings of turret.csv have {silence} in 'range_cm'"
-    assert said in window.banner.message
+    question = f"8 readings of turret.csv have {silence} in 'range_cm'"
+    assert question in window.banner.message
     assert window.session.shown.readings[1].range == pytest.approx(float(silence) / 100, abs=1e-6)
     qtbot.mouseClick(window.banner.accept_button, LEFT)
     until(qtbot, lambda: window.session.shown.readings[1].range is None)
     silent = [k for k, reading in enumerate(window.session.shown.readings) if reading.range is None]
     assert silent == [1, 2, 4, 5, 7, 8, 10, 11]
-    assert said not in window.banner.message
+    assert question not in window.banner.message
     assert f"'range_cm' as ranges in centimetres and {silence} as no echo" in window.banner.message
     assert not window.banner.accept_button.isVisible()
     assert [path.name for path in (tmp_path / "recordings").iterdir()] == ["turret.mcap"]
 
 
-def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
-    qtbot: QtBot, open_with: OpenWith, tmp_path: Path
-) -> None:
+def test_without_a_frequent_range_there_is_no_question(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     scan = tmp_path / "turret.csv"
     scan.write_text("\n".join(["turret_deg,range_cm", *(f"{5 * k},{30 + k // 2}" for k in range(36))]))
     window = open_with()
@@ -103,7 +101,7 @@ def test_ranges_of_which_no_one_stands_out_are_asked_about_by_nobody(
     assert not window.banner.accept_button.isVisible()
 
 
-def test_a_scan_that_names_no_board_is_compared_with_the_board_there_is(
+def test_a_scan_without_a_board_is_compared_with_the_current_board(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, scene: Scene
 ) -> None:
     scan = tmp_path / "turret.csv"
@@ -114,7 +112,7 @@ def test_a_scan_that_names_no_board_is_compared_with_the_board_there_is(
     assert window.session.shown.scene.board is scene.board
 
 
-def test_a_room_is_saved_under_a_new_name_and_over_an_old_one_only_when_the_person_says_so(
+def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
     qtbot: QtBot, open_with: OpenWith, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
@@ -140,12 +138,12 @@ def test_a_room_is_saved_under_a_new_name_and_over_an_old_one_only_when_the_pers
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "picture.png"])
-def test_what_cannot_be_opened_is_not_taken(open_with: OpenWith, tmp_path: Path, name: str) -> None:
+def test_unsupported_files_are_not_accepted(open_with: OpenWith, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("text")
     assert not drop(open_with(), tmp_path / name)
 
 
-def test_a_csv_in_which_nothing_can_be_meant_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+def test_a_csv_file_without_known_columns_is_reported(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
     window = open_with()
     drop(window, tmp_path / "odd.csv")
@@ -153,12 +151,12 @@ def test_a_csv_in_which_nothing_can_be_meant_is_told(qtbot: QtBot, open_with: Op
     assert not (tmp_path / "recordings").exists()
 
 
-def test_files_named_at_the_start_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:
+def test_files_named_on_the_command_line_are_recent_files(open_with: OpenWith, tmp_path: Path, recorded: Path) -> None:
     window = open_with(source=read_log(recorded), source_file=recorded, used=(ROOM, recorded))
     assert [action.data() for action in window.files.actions()] == [str(recorded), str(ROOM)]
 
 
-def test_recent_files_are_offered_newest_first_and_open_with_a_click(
+def test_recent_files_are_listed_newest_first_and_open_with_a_click(
     qtbot: QtBot, open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     room = tmp_path / "small.toml"

@@ -1,4 +1,4 @@
-"""Recordings are found again: listed newest first with room and readings, sifted by words, opened by key or mouse."""
+"""The list of recordings: newest first, with room and readings, filtered by words, opened by key or mouse."""
 
 import os
 import shutil
@@ -22,7 +22,7 @@ CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModi
 
 @pytest.fixture
 def folder(recorded: Path, tmp_path: Path) -> Path:
-    """A scan of today, an older and shorter one in the cellar, and a file that is no log."""
+    """A scan of today, an older and shorter one of the cellar, and a file that is not a log."""
     folder = tmp_path / "recordings"
     folder.mkdir()
     shutil.copy(recorded, folder / "today.mcap")
@@ -49,7 +49,7 @@ def row(dialog: RecordingsDialog, number: int) -> list[str]:
     return [dialog.table.item(number, column).text() for column in range(dialog.table.columnCount())]
 
 
-def test_the_list_tells_date_room_place_and_readings_newest_first(
+def test_the_list_shows_date_room_place_and_readings_newest_first(
     qtbot: QtBot, open_with: OpenWith, folder: Path
 ) -> None:
     _, dialog = opened(qtbot, open_with, folder)
@@ -60,7 +60,9 @@ def test_the_list_tells_date_room_place_and_readings_newest_first(
     assert "3 recordings" in dialog.summary.text()
 
 
-def test_words_sift_and_the_one_that_is_left_opens(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
+def test_words_filter_the_list_and_the_remaining_recording_opens(
+    qtbot: QtBot, open_with: OpenWith, folder: Path
+) -> None:
     window, dialog = opened(qtbot, open_with, folder)
     qtbot.keyClicks(dialog.search, "cellar fig")
     assert [dialog.table.isRowHidden(number) for number in range(3)] == [True, False, True]
@@ -72,7 +74,7 @@ def test_words_sift_and_the_one_that_is_left_opens(qtbot: QtBot, open_with: Open
     until(qtbot, lambda: window.files.recordings is None)
 
 
-def test_return_opens_the_newest(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
+def test_return_opens_the_newest_recording(qtbot: QtBot, open_with: OpenWith, folder: Path) -> None:
     window, dialog = opened(qtbot, open_with, folder)
     qtbot.keyClick(dialog, Qt.Key.Key_Return)
     until(qtbot, lambda: len(window.session.shown.readings) == ORDER.readings)
@@ -87,17 +89,17 @@ def test_escape_opens_nothing_and_closing_the_window_closes_the_list(
     assert not window.session.replay.loaded
     window.commands.recordings.trigger()
     assert window.files.recordings is not None
-    window.close()  # no thread is left: see open_with
+    window.close()  # open_with checks that no thread is left
 
 
-def test_a_folder_that_is_not_there_yet_is_told(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_empty_list_with_a_hint(qtbot: QtBot, open_with: OpenWith, tmp_path: Path) -> None:
     window = open_with(recordings=tmp_path / "none")
     qtbot.keyClick(window, Qt.Key.Key_O, CTRL_SHIFT)
     assert "no recordings yet" in window.files.recordings.summary.text()
     assert not window.files.recordings.open_button.isEnabled()
 
 
-def test_what_has_not_changed_is_not_read_again(folder: Path) -> None:
+def test_unchanged_recordings_are_not_read_again(folder: Path) -> None:
     known = ListRequest(RecordingList(folder)).answer()
     while not known.complete:
         known = ListRequest(known).answer()

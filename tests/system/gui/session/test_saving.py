@@ -1,4 +1,4 @@
-"""Pictures, data and reports are kept by key and dialog, whole, and never over another file unasked."""
+"""Pictures, data and reports are saved by key and dialog, completely, and never over a file without a question."""
 
 import json
 import re
@@ -37,14 +37,14 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     return window
 
 
-def keep(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier = CTRL) -> None:
-    """Press the key, type where to keep it, and click Save; whether it has been written is left to the caller."""
+def save(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier = CTRL) -> None:
+    """Press the key, enter a file name and click Save; the caller checks the file."""
     qtbot.keyClick(window, key, modifier)
     until(qtbot, lambda: window.saving.dialog is not None and window.saving.dialog.isVisible())
     field = window.saving.dialog.findChild(QLineEdit, "fileNameEdit")
-    field.setText(str(path))  # typed letter by letter, Qt's completer meddles with it
-    save = window.saving.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
-    qtbot.mouseClick(save, Qt.MouseButton.LeftButton)
+    field.setText(str(path))  # with typed letters Qt's completer would change the name
+    button = window.saving.dialog.findChild(QDialogButtonBox).button(QDialogButtonBox.StandardButton.Save)
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
     until(qtbot, lambda: not window.session.saver.busy)
 
 
@@ -56,17 +56,17 @@ def keep(qtbot: QtBot, window: MainWindow, path: Path, key: Qt.Key, modifier: Qt
         (Qt.Key.Key_R, CTRL | ALT, "ranges"),
     ],
 )
-def test_a_view_is_kept_as_pixels_and_as_a_drawing(
+def test_a_view_is_saved_as_png_and_as_svg(
     qtbot: QtBot, window: MainWindow, tmp_path: Path, key: Qt.Key, modifier: Qt.KeyboardModifier, view: str
 ) -> None:
-    keep(qtbot, window, tmp_path / "view.png", key, modifier)
+    save(qtbot, window, tmp_path / "view.png", key, modifier)
     image = QImage(str(tmp_path / "view.png"))
     shown = getattr(window.views, view).picture()
     assert image.width() == 2 * shown.width()
     assert image.height() > 2 * shown.height()
     colours = {image.pixelColor(x, y).name() for x in range(0, image.width(), 3) for y in range(0, image.height(), 3)}
     assert window.session.shown.look.palette.measured.lower() in colours
-    keep(qtbot, window, tmp_path / "view.svg", key, modifier)
+    save(qtbot, window, tmp_path / "view.svg", key, modifier)
     drawing = ElementTree.parse(tmp_path / "view.svg").getroot()
     assert drawing.tag.endswith("svg")
     texts = [text for element in drawing.iter() if (text := (element.text or "").strip())]
@@ -74,7 +74,7 @@ def test_a_view_is_kept_as_pixels_and_as_a_drawing(
     assert window.status_bar.currentMessage() == f"saved: {tmp_path / 'view.svg'}"
 
 
-def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
+def test_the_dialog_opens_in_the_folder_of_the_log_and_then_in_the_last_one_used(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
     window.commands.save_room.trigger()
@@ -83,12 +83,12 @@ def test_one_is_asked_beside_the_log_and_then_where_one_kept_something_last(
     asked.reject()
     window.commands.export_data.trigger()
     assert window.saving.dialog.directory().absolutePath() == str(recorded.parent)
-    keep(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
+    save(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
     window.commands.report.trigger()
     assert window.saving.dialog.directory().absolutePath() == str(tmp_path)
 
 
-def test_a_live_scan_is_kept_where_one_opened_something_last_not_among_the_recordings(tmp_path: Path) -> None:
+def test_for_a_live_scan_the_dialog_opens_in_the_last_folder_but_not_in_the_recordings(tmp_path: Path) -> None:
     recordings, rooms = tmp_path / "recordings", tmp_path / "rooms"
     for folder in (recordings, rooms):
         folder.mkdir()
@@ -102,8 +102,8 @@ def test_a_live_scan_is_kept_where_one_opened_something_last_not_among_the_recor
         documents.close()
 
 
-def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
-    keep(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
+def test_an_svg_is_clipped_to_the_plot(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    save(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
     drawing = ElementTree.parse(tmp_path / "plan.svg").getroot()
     inside = [element for element in drawing.iter() if element.tag.endswith("}svg") and element is not drawing]
     assert len(inside) == 1
@@ -113,10 +113,10 @@ def test_what_lies_outside_a_plot_is_cut_off_in_a_drawing(qtbot: QtBot, window: 
     assert window.views.plan.drawing.plot.vb.childGroup.opacity() == 1.0
 
 
-def test_lines_of_a_drawing_need_no_effect_that_only_browsers_know(
+def test_lines_of_an_svg_need_no_effect_that_only_browsers_support(
     qtbot: QtBot, window: MainWindow, tmp_path: Path
 ) -> None:
-    keep(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
+    save(qtbot, window, tmp_path / "plan.svg", Qt.Key.Key_P)
     assert "vector-effect" not in (tmp_path / "plan.svg").read_text()
     scaled = """<svg xmlns="http://www.w3.org/2000/svg"><g transform="matrix(2,0,0,-10,5,1)">
         <path vector-effect="non-scaling-stroke" d="M0,0 L1.5,-2e-1"/><polyline vector-effect="x" points="1,1 3,4 "/>
@@ -127,43 +127,41 @@ def test_lines_of_a_drawing_need_no_effect_that_only_browsers_know(
     assert box.get("d") == "M7,-19 L13,-19 L13,-29 L7,-29 Z"
 
 
-def test_the_whole_window_and_any_large_view_can_be_kept(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
-    keep(qtbot, window, tmp_path / "window.png", Qt.Key.Key_P, CTRL | SHIFT)
+def test_the_window_and_any_large_view_can_be_saved(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    save(qtbot, window, tmp_path / "window.png", Qt.Key.Key_P, CTRL | SHIFT)
     image = QImage(str(tmp_path / "window.png"))
     assert (image.width(), image.height()) == (2 * window.width(), 2 * window.height())
     qtbot.keyClick(window, Qt.Key.Key_2)
-    keep(qtbot, window, tmp_path / "both.png", Qt.Key.Key_P)
+    save(qtbot, window, tmp_path / "both.png", Qt.Key.Key_P)
     assert QImage(str(tmp_path / "both.png")).width() == 2 * window.views.side_by_side.width()
 
 
-def test_data_are_those_of_the_command_line(
+def test_exported_data_equal_those_of_the_command_line(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for ending in (".csv", ".npz", ".json"):
-        keep(qtbot, window, tmp_path / f"kept{ending}", Qt.Key.Key_E)
+        save(qtbot, window, tmp_path / f"saved{ending}", Qt.Key.Key_E)
     for ending in (".csv", ".npz"):
-        assert run(["log", "export", str(recorded), "--out", str(tmp_path / f"told{ending}")]) == 0
-    assert (tmp_path / "kept.csv").read_bytes() == (tmp_path / "told.csv").read_bytes()
-    assert len((tmp_path / "kept.csv").read_text().splitlines()) == ORDER.readings + 1
-    with np.load(tmp_path / "kept.npz") as kept, np.load(tmp_path / "told.npz") as told:
-        assert kept.files == told.files
-        assert all(np.array_equal(kept[name], told[name], equal_nan=True) for name in kept.files)
-    figures = json.loads((tmp_path / "kept.json").read_text())
+        assert run(["log", "export", str(recorded), "--out", str(tmp_path / f"exported{ending}")]) == 0
+    assert (tmp_path / "saved.csv").read_bytes() == (tmp_path / "exported.csv").read_bytes()
+    assert len((tmp_path / "saved.csv").read_text().splitlines()) == ORDER.readings + 1
+    with np.load(tmp_path / "saved.npz") as saved, np.load(tmp_path / "exported.npz") as exported:
+        assert saved.files == exported.files
+        assert all(np.array_equal(saved[name], exported[name], equal_nan=True) for name in saved.files)
+    figures = json.loads((tmp_path / "saved.json").read_text())
     assert figures["n"] == ORDER.readings
     assert capsys.readouterr().err == ""
 
 
-def test_the_report_tells_of_this_scan_in_this_room(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
-    keep(qtbot, window, tmp_path / "scan.html", Qt.Key.Key_E, CTRL | SHIFT)
+def test_the_report_contains_the_scan_and_its_room(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
+    save(qtbot, window, tmp_path / "scan.html", Qt.Key.Key_E, CTRL | SHIFT)
     text = (tmp_path / "scan.html").read_text()
     assert "<h1>Simple room, place figure9</h1>" in text
     assert len(re.findall(r"data:image/", text)) == 3
     assert text.count("<tr><td>") >= ORDER.readings
 
 
-def test_a_file_that_is_there_is_kept_where_the_person_says_no(
-    qtbot: QtBot, window: MainWindow, tmp_path: Path
-) -> None:
+def test_an_existing_file_is_unchanged_if_the_user_declines(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     there = tmp_path / "mine.csv"
     there.write_text("mine")
     asked = []
@@ -177,13 +175,13 @@ def test_a_file_that_is_there_is_kept_where_the_person_says_no(
             QTimer.singleShot(20, say_no)
 
     QTimer.singleShot(20, say_no)
-    keep(qtbot, window, there, Qt.Key.Key_E)
+    save(qtbot, window, there, Qt.Key.Key_E)
     assert asked
     assert there.read_text() == "mine"
     window.saving.dialog.close()
 
 
-def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
+def test_files_are_not_overwritten_without_permission_and_need_a_known_extension(
     recorded: Path, scene: Scene, tmp_path: Path
 ) -> None:
     there = tmp_path / "mine.csv"
@@ -196,19 +194,19 @@ def test_nothing_is_written_over_unless_told_nor_under_another_kind_of_name(
     assert there.read_text() == "mine"
 
 
-def test_what_cannot_be_written_is_a_banner_and_the_next_is_kept(
+def test_a_failed_write_is_reported_and_the_next_files_are_saved(
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
-    keeping, scene = window.session.saver, window.session.shown.scene
-    keeping.write(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
-    keeping.write(Data(recorded, scene), tmp_path / "b.csv")
-    keeping.write(Data(recorded, scene), tmp_path / "c.csv")
-    until(qtbot, lambda: not keeping.busy)
+    saver, scene = window.session.saver, window.session.shown.scene
+    saver.write(Data(recorded, scene), tmp_path / "nowhere" / "a.csv")
+    saver.write(Data(recorded, scene), tmp_path / "b.csv")
+    saver.write(Data(recorded, scene), tmp_path / "c.csv")
+    until(qtbot, lambda: not saver.busy)
     assert "nowhere" in window.banner.message
     assert sorted(path.name for path in tmp_path.glob("*.csv")) == ["b.csv", "c.csv"]
 
 
-def test_without_readings_there_is_nothing_to_keep(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_without_readings_nothing_is_saved(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     for modifier in (CTRL, CTRL | SHIFT):
         qtbot.keyClick(window, Qt.Key.Key_E, modifier)

@@ -1,4 +1,4 @@
-"""What is done to the scene can be undone: one gesture at once, by key, and the prediction follows."""
+"""Edits of the scene can be undone and redone by key, one gesture at a time; the prediction follows."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def drag(window: MainWindow, scene: Scene, gesture: object) -> None:
         window.session.showing.edit(moved(scene, 0.02 * k), "moving the sensor", gesture)
 
 
-def test_a_gesture_is_undone_at_once_and_done_again(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
+def test_a_gesture_is_undone_and_redone_as_one_step(qtbot: QtBot, open_with: OpenWith, scene: Scene) -> None:
     window = open_with()
     drag(window, scene, object())
     there = window.session.shown.scene
@@ -52,18 +52,18 @@ def test_two_gestures_are_two_steps(open_with: OpenWith, scene: Scene) -> None:
     assert window.session.shown.scene is scene
 
 
-def test_whatever_moves_the_views_are_told_once_a_tick(open_with: OpenWith, scene: Scene) -> None:
+def test_the_views_are_updated_once_per_tick_during_a_drag(open_with: OpenWith, scene: Scene) -> None:
     window = open_with()
     window.session._timer.stop()
-    told = []
-    window.session.showing.changed.connect(told.append)
+    updates = []
+    window.session.showing.changed.connect(updates.append)
     drag(window, scene, object())
-    assert told == []
+    assert updates == []
     window.session.tick()
-    assert [shown.scene for shown in told] == [window.session.shown.scene]
+    assert [shown.scene for shown in updates] == [window.session.shown.scene]
 
 
-def test_what_is_done_after_an_undo_ends_what_could_be_done_again(scene: Scene) -> None:
+def test_an_edit_after_an_undo_removes_the_redo_steps(scene: Scene) -> None:
     history = History()
     history.remember(scene, "one thing")
     other = moved(scene, 0.1)
@@ -72,7 +72,7 @@ def test_what_is_done_after_an_undo_ends_what_could_be_done_again(scene: Scene) 
     assert (history.undo_label, history.redo_label) == ("another thing", "")
 
 
-def test_a_long_session_keeps_its_last_steps_only(scene: Scene) -> None:
+def test_the_history_keeps_only_the_last_steps(scene: Scene) -> None:
     history = History()
     for k in range(1000):
         history.remember(scene, f"step {k}")

@@ -1,4 +1,4 @@
-"""Nothing that was drawn is lost: whichever file the next window names, what was not saved can be brought back."""
+"""Unsaved changes are never lost: they can be restored, whichever file the next window opens."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,7 +35,7 @@ def other(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(open_with: OpenWith, tmp_path: Path) -> Callable[[Path], MainWindow]:
-    """Starts the window on a room file, as `sonarhw gui FILE` does."""
+    """Opens a window with a room file, as `sonarhw gui FILE` does."""
 
     def start_it(path: Path) -> MainWindow:
         scene = OpenRoomRequest(path, load_board("polaroid-6500")).answer().scene
@@ -45,7 +45,7 @@ def start(open_with: OpenWith, tmp_path: Path) -> Callable[[Path], MainWindow]:
 
 
 def draw(window: MainWindow) -> str:
-    """Put a corner into a wall; the room's text as it is then."""
+    """Add a corner to a wall, and return the text of the room."""
     scene, label = with_corner(window.session.shown.scene, 0, (0.4, -0.05))
     window.session.showing.edit(scene, label)
     return scene.room.text
@@ -60,13 +60,13 @@ def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
 
 
 def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
-    """Whether the window has had its say, and asked nothing."""
+    """Return whether the window asks nothing after an update."""
     with qtbot.waitSignal(window.session.showing.changed, timeout=PATIENCE):
         window.session.showing.update_soon()
     return asked(window) == ""
 
 
-def test_what_was_drawn_comes_back_after_another_file_was_opened_in_between(
+def test_changes_are_restored_after_another_file_was_opened(
     qtbot: QtBot, start: Callable[[Path], MainWindow], other: Path
 ) -> None:
     window = start(ROOM)
@@ -84,7 +84,7 @@ def test_what_was_drawn_comes_back_after_another_file_was_opened_in_between(
     assert asked(window) == ""
 
 
-def test_what_was_drawn_before_a_crash_is_there_a_moment_later(
+def test_changes_before_a_crash_can_be_restored(
     qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
 ) -> None:
     crashed = start(ROOM)
@@ -96,7 +96,7 @@ def test_what_was_drawn_before_a_crash_is_there_a_moment_later(
     assert window.session.shown.scene.room.text == drawn
 
 
-def test_a_room_that_was_left_for_another_in_one_window_is_asked_about_when_it_is_opened_again(
+def test_reopening_a_room_in_the_same_window_offers_its_unsaved_changes(
     qtbot: QtBot, start: Callable[[Path], MainWindow], other: Path
 ) -> None:
     window = start(ROOM)
@@ -109,7 +109,7 @@ def test_a_room_that_was_left_for_another_in_one_window_is_asked_about_when_it_i
     assert window.session.shown.scene.room.text == drawn
 
 
-def test_what_was_saved_or_taken_back_is_not_asked_about(
+def test_there_is_no_question_about_saved_or_undone_changes(
     qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
 ) -> None:
     window = start(ROOM)
@@ -129,7 +129,7 @@ def test_what_was_saved_or_taken_back_is_not_asked_about(
     assert never_asked(qtbot, start(ROOM))
 
 
-def test_what_is_put_away_is_asked_about_again_and_what_is_thrown_away_is_not(
+def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(
     qtbot: QtBot, start: Callable[[Path], MainWindow]
 ) -> None:
     window = start(ROOM)
@@ -144,7 +144,7 @@ def test_what_is_put_away_is_asked_about_again_and_what_is_thrown_away_is_not(
     assert never_asked(qtbot, start(ROOM))
 
 
-def test_a_file_that_is_another_one_now_is_told(
+def test_the_question_mentions_a_file_that_has_changed(
     qtbot: QtBot, start: Callable[[Path], MainWindow], tmp_path: Path
 ) -> None:
     path = tmp_path / "mine.toml"
@@ -158,7 +158,7 @@ def test_a_file_that_is_another_one_now_is_told(
     assert "the file has changed since then" in asked(window)
 
 
-def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_with(
+def test_restoring_a_room_keeps_place_and_board_of_a_log(
     qtbot: QtBot, start: Callable[[Path], MainWindow], open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     window = start(ROOM)
@@ -176,7 +176,7 @@ def test_over_a_log_the_readings_keep_the_place_and_board_that_they_were_made_wi
     assert never_asked(qtbot, window)
 
 
-def test_a_sensor_that_was_moved_and_an_offset_that_was_found_come_back_too(tmp_path: Path, scene: Scene) -> None:
+def test_a_moved_sensor_and_a_fitted_offset_are_restored(tmp_path: Path, scene: Scene) -> None:
     moved, _ = sensor_at(scene, (0.4, 0.3))
     board = parse_board(f"range_offset = 0.02\n{scene.board.text}", "board")
     fitted = replace(moved, board=replace(board, name=scene.board.name))
@@ -185,7 +185,7 @@ def test_a_sensor_that_was_moved_and_an_offset_that_was_found_come_back_too(tmp_
     assert (there.place, there.board.range_offset) == (moved.place, 0.02)
 
 
-def test_a_file_that_cannot_be_read_is_told_and_left_where_it_is(tmp_path: Path, scene: Scene) -> None:
+def test_an_unreadable_file_is_reported_and_kept(tmp_path: Path, scene: Scene) -> None:
     (tmp_path / "spoilt.json").write_text("{")
     rooms = UnsavedRooms(tmp_path)
     rooms.open(scene)
@@ -193,7 +193,7 @@ def test_a_file_that_cannot_be_read_is_told_and_left_where_it_is(tmp_path: Path,
     assert (tmp_path / "spoilt.json").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path, scene: Scene) -> None:
+def test_an_unwritable_folder_is_reported(tmp_path: Path, scene: Scene) -> None:
     (tmp_path / "file").write_text("in the way")
     rooms = UnsavedRooms(tmp_path / "file")
     rooms.open(scene)
@@ -210,61 +210,61 @@ def leave(folder: Path, opened: Scene, changed: Scene) -> None:
 
 
 def offered(folder: Path, scene: Scene) -> list[Scene]:
-    """What can be brought back where that scene is opened."""
+    """Return the scenes that can be restored when `scene` is opened."""
     rooms = UnsavedRooms(folder)
     rooms.open(scene)
     return [rooms.restored(notice.accept_value, scene) for notice in rooms.notices]
 
 
-class Hand:
-    """Draws in the rooms of several windows, one at a time, and knows what it has drawn and nobody has put away."""
+class Editor:
+    """Edits rooms in several windows, one at a time, and keeps a list of the unsaved changes."""
 
     def __init__(self, folder: Path, rooms: list[Scene]) -> None:
-        self.owed: list[dict[float, str]] = [{} for _ in rooms]
+        self.unsaved: list[dict[float, str]] = [{} for _ in rooms]
         self._folder, self._files, self._drawn = folder, rooms, 0
         self.start(0)
 
-    def start(self, room: int, asked_for: int = 0) -> None:
-        """Another window, the one before closed or crashed a moment after the last change."""
+    def start(self, room: int, choice: int = 0) -> None:
+        """Open a new window; the previous one was closed, or crashed after its last change was stored."""
         self._rooms = UnsavedRooms(self._folder)
         self._open(room)
 
-    def open(self, room: int, asked_for: int = 0) -> None:
-        """Another room in the same window."""
+    def open(self, room: int, choice: int = 0) -> None:
+        """Open another room in the same window."""
         self._open(room)
 
-    def draw(self, room: int, asked_for: int = 0) -> None:
-        """Something that was never there before."""
+    def draw(self, room: int, choice: int = 0) -> None:
+        """Make a change that was never made before."""
         self._drawn += 1
         self._change(with_air_state(self._now, temperature_c=self._drawn / 64)[0])
 
-    def take_back(self, room: int, asked_for: int = 0) -> None:
-        """All that was drawn since the room was opened or brought back."""
-        self._change(self._begun)
+    def undo_all(self, room: int, choice: int = 0) -> None:
+        """Undo all changes since the room was opened or restored."""
+        self._change(self._start)
 
-    def bring_back(self, room: int, asked_for: int = 0) -> None:
-        """Take up one of the offers, if there are any."""
+    def restore(self, room: int, choice: int = 0) -> None:
+        """Accept one of the offers, if there are any."""
         if self._offers:
-            wanted: RestoreRoom = self._offers[asked_for % len(self._offers)]
-            self._begun = self._now = self._rooms.restored(wanted, self._now)
-            self._rooms.open(self._now, wanted.path)
+            request: RestoreRoom = self._offers[choice % len(self._offers)]
+            self._start = self._now = self._rooms.restored(request, self._now)
+            self._rooms.open(self._now, request.path)
             self._offers = [notice.accept_value for notice in self._rooms.notices]
 
-    def save(self, room: int, asked_for: int = 0) -> None:
-        """Save what is seen, over another file."""
+    def save(self, room: int, choice: int = 0) -> None:
+        """Save the room as a file."""
         self._rooms.saved(self._now)
-        self.owed[self._room].pop(_degrees(self._now), None)
+        self.unsaved[self._room].pop(_degrees(self._now), None)
 
     def _open(self, room: int) -> None:
         self._rooms.open(self._files[room])
-        self._room, self._begun, self._now = room, self._files[room], self._files[room]
+        self._room, self._start, self._now = room, self._files[room], self._files[room]
         self._offers = [notice.accept_value for notice in self._rooms.notices]
 
     def _change(self, scene: Scene) -> None:
-        owed = self.owed[self._room]
-        owed.pop(_degrees(self._now), None)
+        unsaved = self.unsaved[self._room]
+        unsaved.pop(_degrees(self._now), None)
         if scene is not self._files[self._room]:
-            owed[_degrees(scene)] = scene.room.text
+            unsaved[_degrees(scene)] = scene.room.text
         self._now = scene
         self._rooms.change(scene, 0.0)
         self._rooms.tick(1.0)
@@ -274,19 +274,19 @@ def _degrees(scene: Scene) -> float:
     return scene.room.air.temperature_c
 
 
-STEPS = (Hand.start, Hand.open, Hand.draw, Hand.draw, Hand.take_back, Hand.bring_back, Hand.save)
+STEPS = (Editor.start, Editor.open, Editor.draw, Editor.draw, Editor.undo_all, Editor.restore, Editor.save)
 
 
 @settings(max_examples=60, deadline=None)
 @given(steps=st.lists(st.tuples(st.sampled_from(STEPS), st.integers(0, 1), st.integers(0, 3)), max_size=14))
-def test_whatever_is_opened_in_whatever_order_all_that_was_drawn_can_be_brought_back(
+def test_all_unsaved_changes_can_be_restored_after_any_sequence_of_actions(
     tmp_path_factory: pytest.TempPathFactory, scene: Scene, steps: list[tuple[Callable[..., None], int, int]]
 ) -> None:
     other = parse_room(scene.room.text.replace("Simple room", OTHER), "other.toml")
     files = [scene, replace(scene, room_file="other.toml", room=other)]
     folder = tmp_path_factory.mktemp("unsaved")
-    hand = Hand(folder, files)
-    for step, room, asked_for in steps:
-        step(hand, room, asked_for)
-    for owed, file in zip(hand.owed, files, strict=True):
-        assert sorted(owed.values()) == sorted(there.room.text for there in offered(folder, file))
+    editor = Editor(folder, files)
+    for step, room, choice in steps:
+        step(editor, room, choice)
+    for unsaved, file in zip(editor.unsaved, files, strict=True):
+        assert sorted(unsaved.values()) == sorted(there.room.text for there in offered(folder, file))

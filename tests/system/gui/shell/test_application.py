@@ -1,4 +1,4 @@
-"""The command `gui` from outside: signals, bad input at the door, and no display."""
+"""The command `gui` as a process: signals, invalid arguments, and a missing display."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ from sonarhw.log import read_log
 from tests.fixtures.window_scene import ROOM
 from tests.hang_guard import HANG, wait_until
 
-MEANT = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
+COLUMNS = ["--heading", "deg", "--range", "cm", "--scale", "0.01"]
 SONARHW = [sys.executable, "-c", "from sonarhw_cli.entry import main; main()"]
 
 
@@ -28,7 +28,7 @@ def started(tmp_path: Path, *arguments: str) -> subprocess.Popen[str]:
     )
 
 
-def told(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def finished(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*SONARHW, "gui", *arguments],
         env={**os.environ, "XDG_DATA_HOME": str(tmp_path), **environment},
@@ -39,7 +39,7 @@ def told(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.Comp
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None:
+def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: int) -> None:
     room = tmp_path / "small.toml"
     room.write_text(ROOM.read_text())
     process = started(tmp_path, f"fake:{room}?place=figure9&pace=2")
@@ -51,9 +51,9 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
 
     wait_until(recorded)
     process.send_signal(number)
-    _, complaints = process.communicate(timeout=HANG)
+    _, errors = process.communicate(timeout=HANG)
     assert process.returncode == 130
-    assert complaints == ""
+    assert errors == ""
     (recording,) = recordings.glob("*.mcap")
     log = read_log(recording)
     assert log.torn is None
@@ -61,7 +61,7 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["nowhere.mcap"], "nowhere.mcap: no such file"),
         (["fake:nowhere.toml"], "nowhere.toml"),
@@ -80,30 +80,30 @@ def test_a_signal_in_mid_scan_ends_it_clean(tmp_path: Path, number: int) -> None
         (["a.toml", "--room", "b.toml"], "a.toml --room b.toml: expected one room"),
     ],
 )
-def test_what_is_wrong_is_one_line_before_a_window_opens(
-    arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_invalid_arguments_give_one_line_and_no_window(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("DISPLAY", "")
     assert run(["gui", *arguments]) == 2
-    complaints = capsys.readouterr().err
-    assert said in complaints
-    assert complaints.count("\n") == 1
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert errors.count("\n") == 1
 
 
 @pytest.fixture
 def starts(monkeypatch: pytest.MonkeyPatch) -> list[WindowStart]:
-    """What the windows would open on."""
-    asked: list[WindowStart] = []
+    """The arguments of `run_window`, which opens no window in these tests."""
+    starts: list[WindowStart] = []
 
     def run_window(start: WindowStart) -> int:
-        asked.append(start)
+        starts.append(start)
         return 0
 
     monkeypatch.setattr("sonarhw_gui.shell.application.run_window", run_window)
-    return asked
+    return starts
 
 
-def test_a_room_that_is_named_alone_is_shown_at_its_first_place_without_a_scanner(starts: list[WindowStart]) -> None:
+def test_a_room_file_alone_is_shown_at_its_first_place_without_a_scanner(starts: list[WindowStart]) -> None:
     assert run(["gui", str(ROOM)]) == 0
     assert run(["gui", str(ROOM), "--place", "figure9"]) == 0
     assert [start.scene.place.name for start in starts] == ["figure7", "figure9"]
@@ -111,7 +111,7 @@ def test_a_room_that_is_named_alone_is_shown_at_its_first_place_without_a_scanne
 
 
 @pytest.mark.parametrize("way", [["--room", str(ROOM)], [str(ROOM)]])
-def test_a_room_beside_a_scan_is_the_room_of_that_scan(
+def test_a_room_given_with_a_scan_is_the_room_of_the_scan(
     starts: list[WindowStart], tmp_path: Path, way: list[str]
 ) -> None:
     scan = tmp_path / "turret.CSV"
@@ -122,18 +122,18 @@ def test_a_room_beside_a_scan_is_the_room_of_that_scan(
 
 
 @pytest.mark.parametrize("name", ["turret.csv", "turret.mcap"])
-def test_a_scan_that_names_no_place_is_shown_at_the_first_one_of_the_room(
+def test_a_scan_without_a_place_is_shown_at_the_first_place_of_the_room(
     starts: list[WindowStart], tmp_path: Path, name: str
 ) -> None:
     (tmp_path / "turret.csv").write_text("deg,cm\n0,15.4\n90,65.7\n")
     if name.endswith(".mcap"):
-        assert run(["import", str(tmp_path / "turret.csv"), *MEANT, "--out", str(tmp_path / name)]) == 0
+        assert run(["import", str(tmp_path / "turret.csv"), *COLUMNS, "--out", str(tmp_path / name)]) == 0
     assert run(["gui", str(tmp_path / name), str(ROOM)]) == 0
     (start,) = starts
     assert start.scene.place.name == "figure7"
 
 
-def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
+def test_a_csv_file_without_known_columns_is_rejected(
     starts: list[WindowStart], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "odd.csv").write_text("a,b\n1,2\n")
@@ -142,7 +142,7 @@ def test_a_csv_in_which_nothing_can_be_meant_is_refused_at_the_door(
     assert not starts
 
 
-def test_a_fake_scanner_goes_by_the_url_that_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fake_scanner_has_the_url_that_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
     urls: list[str] = []
 
     def run_window(start: WindowStart) -> int:
@@ -157,8 +157,8 @@ def test_a_fake_scanner_goes_by_the_url_that_was_typed(monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("display", ["", ":4711"])
-def test_without_a_display_it_says_so_and_what_to_do(tmp_path: Path, display: str) -> None:
-    result = told(tmp_path, DISPLAY=display, WAYLAND_DISPLAY="", QT_QPA_PLATFORM="")
+def test_a_missing_display_is_reported_with_a_solution(tmp_path: Path, display: str) -> None:
+    result = finished(tmp_path, DISPLAY=display, WAYLAND_DISPLAY="", QT_QPA_PLATFORM="")
     assert result.returncode == 1
     assert "no display" in result.stderr
     assert "sonarhw demo --headless" in result.stderr

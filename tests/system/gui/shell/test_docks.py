@@ -28,12 +28,12 @@ def in_front(window: MainWindow) -> list[str]:
     return [name for name, panel in panels.items() if not panel.visibleRegion().isEmpty()]
 
 
-def test_a_key_brings_its_dock_to_the_front_and_closes_it_only_there(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_key_brings_its_dock_to_the_front_or_closes_it_there(qtbot: QtBot, window: MainWindow) -> None:
     assert in_front(window) == []
     for key, seen in (
         (Qt.Key.Key_F7, ["Device"]),
         (Qt.Key.Key_F8, ["Room"]),
-        (Qt.Key.Key_F7, ["Device"]),  # it was open, behind Room
+        (Qt.Key.Key_F7, ["Device"]),  # it was open, behind the Room dock
         (Qt.Key.Key_F7, ["Room"]),
         (Qt.Key.Key_F8, []),
     ):
@@ -43,19 +43,19 @@ def test_a_key_brings_its_dock_to_the_front_and_closes_it_only_there(qtbot: QtBo
 
 
 def turn_wheel(over: QWidget) -> None:
-    """One notch towards the hand, as the window system tells it."""
+    """Turn the wheel by one step towards the user, as an event of the window system."""
     window = over.window()
     QTest.wheelEvent(window.windowHandle(), over.mapTo(window, over.rect().center()).toPointF(), QPoint(0, -120))
 
 
 def wheeled(panel: QWidget) -> list[QWidget]:
-    """What has a value that a wheel could change."""
+    """Return the widgets whose value the wheel could change."""
     kinds = (QAbstractSlider, QAbstractSpinBox, QComboBox)
     found = [one for one in panel.findChildren(QWidget) if isinstance(one, kinds)]
     return [one for one in found if not isinstance(one, QScrollBar) and one.window() is panel.window()]
 
 
-def test_the_wheel_scrolls_a_panel_and_changes_only_what_has_the_focus(qtbot: QtBot, window: MainWindow) -> None:
+def test_the_wheel_scrolls_a_panel_and_changes_only_the_focused_widget(qtbot: QtBot, window: MainWindow) -> None:
     window.resize(1000, 600)
     qtbot.keyClick(window, Qt.Key.Key_F8)
     room = window.room

@@ -1,4 +1,4 @@
-"""What a window leaves behind is freed in its own thread, whoever else makes the collector's threshold overflow."""
+"""Garbage of the window is freed in its own thread, even if another thread reaches the collector's threshold."""
 
 import gc
 import threading
@@ -12,7 +12,7 @@ from tests.system.gui.driving import until
 
 
 class _Ring:
-    """Garbage that only the collector finds."""
+    """A reference cycle, which only the collector frees."""
 
     def __init__(self) -> None:
         self.myself = self
@@ -28,11 +28,13 @@ def leave_garbage(freed_by: list[threading.Thread]) -> None:
 
 
 def overflow(kept: list[list[int]]) -> None:
-    """Allocate what sets off the collector where it is left to itself."""
+    """Allocate enough objects to start automatic collection."""
     kept.extend([] for _ in range(200_000))
 
 
-def test_a_thread_that_allocates_frees_nothing_of_the_window(qtbot: QtBot, freed_by: list[threading.Thread]) -> None:
+def test_an_allocating_thread_does_not_free_objects_of_the_window(
+    qtbot: QtBot, freed_by: list[threading.Thread]
+) -> None:
     kept: list[list[int]] = []
     with collected_between_events():
         leave_garbage(freed_by)
@@ -43,7 +45,7 @@ def test_a_thread_that_allocates_frees_nothing_of_the_window(qtbot: QtBot, freed
         until(qtbot, lambda: freed_by == [threading.main_thread()])
 
 
-def test_afterwards_the_collector_is_left_to_itself() -> None:
+def test_automatic_collection_is_enabled_afterwards() -> None:
     with collected_between_events():
         assert not gc.isenabled()
     assert gc.isenabled()

@@ -1,4 +1,4 @@
-"""The help page: every command of the menus with its key, on one screen of 1280 × 800, open and closed with F1."""
+"""The help page: every command of the menus with its key, on a screen of 1280 × 800, opened and closed with F1."""
 
 from pathlib import Path
 
@@ -15,18 +15,18 @@ from tests.system.gui.conftest import OpenWith
 from tests.system.gui.driving import PATIENCE, until
 
 
-def told(window: MainWindow) -> str:
+def page_text(window: MainWindow) -> str:
     return "".join(label.text() for label in window.help.page.findChildren(QLabel))
 
 
-def test_f1_shows_every_key_on_one_screen_and_puts_it_away(qtbot: QtBot, open_with: OpenWith) -> None:
+def test_f1_shows_every_key_on_one_screen(qtbot: QtBot, open_with: OpenWith) -> None:
     window = open_with()
     qtbot.keyClick(window, Qt.Key.Key_F1)
     page = window.help.page
     assert page.isVisible()
     assert (page.width(), page.height()) <= (1280, 800)
     for action in window.commands.all:
-        assert f"<b>{action.shortcut().toString()}" in told(window), action.text()
+        assert f"<b>{action.shortcut().toString()}" in page_text(window), action.text()
     page.close()
     assert window.help.page is None or not window.help.page.isVisible()
 
@@ -47,7 +47,7 @@ def test_esc_closes_the_page_first_and_then_follows_the_newest_reading(
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
-def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
+def test_the_last_key_is_visible_or_can_be_scrolled_to(qtbot: QtBot, open_with: OpenWith, scale: float) -> None:
     window = open_with()
     window.session.showing.set_look(Look(scale=scale))
     every = window.commands.all
@@ -67,7 +67,7 @@ def test_the_last_key_is_whole_or_can_be_scrolled_to(qtbot: QtBot, open_with: Op
     page.close()
 
 
-def test_no_key_means_two_things(open_with: OpenWith) -> None:
+def test_every_key_has_one_meaning(open_with: OpenWith) -> None:
     window = open_with()
     keys = [key.toString() for action in window.findChildren(type(window.commands.help)) for key in action.shortcuts()]
     assert sorted(keys) == sorted(set(keys))

@@ -1,4 +1,4 @@
-"""The instrument, the prediction and the comparison know no Qt, and the window loads nothing in vain."""
+"""Only the window imports Qt, and it loads only modules that it needs."""
 
 import importlib.util
 import pkgutil
@@ -20,25 +20,25 @@ def test_sonarhw_sim_and_compare_import_no_qt() -> None:
     ]
     assert len(modules) > 20
     script = f"import sys; [__import__(name) for name in {modules}]; print([m for m in sys.modules if 'PySide' in m])"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
 
 
-def test_the_window_opens_without_what_only_some_pictures_need() -> None:
+def test_the_window_opens_without_matplotlib() -> None:
     script = "import sys; import sonarhw_gui.shell.application, sonarhw_cli.window.gui_command; "
     script += "print([m for m in sys.modules if m.split('.')[0] == 'matplotlib'])"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
 
 
 def modules_in(package: str) -> list[str]:
-    """Every module of a folder, by its name."""
+    """Return the names of all modules in a package."""
     found = importlib.util.find_spec(package)
     return [package, *(one.name for one in pkgutil.iter_modules(found.submodule_search_locations, f"{package}."))]
 
 
 def loaded_by(package: str, unwanted: tuple[str, ...]) -> list[str]:
-    """The modules of a folder of the window that load one of the unwanted modules, themselves or by another."""
+    """Return the first module of a package that loads one of the unwanted modules, directly or indirectly."""
     script = f"""
 import sys
 for name in {modules_in(package)}:
@@ -60,7 +60,7 @@ def test_the_session_loads_signals_and_timers_but_no_widgets() -> None:
 
 
 @pytest.mark.parametrize("module", ["sonarhw_gui.plan.plan_texts", "sonarhw_gui.parts.pixels"])
-def test_words_and_pixels_load_no_qt(module: str) -> None:
+def test_texts_and_pixels_load_no_qt(module: str) -> None:
     script = f"import sys, {module}; print([m for m in sys.modules if 'PySide' in m])"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"

@@ -1,4 +1,4 @@
-"""Dark and light, units, the size of text, the three large views: by keys, and every view takes part."""
+"""Dark and light, units, text size and the three large views, by key; all views follow."""
 
 import re
 from pathlib import Path
@@ -31,7 +31,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
 
 
 def share_of(window: MainWindow, colour: str) -> float:
-    """How much of the window has that colour."""
+    """Return the share of the window that has this colour."""
     image = window.grab().toImage()
     wanted, step = QColor(colour).rgb(), 7
     seen = [image.pixel(x, y) for x in range(0, image.width(), step) for y in range(0, image.height(), step)]
@@ -43,12 +43,12 @@ def test_ctrl_d_makes_all_views_dark_and_light_again(qtbot: QtBot, window: MainW
     qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
     assert window.session.shown.look.palette is DARK
     assert share_of(window, DARK.paper) > 0.3
-    assert share_of(window, LIGHT.paper) < 0.05  # what is chosen is white
+    assert share_of(window, LIGHT.paper) < 0.05  # the selection is white
     qtbot.keyClick(window, Qt.Key.Key_D, CONTROL)
     assert share_of(window, LIGHT.paper) > 0.3
 
 
-def test_every_picture_of_the_legend_is_seen_on_dark_paper() -> None:
+def test_every_symbol_of_the_legend_is_visible_on_dark() -> None:
     open_application()
     legend = Legend()
     legend.show_look(Look(DARK))
@@ -80,7 +80,7 @@ def test_sentence_and_tooltip_follow_the_unit(qtbot: QtBot, window: MainWindow) 
         assert not [one for one in said for other in others if re.search(rf"\d {other.label}\b", one)]
 
 
-def test_ctrl_plus_makes_text_larger_and_ctrl_0_as_usual(qtbot: QtBot, window: MainWindow) -> None:
+def test_ctrl_plus_enlarges_text_and_ctrl_0_resets_it(qtbot: QtBot, window: MainWindow) -> None:
     usual = QApplication.font().pointSizeF()
     for _ in range(3):
         qtbot.keyClick(window, Qt.Key.Key_Plus, CONTROL)
@@ -102,7 +102,7 @@ def test_1_2_and_3_show_the_large_views(qtbot: QtBot, window: MainWindow) -> Non
 
 
 @pytest.mark.parametrize("palette", [LIGHT, DARK])
-def test_every_colour_of_a_reading_can_be_told_from_the_paper(palette: object) -> None:
+def test_every_colour_of_a_reading_contrasts_with_the_background(palette: object) -> None:
     for kind in MARKS:
         assert contrast(palette.of(kind), palette.paper) > 2.0
     for colour in (palette.predicted, palette.wall, palette.warning_ink):
@@ -112,7 +112,7 @@ def test_every_colour_of_a_reading_can_be_told_from_the_paper(palette: object) -
 
 
 def contrast(one: str, other: str) -> float:
-    """Ratio of luminances, WCAG 2."""
+    """Return the contrast ratio of WCAG 2."""
     lighter, darker = sorted((luminance(one), luminance(other)), reverse=True)
     return (lighter + 0.05) / (darker + 0.05)
 
@@ -129,6 +129,6 @@ def test_a_length_is_written_in_its_unit() -> None:
     assert [unit.text(0.827) for unit in LengthUnit] == ["0.827 m", "82.7 cm", "2.71 ft"]
 
 
-def test_text_neither_vanishes_nor_fills_the_screen() -> None:
+def test_the_text_size_is_limited() -> None:
     assert 0.5 < Look().scaled(0.0).scale < 1.0
     assert 2.0 < Look().scaled(1000.0).scale < 4.0

@@ -1,4 +1,4 @@
-"""What the banner says: each message once and in turn, what stands before what happened, and gone when it is over."""
+"""The banner shows each message once, in order; the current state comes first and disappears when it ends."""
 
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
@@ -7,7 +7,7 @@ from sonarhw_gui.live.window_status import Status
 from sonarhw_gui.shown.notices import Notices
 
 
-def test_messages_wait_behind_one_another() -> None:
+def test_messages_are_queued_once() -> None:
     notices = Notices()
     for message in ("first", "second", "first"):
         notices.add(message)
@@ -18,7 +18,7 @@ def test_messages_wait_behind_one_another() -> None:
     assert notices.now == ""
 
 
-def test_what_stands_comes_first_and_goes_by_itself() -> None:
+def test_the_current_state_comes_first_and_disappears_when_it_ends() -> None:
     notices = Notices()
     notices.add("the disk is nearly full")
     notices.set_state("the cable is out")
@@ -27,7 +27,7 @@ def test_what_stands_comes_first_and_goes_by_itself() -> None:
     assert notices.now == "the disk is nearly full"
 
 
-def test_what_stands_and_was_put_away_comes_back_only_when_it_is_so_again() -> None:
+def test_a_dismissed_state_is_shown_again_only_after_it_has_ended() -> None:
     notices = Notices()
     notices.set_state("the cable is out")
     notices.dismiss()
@@ -38,7 +38,7 @@ def test_what_stands_and_was_put_away_comes_back_only_when_it_is_so_again() -> N
     assert notices.now == "the cable is out"
 
 
-def test_a_new_scan_forgets_what_happened_but_not_what_stands() -> None:
+def test_clear_removes_events_but_not_the_current_state() -> None:
     notices = Notices()
     notices.add("the disk is nearly full")
     notices.set_state("the cable is out")
@@ -46,7 +46,7 @@ def test_a_new_scan_forgets_what_happened_but_not_what_stands() -> None:
     assert (notices.now, notices.more) == ("the cable is out", 0)
 
 
-def test_the_banner_is_there_only_while_there_is_something_to_say(qtbot: QtBot) -> None:
+def test_the_banner_is_visible_only_with_messages(qtbot: QtBot) -> None:
     banner = Banner()
     qtbot.addWidget(banner)
     banner.show_state(Status(trouble="the cable is out"))

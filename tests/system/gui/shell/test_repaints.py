@@ -1,4 +1,4 @@
-"""Hundreds of repaints: the count of references to None stays level (some PySide6 versions lose or leak them)."""
+"""Hundreds of repaints do not change the reference count of None (some PySide6 versions lose or leak references)."""
 
 import gc
 import sys
@@ -11,11 +11,13 @@ from tests.conftest import Count
 from tests.system.gui.conftest import ORDER, OpenWith
 from tests.system.gui.driving import predicted, until
 
-REPAINTS = 120, 10_000  # every day, in a soak
-NOISE = 60  # references that come and go by themselves; a leak is one or more for each of many items a repaint
+REPAINTS = 120, 10_000  # by default, in a soak test
+NOISE = 60  # normal variation; a leak adds one or more references per item and repaint
 
 
-def test_repaints_keep_the_references_to_none(qtbot: QtBot, open_with: OpenWith, recorded: Path, count: Count) -> None:
+def test_repaints_do_not_leak_references_to_none(
+    qtbot: QtBot, open_with: OpenWith, recorded: Path, count: Count
+) -> None:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     views = (window.views.plan.drawing, window.views.trace.canvas, window.views.ranges)

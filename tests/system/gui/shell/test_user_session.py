@@ -1,4 +1,4 @@
-"""A journey through the program from outside, with mouse and keys only: what is left is found again as it was."""
+"""A session with the program as a process, with mouse and keys only: the last state is restored."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from tests.fixtures.window_scene import ROOM
 from tests.system.gui.outside import Outside, awaited
 
 DEMO = "Laboratory · place bench"
-SAID = re.compile(r"(?P<range>\d\.\d{3} m|no echo) at (?P<heading>\d+\.\d)°: ")
+SENTENCE = re.compile(r"(?P<range>\d\.\d{3} m|no echo) at (?P<heading>\d+\.\d)°: ")
 
 
 def closed(path: Path) -> Log | None:
@@ -20,50 +20,50 @@ def closed(path: Path) -> Log | None:
     return None if log.torn else log
 
 
-def heading_said(program: Outside) -> float:
-    return float(SAID.match(program.sentence())["heading"])
+def shown_heading(program: Outside) -> float:
+    return float(SENTENCE.match(program.sentence())["heading"])
 
 
-def as_it_is_said(log: Log) -> dict[float, str]:
-    """Heading to range, of each reading."""
+def range_texts(log: Log) -> dict[float, str]:
+    """Return the range of each reading as text, by heading."""
     return {
         round(math.degrees(reading.angle), 1): "no echo" if reading.range is None else f"{reading.range:.3f} m"
         for reading in log.readings
     }
 
 
-def a_click_asks_about_the_reading_under_it(program: Outside) -> bool:
-    """Whether the sentence is about the direction in which the reading is seen from the sensor."""
+def click_selects_the_reading(program: Outside) -> bool:
+    """Return whether the sentence has the direction from the sensor to the clicked reading."""
     (x, y), (mark_x, mark_y) = program.sensor(), program.readings(LIGHT.measured)[0]
     program.click((mark_x, mark_y))
     towards = math.degrees(math.atan2(y - mark_y, mark_x - x))
-    return abs((heading_said(program) - towards + 180) % 360 - 180) < 2
+    return abs((shown_heading(program) - towards + 180) % 360 - 180) < 2
 
 
 @pytest.mark.usefixtures("qapp")
-def test_a_scan_as_csv_and_a_room_named_at_the_start_come_together(tmp_path: Path) -> None:
+def test_a_csv_scan_is_shown_in_the_given_room(tmp_path: Path) -> None:
     (tmp_path / "turret.csv").write_text("turret_deg,range_cm\n0,15.4\n90,65.7\n")
     with Outside(tmp_path, str(tmp_path / "turret.csv"), str(ROOM), "--place", "figure9") as program:
         assert program.title == "Simple room · place figure9"
         awaited(lambda: program.badge(LIGHT.replay), "the badge of a replay")
-        awaited(lambda: SAID.match(program.sentence())["range"] == "0.657 m", "its last reading")
+        awaited(lambda: SENTENCE.match(program.sentence())["range"] == "0.657 m", "its last reading")
         program.key("ctrl+q")
         assert program.ended() == (0, "")
     assert [path.name for path in program.recordings] == ["turret.mcap"]
 
 
-@pytest.mark.usefixtures("qapp")  # eyes and clipboard of whoever looks on
-def test_scanned_asked_dragged_undone_closed_in_mid_scan_and_reopened_as_left(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("qapp")  # for screen and clipboard
+def test_scan_select_drag_undo_close_during_a_scan_and_restore(tmp_path: Path) -> None:
     with Outside(tmp_path) as program:
         assert program.title == DEMO
         (recording,) = awaited(lambda: program.recordings, "a recording")
         awaited(lambda: len(program.readings(LIGHT.measured)) > 3, "readings in the plan")
         program.key("F6")
-        said = as_it_is_said(awaited(lambda: closed(recording), "the end of the recording"))
+        ranges = range_texts(awaited(lambda: closed(recording), "the end of the recording"))
 
-        awaited(lambda: a_click_asks_about_the_reading_under_it(program), "a sentence about the reading clicked")
-        sentence = SAID.match(program.sentence())
-        assert said[float(sentence["heading"])] == sentence["range"]
+        awaited(lambda: click_selects_the_reading(program), "the sentence of the clicked reading")
+        sentence = SENTENCE.match(program.sentence())
+        assert ranges[float(sentence["heading"])] == sentence["range"]
 
         x, y = program.sensor()
         program.drag((x, y), (x + 40, y + 20))
@@ -83,18 +83,18 @@ def test_scanned_asked_dragged_undone_closed_in_mid_scan_and_reopened_as_left(tm
         awaited(lambda: second.stat().st_size > 30_000, "readings in it")
         program.key("ctrl+q")
         assert program.ended() == (0, "")
-    said = as_it_is_said(closed(second))
-    assert len(said) < 72
+    ranges = range_texts(closed(second))
+    assert len(ranges) < 72
 
     with Outside(tmp_path) as program:
         awaited(lambda: program.badge(DARK.replay), "the badge of a replay")
         assert program.looks(DARK)
         assert program.title == DEMO
         assert program.recordings == [recording, second]
-        awaited(lambda: heading_said(program) == max(said), "the last reading of the scan that was closed in its midst")
+        awaited(lambda: shown_heading(program) == max(ranges), "the last reading of the interrupted scan")
         program.key("ctrl+Left")
-        awaited(lambda: heading_said(program) == 0.0, "its first reading")
+        awaited(lambda: shown_heading(program) == 0.0, "its first reading")
         program.key("space")
-        awaited(lambda: heading_said(program) == max(said), "a replay to the end")
+        awaited(lambda: shown_heading(program) == max(ranges), "a replay to the end")
         program.key("ctrl+q")
         assert program.ended() == (0, "")
