@@ -258,7 +258,7 @@ def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(ser
     assert all(abs(time - times[0]) < 60 for time in times)
 
 
-def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarhw.host.scanner.MOST_WAITING", 4)
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
@@ -267,13 +267,13 @@ def test_a_slow_listener_loses_nothing(served: Serve, monkeypatch: pytest.Monkey
         first = next(scan)
         held: list[float] = []
         monkeypatch.setattr(scanner._session, "keep_alive", held.append)
-        wait_until(lambda: len(held) == 4)  # the thread has come round four times, and read nothing
+        wait_until(lambda: len(held) == 4)  # the thread has run four cycles and read nothing
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
 
 
-def test_a_scanner_at_work_refuses_a_second_order(served: Serve) -> None:
+def test_a_busy_scanner_refuses_a_second_action(served: Serve) -> None:
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
         scan = scanner.scan(ORDER)

@@ -1,4 +1,4 @@
-"""Lost steps are told, and never a reading that stands wrong is among those said to be right."""
+"""Lost steps are reported, and no reading with a wrong angle is said to be correct."""
 
 import math
 import random
@@ -24,15 +24,15 @@ FAULTS = ["wedge@r5", "wedge=0.3@r30", "slip=40@r5", "slip=-3@r70", "slip@r72"]
 
 
 def scan_that_loses_steps(plugged: Plugged, order: StartScan) -> tuple[list[Reading], str]:
-    """The readings that came, and how it was told that steps were lost."""
+    """The readings that came, and the text of the error."""
     job = scanning(order)
-    with pytest.raises(LostSteps) as told:
+    with pytest.raises(LostSteps) as error:
         plugged.do(job, within=600)
-    return [*job.readings], str(told.value)
+    return [*job.readings], str(error.value)
 
 
 def whole_torn_and_copied(log: Path) -> list[Path]:
-    """The log, the same torn, and that copied into a whole one."""
+    """Return the log, a torn copy of it, and a repaired copy of that."""
     torn, copied = log.with_name("torn.mcap"), log.with_name("copied.mcap")
     torn.write_bytes(log.read_bytes()[:-30])
     copy_log(read_log(torn), copied)
@@ -40,16 +40,16 @@ def whole_torn_and_copied(log: Path) -> list[Path]:
 
 
 @pytest.mark.parametrize("faults", FAULTS)
-def test_steps_lost_in_a_single_sweep_are_told_behind_its_last_reading(faults: str) -> None:
-    readings, told = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
+def test_steps_lost_in_a_single_sweep_are_reported_after_its_last_reading(faults: str) -> None:
+    readings, message = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
     assert len(readings) == 72
-    assert "out of its place" in told
-    assert "72 readings are kept; all 72 angles may be off, from 0° on" in told
-    assert "\n" not in told
+    assert "out of its place" in message
+    assert "72 readings are kept; all 72 angles may be off, from 0° on" in message
+    assert "\n" not in message
 
 
 @pytest.mark.parametrize("faults", FAULTS)
-def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(faults: str, tmp_path: Path) -> None:
+def test_whole_torn_and_copied_logs_have_every_reading_and_the_warning(faults: str, tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
         plugged.session.recording.use(log)
@@ -60,7 +60,7 @@ def test_a_log_of_it_holds_every_reading_and_the_doubt_whole_torn_and_copied(fau
         assert scan.angle_warning == "the turntable lost steps; all 72 angles may be off, from 0° on"
 
 
-def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: Path) -> None:
+def test_steps_lost_after_a_home_do_not_affect_the_scan_before_it(tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty("slip=40@r72"))
     with LogWriter(path, METADATA) as log:
         plugged.session.recording.use(log)
@@ -72,7 +72,7 @@ def test_steps_lost_behind_a_home_cast_no_doubt_on_the_scan_before_it(tmp_path: 
     assert second.angle_warning is not None
 
 
-def test_a_scan_that_lost_no_steps_ends_done_near_the_mark_and_hardly_later() -> None:
+def test_a_scan_without_lost_steps_ends_near_the_mark_without_much_delay() -> None:
     plugged = Plugged(faulty(""))
     readings = plugged.scan(WHOLE_TURN)
     assert plugged.now - readings[-1].time < 0.4
@@ -90,7 +90,7 @@ def test_a_scan_that_is_stopped_is_not_turned_over_the_mark() -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_no_reading_that_is_said_to_be_right_stands_wrong(seed: int) -> None:
+def test_no_verified_reading_has_a_wrong_angle(seed: int) -> None:
     choice = random.Random(seed)
     step = choice.choice([-1, 1]) * choice.choice([2, 5, 7.5])
     order = StartScan(
@@ -102,19 +102,19 @@ def test_no_reading_that_is_said_to_be_right_stands_wrong(seed: int) -> None:
     )
     total = order.headings * order.sweeps * order.pings
     fault = choice.choice(["wedge=0.4", "wedge", "slip=3", "slip=-200"])
-    readings, told = scan_that_loses_steps(Plugged(faulty(f"{fault}@r{choice.randrange(1, total + 1)}")), order)
+    readings, message = scan_that_loses_steps(Plugged(faulty(f"{fault}@r{choice.randrange(1, total + 1)}")), order)
     angles = np.array([reading.angle for reading in readings])
-    assert str(lost_steps_clause([angles])) in told
+    assert str(lost_steps_clause([angles])) in message
     for reading in readings[: first_unverified(angles)]:
         assert reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9)
 
 
-UNCHECKED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to home again"
+UNVERIFIED = "of 72 angles, from 0° on, could not be checked for lost steps: the turntable had to home again"
 
 
-# a board that does not hear its host goes on for two seconds, then lets go of the motor
+# a board that receives nothing from its host continues for two seconds, then releases the motor
 @pytest.mark.parametrize(("faults", "count"), [("reset@r30", 30), ("slip=40@r5,reset@r30", 30), ("deaf=3@r30", 45)])
-def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_in_the_log(
+def test_angles_before_a_homing_during_a_scan_are_reported_at_once_and_in_the_log(
     faults: str, count: int, tmp_path: Path
 ) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
@@ -122,20 +122,20 @@ def test_readings_before_a_zero_found_anew_in_mid_scan_are_told_of_at_once_and_i
         plugged.session.recording.use(log)
         job = plugged.do(scanning(WHOLE_TURN), within=600)
     assert len(job.readings) == 72
-    assert job.unverified_angles == f"{count} {UNCHECKED}"
+    assert job.unverified_angles == f"{count} {UNVERIFIED}"
     for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
-        assert scan.angle_warning == f"{count} {UNCHECKED}"
+        assert scan.angle_warning == f"{count} {UNVERIFIED}"
 
 
-def test_steps_lost_behind_a_zero_found_anew_cast_no_doubt_on_what_was_before_it_but_it_is_told_of() -> None:
-    _, told = scan_that_loses_steps(Plugged(faulty("reset@r30,slip=40@r50")), WHOLE_TURN)
-    assert f"72 readings are kept; the last 42 of 72 angles may be off, from 150° on; 30 {UNCHECKED}" in told
+def test_steps_lost_after_a_homing_do_not_affect_readings_before_it_which_are_unverified() -> None:
+    _, message = scan_that_loses_steps(Plugged(faulty("reset@r30,slip=40@r50")), WHOLE_TURN)
+    assert f"72 readings are kept; the last 42 of 72 angles may be off, from 150° on; 30 {UNVERIFIED}" in message
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_told_of(seed: int) -> None:
+def test_only_reported_readings_before_a_homing_have_wrong_angles(seed: int) -> None:
     choice = random.Random(seed)
     order = StartScan(choice.randrange(-400, 0) * 1_000_000, choice.choice([5, 7]) * 1_000_000, 40, 2, 1)
     slip = choice.randrange(1, 40)
@@ -149,9 +149,9 @@ def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_tol
     if job.error:
         assert all(right[: first_unverified(np.array(angles))])
         return
-    before, behind = split_at_homings(times, angles, [times[reset - 1]])
+    before, after = split_at_homings(times, angles, [times[reset - 1]])
     first = first_unverified(before)
-    assert (len(before), len(behind)) == (reset, 80 - reset)
+    assert (len(before), len(after)) == (reset, 80 - reset)
     assert str(job.unverified_angles).startswith(
         f"{reset - first} of 80 angles, from {math.degrees(before[first]):.6g}° on"
     )
@@ -159,22 +159,22 @@ def test_no_reading_before_a_zero_found_anew_stands_wrong_but_those_that_are_tol
     assert not all(right)
 
 
-def test_what_was_made_before_a_zero_found_anew_is_no_part_of_what_was_made_behind_it() -> None:
+def test_readings_are_split_at_a_homing() -> None:
     times, angles = [0.0, 1.0, 2.0, 5.0, 3.0], np.radians([-20.0, -10.0, 0.0, 30.0, 20.0])
-    apart = split_at_homings(times, [*angles], [1.0])
-    assert [run.tolist() for run in apart] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
-    assert unverified_clause(apart[:1]) is None
-    assert "2 of 5 angles, from -20° on" in str(unverified_clause(apart))
-    assert lost_steps_clause(apart) == "the last 3 of 5 angles may be off, from 0° on"
+    runs = split_at_homings(times, [*angles], [1.0])
+    assert [run.tolist() for run in runs] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
+    assert unverified_clause(runs[:1]) is None
+    assert "2 of 5 angles, from -20° on" in str(unverified_clause(runs))
+    assert lost_steps_clause(runs) == "the last 3 of 5 angles may be off, from 0° on"
     assert lost_steps_clause([angles, angles[:0]]) is None
 
 
-def test_a_mark_turned_over_counter_clockwise_clears_what_was_before_it() -> None:
+def test_a_mark_passed_counter_clockwise_verifies_the_readings_before_it() -> None:
     to_and_fro = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
     assert first_unverified(to_and_fro) == 22
     assert lost_steps_clause([to_and_fro]) == "the last 5 of 27 angles may be off, from 0° on"
     assert first_unverified(to_and_fro[:9]) == 4
-    # of marks passed clockwise, or stood on, nothing is known
+    # marks that are passed clockwise, or only reached, verify nothing
     assert first_unverified(to_and_fro[:18]) == 4
     assert first_unverified(np.radians([*range(0, 360, 10)])) == 0
     assert first_unverified(np.radians([*range(0, 365, 10)])) == 0
@@ -186,9 +186,11 @@ def test_a_mark_turned_over_counter_clockwise_clears_what_was_before_it() -> Non
     ("angle", "lowest", "highest", "mark"),
     [(355, -717, 714, 360), (175, -717, 714, 0), (-300, -717, 714, -360), (715, -717, 714, 360), (170, -180, 180, 0)],
 )
-def test_the_nearest_mark_is_one_that_the_cable_allows(angle: float, lowest: float, highest: float, mark: int) -> None:
+def test_the_nearest_mark_is_within_the_limits_of_the_cable(
+    angle: float, lowest: float, highest: float, mark: int
+) -> None:
     assert nearest_mark(*map(math.radians, (angle, lowest, highest))) == pytest.approx(math.radians(mark))
 
 
-def test_a_table_that_reaches_no_mark_has_none() -> None:
+def test_a_table_that_reaches_no_mark_has_no_nearest_mark() -> None:
     assert nearest_mark(1.0, 0.5, 2.0) is None

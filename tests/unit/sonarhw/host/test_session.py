@@ -204,7 +204,7 @@ def test_a_device_that_does_not_come_back_is_told_of_after_the_agreed_time() -> 
     assert world.now - pulled == pytest.approx(10.0, abs=0.5)
 
 
-def test_a_device_that_comes_back_each_time_and_gets_nothing_done_is_told_of() -> None:
+def test_ten_losses_in_a_row_without_a_reading_are_an_error() -> None:
     world = World(reconnect=math.inf).meet()
     scan = world.scan(ORDER)
     while not scan.done:
@@ -296,7 +296,7 @@ def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session
     check([*world.run(scanning(ORDER)).readings])
 
 
-def test_a_home_that_never_ends_is_stopped_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_home_that_never_ends_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World().meet()
     monkeypatch.setattr(world.board._turntable, "home", lambda now: now + 1e6)
     home = world.session.start(homing(), world.now)
