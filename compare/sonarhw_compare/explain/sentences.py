@@ -67,24 +67,15 @@ def _barely(row: Matched, prediction: PredictedScan, text: LengthText) -> list[s
     """Return the small changes after which another echo wins: of the threshold, or of a wall if that is smaller."""
     margins, moved, said = contest(prediction, row.index), wall_change(prediction, row.index), []
     least = math.inf if moved is None else abs(moved.nearer) / _BARELY
-    if margins.margin_db is not None and margins.margin_db <= _BARELY_DB:
+    winner, margin, lacking = margins.winner, margins.margin_db, margins.lacking_db
+    if margin is not None and margin <= _BARELY_DB:
         then = "silence" if margins.louder is None else text(margins.louder.range)
-        if margins.winner is None or then != text(
-            margins.winner.range
-        ):  # another path with the same range changes nothing
-            said.append(
-                (
-                    margins.margin_db,
-                    f"it is only {margins.margin_db:.1f} dB over the threshold; a higher threshold gives {then}",
-                )
-            )
-    if margins.fainter is not None and margins.lacking_db is not None and margins.lacking_db <= _BARELY_DB:
-        said.append(
-            (
-                margins.lacking_db,
-                f"an echo at {text(margins.fainter.range)} is only {margins.lacking_db:.1f} dB below the threshold",
-            )
-        )
+        # another path with the same range changes nothing
+        if winner is None or then != text(winner.range):
+            said.append((margin, f"it is only {margin:.1f} dB over the threshold; a higher threshold gives {then}"))
+    if margins.fainter is not None and lacking is not None and lacking <= _BARELY_DB:
+        at = text(margins.fainter.range)
+        said.append((lacking, f"an echo at {at} is only {lacking:.1f} dB below the threshold"))
     if moved is not None and least <= 1 and all(least < change / _BARELY_DB for change, _ in said):
         return [_overtaken(moved, prediction, text)]
     return [sentence for _, sentence in said]

@@ -16,19 +16,18 @@ from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
 from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem, make_problem
 from sonarhw_compare.fit.search.beginnings import Candidate, beginnings, is_same
-from sonarhw_compare.fit.search.posterior import REGION, samples_of
+from sonarhw_compare.fit.search.posterior import CREDIBLE_INTERVAL, samples_of
 from sonarhw_compare.fit.search.refine import covariance_of, refined
 from sonarhw_compare.fit.search.ridges import underestimated
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
-from sonarhw_compare.fit.values.quantities import PlaceQuantity
 from sonarhw_compare.matching.regions import mean_run
 
 _PROMISING = 25.0  # largest deficit of the coarse log-likelihood, for independent readings, of another solution
 _OTHERS = 3  # other poses of a scan that are refined
 _CLIMBS = 5  # most repetitions of a refinement
 _AS_GOOD = 6.0  # largest deficit of the log-likelihood of a solution that is reported
-_NORMAL_REGION = 1.96  # standard deviations
+_NORMAL_INTERVAL = 1.96  # standard deviations, half the 95 % interval of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -150,11 +149,11 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
     """Yield the best poses of all scans together, then the same with another pose of one scan."""
     best = problem.start()
     for scan, several in enumerate(found):
-        rows = _pose_rows(problem, scan)
+        rows = problem.pose_rows(scan)
         best[rows] = several[0].values[rows]
     yield best
     for scan, several in enumerate(found):
-        rows = _pose_rows(problem, scan)
+        rows = problem.pose_rows(scan)
         for other in several[1 : 1 + _OTHERS]:
             if several[0].score - other.score < _PROMISING * problem.redundancies[scan]:
                 start = best.copy()
@@ -162,22 +161,14 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
                 yield start
 
 
-def _pose_rows(problem: Problem, scan: int) -> list[int]:
-    return [
-        row
-        for row, parameter in enumerate(problem.parameters)
-        if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
-    ]
-
-
 def _result(problem: Problem, objective: Objective, answers: list[Candidate], samples: FloatArray) -> FitResult:
     count, best = len(problem.parameters), answers[0]
     if len(samples):
         middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
-        lower, upper = np.percentile(samples, REGION, axis=0)
+        lower, upper = np.percentile(samples, CREDIBLE_INTERVAL, axis=0)
     else:
         middle, covariance = best.values, covariance_of(objective, best.values)
-        reach = _NORMAL_REGION * np.sqrt(np.diag(covariance))
+        reach = _NORMAL_INTERVAL * np.sqrt(np.diag(covariance))
         lower, upper = np.clip((middle - reach, middle + reach), *problem.bounds)
     deviations = np.sqrt(np.diag(covariance))
     estimates = {

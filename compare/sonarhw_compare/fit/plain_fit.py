@@ -16,6 +16,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.matching.match import TOLERANCE
+from sonarhw_compare.matching.regions import angles_and_ranges
 
 HEADINGS = 720  # 0.5° apart
 OFFSETS = np.linspace(-0.06, 0.06, 25)  # m
@@ -85,8 +86,7 @@ def best_agreement(
 
     A table has the predicted ranges of a place at the headings of `all_round`, (720,) m, NaN for no echo.
     """
-    angles = np.array([reading.angle for reading in readings])
-    measured = np.array([math.nan if reading.range is None else reading.range for reading in readings])
+    angles, measured = angles_and_ranges(readings)
     offsets = OFFSETS if "offset" in free else np.zeros(1)
     best: tuple[tuple[float, float, float], Fit] | None = None
     for place, table in tables:

@@ -29,7 +29,7 @@ from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
 from sonarhw_compare.fit.values.parameters import free_parameters
 from sonarhw_compare.free_space import find_free_space
 from sonarhw_compare.matching.match import TOLERANCE
-from sonarhw_compare.matching.regions import mean_run
+from sonarhw_compare.matching.regions import angles_and_ranges, mean_run
 
 _POSITIONS = 1000  # of the lattice, about
 _FINEST = 0.06  # m, smallest spacing
@@ -119,7 +119,7 @@ def locate_scan(
     check_fit([scan], board, free, options)
     problem = make_problem([scan], room, board, free, options.prediction, options.all_echoes)
     scores = _score_lattice(problem, lambda share: tick(0.5 * share))
-    redundancy = mean_run(*_headings_and_ranges(readings))
+    redundancy = mean_run(*angles_and_ranges(readings))
     starts = _starts(scores, room)
     tops = _tops(problem, starts, redundancy, lambda share: tick(0.5 + 0.5 * share))
     poses = _weighed(_different(tops), redundancy)
@@ -136,11 +136,6 @@ def _explained(
     measured = np.array([reading.range for reading in echoes], dtype=np.float64) + pose.offset
     predicted = predict_scan(room, place, board, headings, options.prediction).ranges
     return float((np.abs(measured - predicted) <= TOLERANCE).mean())
-
-
-def _headings_and_ranges(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
-    headings = np.array([reading.angle for reading in readings], dtype=np.float64)
-    return headings, np.array([math.nan if reading.range is None else reading.range for reading in readings])
 
 
 def _score_lattice(problem: Problem, tick: Callable[[float], None]) -> Scores:

@@ -25,7 +25,7 @@ class AssignedEcho:
 
     @property
     def residual(self) -> float | None:
-        """Measured less predicted, m."""
+        """Measured minus predicted, m."""
         return None if self.predicted is None else self.measured - self.predicted
 
 

@@ -34,17 +34,11 @@ class Region:
         return len(self.rows)
 
 
-def regions_of_readings(
-    readings: Sequence[Reading],
-    zero: float = 0.0,
-    offset: float = 0.0,
-    tolerance: float = TOLERANCE,
-    least_width: float = LEAST_WIDTH,
-) -> tuple[Region, ...]:
-    """Return the regions of a scan; turntable step 0 points along `zero` (rad), and `offset` (m) is added to ranges."""
-    headings = np.array([zero + reading.angle for reading in readings], dtype=np.float64)
-    ranges = np.array([math.nan if reading.range is None else reading.range + offset for reading in readings])
-    return regions_of(headings, ranges, tolerance, least_width)
+def angles_and_ranges(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
+    """Return turntable angles, rad, and ranges, m, NaN for no echo, of readings, (n,) float each."""
+    angles = np.array([reading.angle for reading in readings], dtype=np.float64)
+    ranges = [math.nan if reading.range is None else reading.range for reading in readings]
+    return angles, np.array(ranges, dtype=np.float64)
 
 
 def regions_of(

@@ -14,7 +14,7 @@ from sonarhw_compare.pictures.trace_levels import envelope_of, in_db
 CELLS = 600  # of range, at most; finer ones would not be visible
 SAME_HEADING = math.radians(0.25)  # closer headings share a row; every beam is wider
 MOST_READINGS = 3600  # only the newest are drawn, because an hour of traces does not fit into memory
-_WIDEST = math.radians(60.0)  # of a row
+_WIDEST = math.radians(60.0)  # largest width of a row
 _LONE = math.radians(5.0)  # width of a row with no neighbour
 _HAIR = 1.01  # least width of a cell in samples, so that no cell is empty by rounding
 

@@ -1,4 +1,4 @@
-"""Fits of scans with known truth: they find it, say how sure they are, and say what they cannot tell."""
+"""Fits of scans with known truth: values, uncertainties and warnings."""
 
 import math
 from dataclasses import replace
@@ -52,19 +52,19 @@ def test_a_pose_is_found_in_the_whole_room(pose: FitResult) -> None:
     assert pose.agreement[0].within_5cm > 0.9
 
 
-def test_a_room_that_explains_few_of_the_echoes_is_doubted(readings: list[Reading]) -> None:
+def test_a_room_that_explains_few_echoes_gives_a_warning(readings: list[Reading]) -> None:
     square = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     result = fitted(readings, "position", "heading", room=square, options=FitOptions(samples=0))
     assert "check the room and the board" in result.warnings[0]
 
 
-def test_how_readings_err_is_found_along_the_way(pose: FitResult) -> None:
+def test_noise_of_readings_is_fitted(pose: FitResult) -> None:
     range_error = ERRORS.timing * ARENA.air.speed_of_sound / 2
     assert pose.noise["range_m"] == pytest.approx(range_error, rel=0.3)
     assert pose.noise["lost"] < 0.12
 
 
-def test_same_seed_same_result(readings: list[Reading]) -> None:
+def test_the_same_seed_gives_the_same_result(readings: list[Reading]) -> None:
     options = FitOptions(samples=100, seed=5, global_search=False)
     one, other = (fitted(readings, "position", start=TRUTH, options=options) for _ in range(2))
     assert np.array_equal(one.samples, other.samples)
@@ -73,14 +73,14 @@ def test_same_seed_same_result(readings: list[Reading]) -> None:
     )
 
 
-def test_without_samples_curvature_states_about_the_same_deviations(pose: FitResult, readings: list[Reading]) -> None:
+def test_deviations_from_curvature_are_similar_to_those_from_samples(pose: FitResult, readings: list[Reading]) -> None:
     quick = fitted(readings, "position", "heading", start=TRUTH, options=FitOptions(samples=0, global_search=False))
     for name in ("x", "y"):
         assert quick.estimates[name].deviation == pytest.approx(pose.estimates[name].deviation, rel=0.5)
         assert abs(quick.estimates[name].value - pose.estimates[name].value) < 3 * pose.estimates[name].deviation
 
 
-def test_in_a_symmetric_room_both_answers_are_told() -> None:
+def test_in_a_symmetric_room_both_solutions_are_reported() -> None:
     room = load_room("rooms/simple.toml")
     board = board_of(room)
     place = Place("", (0.6, 0.35), 0.7)
@@ -90,21 +90,21 @@ def test_in_a_symmetric_room_both_answers_are_told() -> None:
     assert len(result.modes) == 2
     assert "symmetric" in result.warnings[0]
     mirrored = {(round(mode.values["x"], 2), round(mode.values["y"], 2)) for mode in result.modes}
-    # turned by half a circle about the middle of 0.928 by 0.742 m
+    # rotated by 180° about the middle of 0.928 by 0.742 m
     assert mirrored == {(0.6, 0.35), (0.33, 0.39)}
 
 
-def test_what_the_scan_does_not_tell_is_warned_of() -> None:
-    # with echoes from within 0.6 m only, nothing is known of a wall 1.1 m away
-    deaf = replace(BOARD, max_range=0.6)
-    scan = synthetic_scan(ARENA, TRUTH, deaf, 6, readings=40)
-    free = free_parameters(("wall:north-west",), [""], ARENA, deaf)
-    result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, deaf, free, options=QUICKLY)
+def test_an_unconstrained_parameter_gives_a_warning() -> None:
+    # echoes within 0.6 m do not depend on a wall 1.1 m away
+    short_range = replace(BOARD, max_range=0.6)
+    scan = synthetic_scan(ARENA, TRUTH, short_range, 6, readings=40)
+    free = free_parameters(("wall:north-west",), [""], ARENA, short_range)
+    result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, short_range, free, options=QUICKLY)
     assert any("hardly constrains wall:north-west" in warning for warning in result.warnings)
 
 
 def near_the_truth(*free: str) -> list[Parameter]:
-    """Those parameters, positions within 5 cm of the truth."""
+    """Return these parameters, with positions bounded to 5 cm around the truth."""
     at = dict(zip("xy", TRUTH.position, strict=True))
     return [
         replace(one, lower=at[one.name] - 0.05, upper=at[one.name] + 0.05) if one.name in at else one
@@ -112,7 +112,7 @@ def near_the_truth(*free: str) -> list[Parameter]:
     ]
 
 
-def test_a_turning_axis_is_found_with_the_pose() -> None:
+def test_an_offset_of_the_transducer_from_the_axis_is_found_with_the_pose() -> None:
     real = replace(BOARD, mount=Mount(ahead=0.023, aside=-0.01))
     scan = synthetic_scan(ARENA, TRUTH, real, 3, readings=60)
     free = near_the_truth("position", "heading", "axis")
@@ -122,7 +122,7 @@ def test_a_turning_axis_is_found_with_the_pose() -> None:
     assert result.board.mount.aside == pytest.approx(-0.01, abs=0.006)
 
 
-def test_an_offset_is_what_is_added_to_measured_ranges(readings: list[Reading]) -> None:
+def test_the_offset_is_added_to_measured_ranges(readings: list[Reading]) -> None:
     short = [
         replace(one, echo_times=tuple(time - 0.024 / one.speed_of_sound for time in one.echo_times)) for one in readings
     ]
@@ -132,8 +132,8 @@ def test_an_offset_is_what_is_added_to_measured_ranges(readings: list[Reading]) 
     assert result.board.range_offset == pytest.approx(-0.012, abs=0.001)
 
 
-def test_what_is_only_known_together_is_told_so(readings: list[Reading]) -> None:
-    # a face ahead of the axis and ranges told too short differ only where sound meets walls aslant
+def test_strongly_correlated_parameters_give_a_warning(readings: list[Reading]) -> None:
+    # a transducer ahead of the axis and ranges that are too short differ only at oblique incidence
     free = free_parameters(("ahead", "offset"), [""], ARENA, BOARD)
     result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, free, options=QUICKLY)
     assert any("only known together" in warning for warning in result.warnings)
@@ -142,8 +142,8 @@ def test_what_is_only_known_together_is_told_so(readings: list[Reading]) -> None
         assert abs(result.estimates[name].value) < 4 * result.estimates[name].deviation
 
 
-def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None:
-    # a square room all of whose walls may move: moved with the sensor, they sound the same
+def test_deviations_along_a_long_ridge_give_a_warning() -> None:
+    # a square room with movable walls: walls that move with the sensor give the same echoes
     room = polygon_room([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
     at = Place("", (0.7, 0.9))
     scan = PlacedScan(synthetic_scan(room, at, BOARD, 7, 60), at)
@@ -155,31 +155,31 @@ def test_deviations_along_a_ridge_without_an_end_are_not_to_be_trusted() -> None
     assert not free["position"]
     freed = free_parameters(("position", "walls"), [""], room, BOARD)
     warnings = fit_scans([scan], room, BOARD, freed, options=options).warnings
-    (told,) = (warning for warning in warnings if "cannot be trusted" in warning)
-    assert {"x", "y"} & set(told.replace(",", "").split())
+    (ridge_warning,) = (warning for warning in warnings if "cannot be trusted" in warning)
+    assert {"x", "y"} & set(ridge_warning.replace(",", "").split())
     assert not any("cannot be trusted" in warning for warning in free["walls"])
-    # drawn for long enough the ± are those of the bounds: uniform from -10 to 10 cm
+    # with enough samples, ± follows from the bounds: uniform from -10 to 10 cm
     drawn = fit_scans([scan], room, BOARD, freed, options=replace(options, samples=4000))
     assert not any("cannot be trusted" in warning for warning in drawn.warnings)
     for estimate in drawn.estimates.values():
         assert estimate.deviation == pytest.approx(0.1 / math.sqrt(3), rel=0.15)
 
 
-LEGO = load_board("lego-nxt")  # tells whole centimetres
+LEGO = load_board("lego-nxt")  # reports whole centimetres
 
 
 def lego_scan(place: Place, count: int) -> PlacedScan:
-    """What a Lego NXT in the arena is predicted to tell, as if it had been measured."""
+    """Return the predicted scan of a Lego NXT in the arena, as a measured one."""
     angles, speed = np.arange(count) * math.tau / count, ARENA.air.speed_of_sound
     ranges = predict_scan(ARENA, place, LEGO, angles + place.heading).ranges
     readings = [
-        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(told) else (2 * told / speed,), speed)
-        for k, (angle, told) in enumerate(zip(angles, ranges, strict=True))
+        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(distance) else (2 * distance / speed,), speed)
+        for k, (angle, distance) in enumerate(zip(angles, ranges, strict=True))
     ]
     return PlacedScan(readings, place)
 
 
-def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are() -> None:
+def test_more_readings_with_equal_rounding_add_little_evidence() -> None:
     def deviation(count: int) -> float:
         free = free_parameters(("position",), [""], ARENA, LEGO)
         options = FitOptions(samples=0, global_search=False)
@@ -189,8 +189,8 @@ def test_readings_rounded_alike_are_no_more_evidence_the_more_of_them_there_are(
     assert deviation(288) > 0.7 * deviation(72)
 
 
-def test_readings_rounded_alike_do_not_tell_one_answer_from_another_by_their_number() -> None:
-    # from p1 and from 1.38, 1.80 m a quarter turn on, the arena sounds nearly the same
+def test_readings_with_equal_rounding_do_not_exclude_a_similar_solution() -> None:
+    # the arena has nearly the same echoes at p1 and, rotated by 90°, at 1.38, 1.80 m
     free = free_parameters(("position", "heading"), [""], ARENA, LEGO)
     result = fit_scans([lego_scan(ARENA.place("p1"), 120)], ARENA, LEGO, free, options=FitOptions(samples=0))
     x, y = result.places[0].position
@@ -199,30 +199,30 @@ def test_readings_rounded_alike_do_not_tell_one_answer_from_another_by_their_num
     assert "2 solutions explain the scan about equally well" in result.warnings[0]
 
 
-def test_a_thermometer_that_errs_makes_no_offset() -> None:
-    # one kelvin is 0.17 %: millimetres on the longest ranges, which would be taken for an offset
+def test_a_wrong_thermometer_does_not_change_the_offset() -> None:
+    # one kelvin is 0.17 %: millimetres at the longest ranges, which could be mistaken for an offset
     scan = synthetic_scan(ARENA, TRUTH, BOARD, 8, warmer=1.0)
     free = near_the_truth("position", "heading", "offset")
     result = fit_scans([PlacedScan(scan, TRUTH)], ARENA, BOARD, free, options=FitOptions(samples=0))
-    told = replace(ARENA.air, temperature_c=ARENA.air.temperature_c + 1.0).speed_of_sound / ARENA.air.speed_of_sound
-    assert result.noise["stretch"] == pytest.approx(told, abs=6e-4)
+    stretch = replace(ARENA.air, temperature_c=ARENA.air.temperature_c + 1.0).speed_of_sound / ARENA.air.speed_of_sound
+    assert result.noise["stretch"] == pytest.approx(stretch, abs=6e-4)
     for name, true in (("x", TRUTH.position[0]), ("y", TRUTH.position[1]), ("offset", 0.0)):
         estimate = result.estimates[name]
         assert abs(estimate.value - true) < 4 * estimate.deviation
 
 
 @pytest.mark.parametrize("free", ["temperature", "speed"])
-def test_warm_air_is_told_from_echo_times(free: str) -> None:
+def test_the_temperature_is_found_from_echo_times(free: str) -> None:
     warm = replace(ARENA, air=replace(ARENA.air, temperature_c=27.0))
-    told = [replace(one, speed_of_sound=325.0) for one in synthetic_scan(warm, TRUTH, BOARD, 4)]
-    result = fitted(told, "position", free, start=TRUTH, options=replace(QUICKLY, global_search=False))
+    scan = [replace(one, speed_of_sound=325.0) for one in synthetic_scan(warm, TRUTH, BOARD, 4)]
+    result = fitted(scan, "position", free, start=TRUTH, options=replace(QUICKLY, global_search=False))
     assert result.room.air.temperature_c == pytest.approx(27.0, abs=0.3)
-    # though the ranges that were told are 7 % too short
+    # although the reported ranges are 7 % too short
     assert result.agreement[0].within_5cm is not None
     assert result.agreement[0].within_5cm > 0.9
 
 
-def test_walls_are_found_from_two_places_at_once() -> None:
+def test_walls_are_found_from_two_places() -> None:
     moved = {"divider": 0.02, "east": -0.013}
     real = with_shifted_walls(ARENA, moved)
     places = [Place("", (1.53, 0.24), 2.4), Place("", (1.08, 0.9), 3.6)]
@@ -241,7 +241,7 @@ def test_reflectance_is_found_to_two_hundredths() -> None:
     assert result.estimates["reflectance:board"].value == pytest.approx(0.8, abs=0.02)
 
 
-def test_progress_grows_to_the_end_and_a_cancelled_fit_has_no_result(readings: list[Reading]) -> None:
+def test_progress_grows_to_one_and_a_cancelled_fit_raises(readings: list[Reading]) -> None:
     shares: list[float] = []
     free = free_parameters(("heading",), [""], ARENA, BOARD)
     scan = PlacedScan(readings, TRUTH)
@@ -253,7 +253,7 @@ def test_progress_grows_to_the_end_and_a_cancelled_fit_has_no_result(readings: l
         fit_scans([scan], ARENA, BOARD, free, options=options, cancelled=lambda: True)
 
 
-def test_what_cannot_be_fitted_is_refused(readings: list[Reading]) -> None:
+def test_impossible_fits_are_rejected(readings: list[Reading]) -> None:
     scan = PlacedScan(readings, TRUTH, "here")
     free = free_parameters(("heading",), [""], ARENA, BOARD)
     silent = PlacedScan([replace(one, echo_times=()) for one in readings], TRUTH, "here")
@@ -270,7 +270,7 @@ def test_what_cannot_be_fitted_is_refused(readings: list[Reading]) -> None:
         free_parameters(("temperature", "speed"), [""], ARENA, BOARD)
 
 
-def test_one_recording_given_twice_is_refused_though_it_has_traces(readings: list[Reading]) -> None:
+def test_one_recording_given_twice_is_rejected_even_with_traces(readings: list[Reading]) -> None:
     def read_anew() -> PlacedScan:
         return PlacedScan([replace(one, trace=Trace(np.zeros(3), 1e5, 0.0)) for one in readings], TRUTH)
 
@@ -279,15 +279,15 @@ def test_one_recording_given_twice_is_refused_though_it_has_traces(readings: lis
         fit_scans([read_anew(), read_anew()], ARENA, BOARD, free)
 
 
-def test_the_boards_own_receiver_is_fitted_with_its_own_lateness() -> None:
+def test_a_fit_models_the_late_detection_of_the_boards_own_receiver() -> None:
     board = load_board("polaroid-6500")
     options = PredictionOptions(receiver=Receiver.BOARD)
     angles = np.arange(72) * math.tau / 72
     ranges = predict_scan(ARENA, TRUTH, board, angles + TRUTH.heading, options).ranges
     speed = ARENA.air.speed_of_sound
     scan = [
-        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(told) else (2 * told / speed,), speed)
-        for k, (angle, told) in enumerate(zip(angles, ranges, strict=True))
+        Reading(k, 0, 0, float(angle), 0.1 * k, () if math.isnan(distance) else (2 * distance / speed,), speed)
+        for k, (angle, distance) in enumerate(zip(angles, ranges, strict=True))
     ]
     free = free_parameters(("position", "heading"), [""], ARENA, board)
     found = {
@@ -303,13 +303,13 @@ def test_the_boards_own_receiver_is_fitted_with_its_own_lateness() -> None:
     assert math.dist(found[Receiver.BOARD].places[0].position, TRUTH.position) < 0.002
     assert any("± is too small for heading" in warning for warning in found[Receiver.BOARD].warnings)
     assert not any("± is too small" in warning for warning in found[Receiver.FIRST_ECHO].warnings)
-    # the paper's receiver has no name for 45 mm between a loud and a faint echo
+    # the paper's receiver does not model 45 mm between a loud and a faint echo
     assert found[Receiver.BOARD].noise["range_m"] < 0.3 * found[Receiver.FIRST_ECHO].noise["range_m"]
 
 
-def test_a_heading_known_beforehand_is_told_from_its_turn_by_a_circle(readings: list[Reading]) -> None:
+def test_a_prior_of_a_heading_may_differ_by_a_whole_turn(readings: list[Reading]) -> None:
     (heading,) = free_parameters(("heading",), [""], ARENA, BOARD)
     known = replace(heading, expected=TRUTH.heading - math.tau, deviation=1.0)
     result = fit_scans([PlacedScan(readings, TRUTH)], ARENA, BOARD, [known], options=FitOptions(samples=0))
-    # told between 0 and 360° all the same
+    # still reported in [0°, 360°)
     assert result.estimates["heading"].value == pytest.approx(TRUTH.heading, abs=math.radians(0.3))

@@ -1,4 +1,4 @@
-"""Where am I: the pose is found in the whole room, and a room that looks alike from two poses is not guessed at."""
+"""Poses are found in the whole room, with equal probabilities where two poses give the same echoes."""
 
 import json
 import math
@@ -23,7 +23,7 @@ BOARD = load_board("lego-nxt")
 
 
 def scan_from(room: Room, position: tuple[float, float], heading: float, count: int = 60) -> list[Reading]:
-    """What the board would tell from a pose, its turntable's step 0 pointing along `heading`."""
+    """Return the predicted readings at a pose, with turntable step 0 along `heading`."""
     angles = np.arange(count) * (math.tau / count)
     ranges = predict_scan(room, Place("", position), BOARD, heading + angles).ranges
     speed = room.air.speed_of_sound
@@ -47,7 +47,7 @@ def test_a_pose_is_found_in_the_whole_room(arena: Room) -> None:
     assert located.scores.positions[located.lattice.argmax()] == pytest.approx((0.47, 1.13), abs=0.08)
 
 
-def test_a_rectangle_looks_the_same_from_two_poses() -> None:
+def test_a_rectangle_has_two_equally_probable_poses() -> None:
     room = polygon_room([(0.0, 0.0), (1.7, 0.0), (1.7, 1.1), (0.0, 1.1)])
     located = locate_scan(scan_from(room, (0.5, 0.4), 0.3), room, BOARD)
     one, other = located.poses[:2]
@@ -58,7 +58,7 @@ def test_a_rectangle_looks_the_same_from_two_poses() -> None:
     assert located.places() == {}
 
 
-def test_what_is_said_three_times_is_no_more_evidence(arena: Room) -> None:
+def test_repeated_readings_add_no_evidence(arena: Room) -> None:
     scan = scan_from(arena, (1.8, 0.3), 0.0)
     once, thrice = (locate_scan(readings, arena, BOARD) for readings in (scan, [one for one in scan for _ in range(3)]))
     assert once.poses[1].probability > 0.1
@@ -67,52 +67,50 @@ def test_what_is_said_three_times_is_no_more_evidence(arena: Room) -> None:
 
 
 @pytest.mark.skipif(not Path(DEFAULT_FOLDER).is_dir(), reason="the real scans are not here")
-def test_real_scans_tell_their_place_though_the_arena_looks_alike_from_others(count: Count) -> None:
+def test_real_scans_are_located_in_a_nearly_symmetric_arena(count: Count) -> None:
     scans = load_scans(DEFAULT_FOLDER)[count(1, 0) :: count(9, 1)]
     right = 0
     for scan in scans:
         located = locate_real(scan)
         shares = located.places()
         right += max(shares, key=shares.__getitem__) == true_place(scan)
-        # where it was is always among the answers
+        # the true position is always among the poses
         assert any(math.dist(pose.position, (scan.x, scan.y)) < 0.05 for pose in located.poses)
     assert right >= len(scans) - count(0, 1)
 
 
-def test_locate_tells_poses_as_json_and_draws_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_poses_as_json_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, picture = tmp_path / "scan.mcap", tmp_path / "located.png"
     command = ["simulate", "rooms/arena.toml", "--place", "p3", "--board", "lego-nxt", "--out", str(log)]
     assert run(command) == 0
     assert run(["locate", str(log), "--out", str(picture), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["place"] == "p3"
-    assert told["fits_room"]
-    assert told["explained"] > 0.95
-    best = told["poses"][0]
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["place"] == "p3"
+    assert printed["fits_room"]
+    assert printed["explained"] > 0.95
+    best = printed["poses"][0]
     assert math.dist((best["x_m"], best["y_m"]), (1.38, 0.54)) < 0.02
     assert best["place"] == "p3"
-    assert sum(pose["probability"] for pose in told["poses"]) == pytest.approx(1, abs=0.02)
+    assert sum(pose["probability"] for pose in printed["poses"]) == pytest.approx(1, abs=0.02)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert run(["locate", str(log), "--out", str(picture)]) == 2
     assert "--force" in capsys.readouterr().err
 
 
-def test_a_scan_of_another_room_is_not_told_as_if_it_were_of_this_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scan_of_another_room_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "scan.mcap"
     assert run(["simulate", "rooms/arena.toml", "--place", "p3", "--out", str(log)]) == 0
     assert run(["locate", str(log), "--room", "rooms/simple.toml"]) == 0
-    told = capsys.readouterr().out
-    assert "this scan does not fit this room" in told
+    printed = capsys.readouterr().out
+    assert "this scan does not fit this room" in printed
     assert run(["locate", str(log)]) == 0
-    told = capsys.readouterr().out
-    assert "does not fit" not in told
-    assert "; p3\n" in told
-    assert told.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
+    printed = capsys.readouterr().out
+    assert "does not fit" not in printed
+    assert "; p3\n" in printed
+    assert printed.splitlines()[-1].startswith("assuming one of the room's places: p3 ")
 
 
-def test_a_heading_that_a_scan_does_not_tell_has_no_deviation() -> None:
+def test_an_undetermined_heading_has_no_deviation() -> None:
     figures = _figures_of(Pose((1.0, 1.0), 0.5, 0.0, 1.0, (0.01, 0.01, math.radians(400))), None)
     assert figures["heading_deviation_deg"] is None
     assert json.loads(json.dumps(figures))["heading_deg"] == pytest.approx(math.degrees(0.5), abs=1e-5)

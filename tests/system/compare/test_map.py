@@ -1,4 +1,4 @@
-"""What is the room: rooms come out of scans as they are, and what sound only seems to have met does not."""
+"""Maps from scans contain the room without the false walls of multipath echoes."""
 
 import json
 import math
@@ -37,13 +37,13 @@ def scan_from(room: Room, position: tuple[float, float]) -> PlacedScan:
 
 
 def arc(centre: tuple[float, float], target: tuple[float, float]) -> Arc:
-    """An arc whose middle lies at a target."""
+    """Return an arc with its middle at a target."""
     dx, dy = np.subtract(target, centre)
     return Arc(0, (), centre, math.hypot(dx, dy), math.atan2(dy, dx), math.radians(8))
 
 
-def test_a_room_comes_out_of_its_scans_and_its_images_do_not() -> None:
-    """No room is given: sound is followed round the walls that were found."""
+def test_a_map_contains_the_room_without_its_images() -> None:
+    """Without a room, sound is followed in a room of the found walls."""
     room = polygon_room([(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)])
     scans = [scan_from(room, position) for position in ((0.8, 0.7), (1.5, 1.3), (2.2, 0.9), (1.2, 0.6))]
     found = map_scans(scans, BOARD)
@@ -54,7 +54,7 @@ def test_a_room_comes_out_of_its_scans_and_its_images_do_not() -> None:
     corners = sorted((round(x + 0.0, 1) + 0.0, round(y, 1) + 0.0) for x, y in positions(found.direct.features.points))
     assert corners == [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0), (3.0, 2.0)]
     assert all(point.is_corner for point in found.direct.features.points)
-    # the words of all readings put corners two metres beyond the walls
+    # with all readings, corners appear two metres outside the walls
     assert any(not -0.1 < y < 2.1 for _, y in positions(found.plain.features.points))
     assert found.rejected > 0
 
@@ -63,11 +63,11 @@ def positions(points: object) -> list[tuple[float, float]]:
     return [point.position for point in points]  # type: ignore[attr-defined]
 
 
-def test_the_false_wall_of_figure_9_is_given_up() -> None:
+def test_the_false_wall_of_figure_9_is_rejected() -> None:
     room = load_room("rooms/simple.toml")
     scan = scan_from(room, room.places["figure9"].position)
     found = map_scans([scan], BOARD, room)
-    down = 135  # of the readings every 2°: 270°, where 85 mm are read as 827
+    down = 135  # the reading at 270°, where the wall is at 85 mm and the range is 827 mm
     assert scan.readings[down].range == pytest.approx(0.827, abs=0.002)
     assert not found.direct.kept[0][down]
     assert found.direct.kept[0][45]
@@ -77,7 +77,7 @@ def test_the_false_wall_of_figure_9_is_given_up() -> None:
     assert found.direct.grid.at(np.array([[0.774, 0.742]]))[0] > 0
 
 
-def test_a_reading_empties_its_cone_and_fills_its_end() -> None:
+def test_a_reading_marks_its_cone_empty_and_its_end_occupied() -> None:
     scan = PlacedScan([reading(0, 90.0, 1.0), reading(1, 0.0, math.nan)], Place("", (0.2, 0.1)))
     grid = certainty_grid([scan], BOARD, [np.ones(2, dtype=np.bool_)])
     on_axis, at_end, aside, behind, silent = grid.at(
@@ -88,8 +88,8 @@ def test_a_reading_empties_its_cone_and_fills_its_end() -> None:
     assert (aside, behind, silent) == (0, 0, 0)
 
 
-def test_what_is_sure_to_be_empty_is_not_filled_by_another_reading() -> None:
-    """Two spots on the arc of a near reading, as far from its axis; a far reading has looked through one of them."""
+def test_an_empty_cell_is_not_occupied_by_another_reading() -> None:
+    """Two points on the arc of a near reading, equally far from its axis; a far reading passes through one of them."""
     place, near, far = Place("", (0.0, 0.0)), reading(0, 10.0, 0.6), reading(1, 0.0, 1.5)
     spots = [[0.6 * math.cos(math.radians(at)), 0.6 * math.sin(math.radians(at))] for at in (2.0, 18.0)]
 
@@ -104,7 +104,7 @@ def test_what_is_sure_to_be_empty_is_not_filled_by_another_reading() -> None:
     assert seen_through < 0.5 * beside
 
 
-def test_two_places_tell_a_wall_from_a_point() -> None:
+def test_two_places_distinguish_a_wall_from_a_point() -> None:
     centres = [(0.0, 0.0), (0.6, 0.1)]
     wall = find_features([arc(centre, (centre[0], 1.0)) for centre in centres])
     assert [round(math.degrees(one.normal)) for one in wall.walls] == [90]
@@ -115,7 +115,7 @@ def test_two_places_tell_a_wall_from_a_point() -> None:
     assert not found.is_corner
 
 
-def test_one_place_tells_nothing_but_arcs() -> None:
+def test_one_place_gives_arcs_only() -> None:
     features = find_features([arc((0.0, 0.0), (0.0, 1.0)), arc((0.01, 0.0), (0.01, 1.0))])
     assert (features.walls, features.points) == ((), ())
     assert len(features.alone) == 2
@@ -129,24 +129,22 @@ def test_a_wall_behind_a_wall_is_an_image() -> None:
     assert [round(wall.start[1], 3) for wall in reachable_walls(features)] == [1.0]
 
 
-def test_silence_alone_and_rings_are_refused() -> None:
+def test_scans_without_an_echo_are_rejected() -> None:
     silent = PlacedScan([reading(0, 0.0, math.nan)], Place("", (0.0, 0.0)))
     with pytest.raises(InputError, match="no reading has an echo"):
         map_scans([silent], BOARD)
 
 
-def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_reads_logs_and_writes_picture_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     logs, picture = [str(tmp_path / "one.mcap"), str(tmp_path / "two.mcap")], tmp_path / "map.png"
     for log, place in zip(logs, ("figure7", "figure9"), strict=True):
         assert run(["simulate", "rooms/simple.toml", "--place", place, "--board", "paper", "--out", log]) == 0
     assert run(["map", *logs, "--room", "rooms/simple.toml", "--out", str(picture), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert told["readings"] == 144
-    assert told["rejected"] > 0
-    left = [wall for wall in told["direct"]["walls"] if abs(wall["normal_deg"] - 180) < 3]
+    assert printed["readings"] == 144
+    assert printed["rejected"] > 0
+    left = [wall for wall in printed["direct"]["walls"] if abs(wall["normal_deg"] - 180) < 3]
     assert left[0]["start_m"][0] == pytest.approx(0.0, abs=0.01)
     assert run(["map", *logs, "--pose", "0.8,0.3,0", "--json"]) == 2
     assert "--pose: expected one for each of 2 logs, got 1" in capsys.readouterr().err
@@ -156,10 +154,10 @@ def test_map_takes_logs_and_poses_and_leaves_picture_and_json(
     assert "direct readings: " in capsys.readouterr().out
 
 
-def test_the_document_says_what_the_command_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told = Path("docs/how_to/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
+def test_the_document_shows_the_output_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    printed = Path("docs/how_to/locate.md").read_text().split("--out map.png\n")[1].split("```")[0]
     logs = [str(tmp_path / f"scan{k}.mcap") for k in range(4)]
     for log, place in zip(logs, ("0.8,0.8", "1.6,1.4", "2.4,0.9", "1.3,0.5"), strict=True):
         assert run(["simulate", "rooms/kuc_siegel.toml", "--place", place, "--step", "2", "--out", log]) == 0
     assert run(["map", *logs, "--room", "rooms/kuc_siegel.toml", "--out", str(tmp_path / "map.png")]) == 0
-    assert capsys.readouterr().out == told
+    assert capsys.readouterr().out == printed

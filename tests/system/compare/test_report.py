@@ -1,4 +1,4 @@
-"""The report: everything inside one file, every reading told as `explain` tells it, figures those of the comparison."""
+"""The report is one complete file with the sentences and figures of the comparison."""
 
 import json
 import math
@@ -27,12 +27,12 @@ PICTURE = re.compile(r'src="data:image/([a-z]+)[^;]*;base64,([^"]+)"')
 
 
 class Page(HTMLParser):
-    """Cells of the tables row by row, what is fetched from elsewhere, and tags left open."""
+    """Cells of tables by row, external URLs, and tags that are not closed."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
         self.rows: list[list[str]] = []
-        self.fetched: list[str] = []
+        self.external: list[str] = []
         self.open: list[str] = []
         self.feed(text)
 
@@ -43,8 +43,8 @@ class Page(HTMLParser):
             self.rows.append([])
         if tag in ("td", "th"):
             self.rows[-1].append("")
-        fetched = [value or "" for name, value in attributes if name in ("src", "href")]
-        self.fetched += [value for value in fetched if not value.startswith("data:")]
+        external = [value or "" for name, value in attributes if name in ("src", "href")]
+        self.external += [value for value in external if not value.startswith("data:")]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -56,7 +56,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A predicted scan of the simple room with traces; ranges where figure 9 has them."""
+    """Return a predicted scan with traces of the simple room at figure 9."""
     out = tmp_path_factory.mktemp("report") / "scan.mcap"
     order = ["--place", "figure9", "--board", "paper", "--step", "10", "--traces", "envelope"]
     assert run(["simulate", "rooms/simple.toml", *order, "--out", str(out)]) == 0
@@ -65,18 +65,18 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def report(log: Path) -> Report:
-    """As seen from 2 cm beside: some readings match, some do not."""
+    """Return a report on a place that is off by 2 cm: only some readings match."""
     room = load_room("rooms/simple.toml")
     place = replace(room.place("figure9"), position=(0.754, 0.085))
     options = PredictionOptions()
     return report_of(log.name, read_log(log).readings, room, place, load_board("paper"), options, log=read_log(log))
 
 
-def test_the_page_is_whole_and_fetches_nothing(report: Report) -> None:
+def test_the_page_is_complete_and_has_no_external_parts(report: Report) -> None:
     text = report_html(report)
     page = Page(text)
     assert page.open == []
-    assert page.fetched == []
+    assert page.external == []
     assert "url(" not in text
 
 
@@ -91,44 +91,44 @@ def test_every_reading_has_its_row_class_and_sentence(report: Report) -> None:
         assert cells[6] == explain_reading(comparison, row.index)
 
 
-def regions_told(report: Report) -> list[list[str]]:
+def region_rows(report: Report) -> list[list[str]]:
     return Page("".join(regions_table(report.comparison))).rows[1:]
 
 
-def test_regions_of_constant_depth_stand_beside_the_predicted_ones(report: Report) -> None:
-    told = [row for row in Page(report_html(report)).rows if len(row) == 6][1:]
+def test_measured_regions_are_listed_beside_predicted_ones(report: Report) -> None:
+    listed = [row for row in Page(report_html(report)).rows if len(row) == 6][1:]
     found = region_details(report.comparison)
     assert found["pairs"]
     assert found["only_measured"]
     for pair in found["pairs"]:
-        row = next(row for row in told if row[0] == span(pair["measured"]) and row[1] == metres(pair["measured"]))
+        row = next(row for row in listed if row[0] == span(pair["measured"]) and row[1] == metres(pair["measured"]))
         assert row[2:4] == [span(pair["predicted"]), metres(pair["predicted"])]
         assert float(row[4]) == round(pair["farther_m"] * 1000)
         assert row[5].startswith("in both: ")
-    alone = [row for row in told if row[5] == "only measured"]
+    alone = [row for row in listed if row[5] == "only measured"]
     assert [row[:2] for row in alone] == [[span(one), metres(one)] for one in found["only_measured"]]
     assert all(row[2:5] == ["", "", ""] for row in alone)
-    assert len(told) == sum(map(len, found.values()))
+    assert len(listed) == sum(map(len, found.values()))
 
 
-def test_a_false_wall_is_a_region_and_one_that_fell_silent_is_only_predicted(report: Report, log: Path) -> None:
+def test_a_false_wall_is_a_region_and_a_silent_region_is_only_predicted(report: Report, log: Path) -> None:
     prediction, readings = report.comparison.prediction, read_log(log).readings
     room = prediction.room
     scene = (room, room.place("figure9"), prediction.board, PredictionOptions())
     way = "three reflections, bottom, top, bottom"
     row = ["260.0 to 280.0", "0.827", "260.0 to 280.0", "0.827", "0", f"in both: {way}"]
-    assert row in regions_told(report_of("x", readings, *scene))
+    assert row in region_rows(report_of("x", readings, *scene))
     silent = [replace(one, echo_times=()) if 255 < math.degrees(one.angle) < 285 else one for one in readings]
-    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in regions_told(report_of("x", silent, *scene))
+    assert ["", "", *row[2:4], "", f"only predicted: {way}"] in region_rows(report_of("x", silent, *scene))
 
 
-def test_a_scan_too_short_for_a_region_says_so(report: Report, log: Path) -> None:
+def test_a_scan_without_regions_has_no_table_of_regions(report: Report, log: Path) -> None:
     prediction = report.comparison.prediction
     scene = (prediction.room, prediction.place, prediction.board, PredictionOptions())
     short = report_of("x", read_log(log).readings[:1], *scene)
-    told = "".join(regions_table(short.comparison))
-    assert "0 in both, 0 only measured, 0 only predicted" in told
-    assert "<table" not in told
+    listed = "".join(regions_table(short.comparison))
+    assert "0 in both, 0 only measured, 0 only predicted" in listed
+    assert "<table" not in listed
 
 
 def span(region: dict[str, float]) -> str:
@@ -140,7 +140,7 @@ def metres(region: dict[str, float]) -> str:
     return f"{region['range_m']:.3f}"
 
 
-def test_pictures_are_pictures_and_a_scan_without_traces_has_no_bscan(report: Report, log: Path) -> None:
+def test_pictures_have_valid_formats_and_a_scan_without_traces_has_no_bscan(report: Report, log: Path) -> None:
     kinds = [kind for kind, _ in PICTURE.findall(report_html(report))]
     assert kinds == ["svg", "svg", "png"]
     for kind, content in PICTURE.findall(report_html(report)):
@@ -154,7 +154,7 @@ def test_pictures_are_pictures_and_a_scan_without_traces_has_no_bscan(report: Re
     assert [kind for kind, _ in PICTURE.findall(report_html(without))] == ["svg", "svg"]
 
 
-def test_names_from_files_are_text_and_never_markup(report: Report, log: Path) -> None:
+def test_names_from_files_are_escaped(report: Report, log: Path) -> None:
     prediction = report.comparison.prediction
     text = prediction.room.text.replace('name = "Simple room"', 'name = "<script>alert(1)</script>"')
     room = parse_room(text, "room")
@@ -165,7 +165,9 @@ def test_names_from_files_are_text_and_never_markup(report: Report, log: Path) -
     assert "&lt;script&gt;alert(1)&lt;/script&gt;, place" in page
 
 
-def test_of_very_many_readings_the_newest_are_told(report: Report, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_the_newest_of_many_readings_are_listed(
+    report: Report, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(report_module, "MOST_READINGS", 10)
     prediction = report.comparison.prediction
     readings = read_log(log).readings
@@ -175,24 +177,24 @@ def test_of_very_many_readings_the_newest_are_told(report: Report, log: Path, mo
     assert "The newest 10; 26 older ones are left out." in page
 
 
-def test_without_readings_there_is_no_report(report: Report) -> None:
+def test_a_report_without_readings_is_rejected(report: Report) -> None:
     prediction = report.comparison.prediction
     with pytest.raises(InputError, match=r"a\.mcap: no readings"):
         report_of("a.mcap", [], prediction.room, prediction.place, prediction.board, PredictionOptions())
 
 
-def test_the_command_tells_what_compare_tells_and_overwrites_nothing_unasked(
+def test_the_command_reports_the_figures_of_compare_and_overwrites_only_with_force(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "scan.html"
     assert run(["report", str(log), "--place", "0.754,0.085", "--out", str(out)]) == 0
     assert run(["compare", str(log), "--place", "0.754,0.085", "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)
-    told = {row[0]: row[1] for row in Page(out.read_text()).rows if len(row) == 2}
-    assert told["match"] == str(figures["matched"])
-    assert told["within 5 cm of the prediction"] == f"{figures['within_5cm']:.1%}"
-    assert told["median error"] == f"{figures['median_abs_error_m'] * 1000:.1f} mm"
-    assert told["device"].startswith("sonarhw simulate")
+    listed = {row[0]: row[1] for row in Page(out.read_text()).rows if len(row) == 2}
+    assert listed["match"] == str(figures["matched"])
+    assert listed["within 5 cm of the prediction"] == f"{figures['within_5cm']:.1%}"
+    assert listed["median error"] == f"{figures['median_abs_error_m'] * 1000:.1f} mm"
+    assert listed["device"].startswith("sonarhw simulate")
     before = out.read_bytes()
     assert run(["report", str(log), "--place", "figure9", "--out", str(out)]) == 2
     assert "exists already" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Studies: what a spec may say, that scans are functions of their numbers, and that nothing is lost or half there."""
+"""Studies: validation, reproducible scans, interruption, workers and results."""
 
 import json
 import os
@@ -62,7 +62,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("seed = 5", "sed = 5", "sed: unknown key"),
         ("draws = 4", "draws = 0", "draws: expected greater than or equal to 1, got 0"),
@@ -86,23 +86,23 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("step = 30.0", "from = 90.0\nto = 20.0", "headings: there is no angle from 90 to below 20"),
     ],
 )
-def test_what_is_wrong_is_told_with_file_and_key(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, told: str
+def test_errors_name_file_and_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, message: str
 ) -> None:
     assert old in SPEC
-    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # a place is not looked for as long as for a person
-    with pytest.raises(InputError, match="^" + str(tmp_path)) as refused:
+    monkeypatch.setattr("sonarhw_compare.free_space._TRIES", 1000)  # fewer tries to draw a place
+    with pytest.raises(InputError, match="^" + str(tmp_path)) as rejected:
         study_of(tmp_path, SPEC.replace(old, new))
-    assert told in str(refused.value)
+    assert message in str(rejected.value)
 
 
-def test_draws_that_would_all_be_alike_are_refused(tmp_path: Path) -> None:
+def test_equal_draws_are_rejected(tmp_path: Path) -> None:
     text = SPEC.replace("aperture_radius", "# aperture_radius").replace(', "anywhere"', "")
     with pytest.raises(InputError, match="nothing is random"):
         study_of(tmp_path, text)
 
 
-def test_a_scan_of_a_study_is_what_simulate_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_of_a_study_equals_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = f'name = "one"\nboards = ["paper"]\n[[rooms]]\nfile = "{ROOMS}/simple.toml"\nplaces = ["figure9"]\n'
     assert run(["study", str(spec_of(tmp_path, text)), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
     command = ["simulate", f"{ROOMS}/simple.toml", "--place", "figure9", "--board", "paper"]
@@ -124,16 +124,16 @@ def test_levels_are_those_of_the_winning_paths(tmp_path: Path, board: str, room:
     text = SPEC.replace('"paper", "polaroid-6500"', f'"{board}"').replace("simple", room).replace("figure9", place)
     case = replace(Cases(study_of(tmp_path, text)).case(0), headings=np.radians(np.arange(0.0, 360.0, step)))
     scan = predict_case(case, PathCache())
-    heard = np.flatnonzero(scan.winners >= 0)
+    with_echo = np.flatnonzero(scan.winners >= 0)
     levels = columns_of(scan).level_db
-    expected = [scan.levels_at(k)[scan.winners[k]] for k in heard]
-    np.testing.assert_allclose(levels[heard], expected, atol=1e-6)
-    winners = scan.paths.select(scan.winners[heard])
-    # that comes out whichever way is taken for the other, unless some leave another way than they come back
+    expected = [scan.levels_at(k)[scan.winners[k]] for k in with_echo]
+    np.testing.assert_allclose(levels[with_echo], expected, atol=1e-6)
+    winners = scan.paths.select(scan.winners[with_echo])
+    # mixing up departure and arrival would show only if they differ for some paths
     assert (np.abs(winners.departures - winners.arrivals) > 0.1).any() == (room == "laboratory")
 
 
-def test_a_scan_follows_from_its_number_alone(tmp_path: Path) -> None:
+def test_a_scan_depends_on_its_number_only(tmp_path: Path) -> None:
     study = study_of(tmp_path)
     together = predict_scans(study, 0, study.scans)
     apart = [predict_scans(study, number, number + 1) for number in reversed(range(study.scans))][::-1]
@@ -142,7 +142,7 @@ def test_a_scan_follows_from_its_number_alone(tmp_path: Path) -> None:
         assert together[kind].to_pylist() == rows
 
 
-def test_shared_paths_are_the_paths_of_every_scan(tmp_path: Path) -> None:
+def test_shared_paths_do_not_change_results(tmp_path: Path) -> None:
     study = study_of(tmp_path)
     cases, cache = Cases(study), PathCache()
     for number in range(8):
@@ -151,7 +151,7 @@ def test_shared_paths_are_the_paths_of_every_scan(tmp_path: Path) -> None:
         np.testing.assert_array_equal(predict_case(case, cache).ranges, alone.ranges)
 
 
-def test_draws_do_not_depend_on_where_the_room_file_lies(tmp_path: Path) -> None:
+def test_draws_do_not_depend_on_the_path_of_the_room_file(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     copied = tmp_path / "elsewhere" / "copied.toml"
     copied.write_bytes((ROOMS / "simple.toml").read_bytes())
@@ -162,7 +162,7 @@ def test_draws_do_not_depend_on_where_the_room_file_lies(tmp_path: Path) -> None
     assert [make_part(here, number) for number in parts] == [make_part(there, number) for number in parts]
 
 
-def test_two_rooms_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_two_rooms_with_one_name_are_rejected(tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text((ROOMS / "simple.toml").read_text() + "\n# as it was before\n")
     both = f'file = "{ROOMS}/simple.toml"\n[[rooms]]\nfile = "other.toml"'
@@ -170,21 +170,21 @@ def test_two_rooms_of_one_name_are_refused(tmp_path: Path) -> None:
         study_of(tmp_path, SPEC.replace(f'file = "{ROOMS}/simple.toml"', both))
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there Ctrl-C comes from a console")
-def test_ctrl_c_while_workers_start_is_one_line_and_the_study_goes_on(tmp_path: Path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows delivers Ctrl-C through a console")
+def test_ctrl_c_while_workers_start_prints_one_line(tmp_path: Path) -> None:
     spec, out = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 400")), tmp_path / "out"
     command = [str(Path(sys.executable).with_name("sonarhw")), "study", str(spec), "--out", str(out), "--workers", "2"]
     study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    # the first part is made before workers are begun: now they import
+    # the first part is computed before the workers start; now they import
     wait_until(lambda: list(tmp_path.glob("out.unfinished/scans/part-*")))
-    # as a terminal does: to all of them
+    # to the whole process group, as a terminal does
     os.killpg(study.pid, signal.SIGINT)
-    told = study.communicate(timeout=HANG)
+    message = study.communicate(timeout=HANG)
     assert study.returncode == 130
-    assert told == ("", f"sonarhw: interrupted; finished parts are in {out}.unfinished: continue with --resume\n")
+    assert message == ("", f"sonarhw: interrupted; finished parts are in {out}.unfinished: continue with --resume\n")
 
 
-def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_added(tmp_path: Path) -> None:
+def test_draws_are_the_same_over_the_grid_and_with_additional_keys(tmp_path: Path) -> None:
     study = study_of(tmp_path)
     more = study_of(tmp_path, SPEC + "[vary.air]\ntemperature_c = { normal = [20.0, 2.0] }\n")
     scans, _ = predict_scans(study, 0, study.scans)
@@ -201,7 +201,7 @@ def test_what_is_drawn_is_the_same_all_over_the_grid_and_stays_when_a_key_is_add
     assert (np.abs(warmth - 20) < 6).all()
 
 
-def test_places_drawn_anywhere_fill_the_room_evenly() -> None:
+def test_random_places_are_uniform_over_the_room() -> None:
     space = find_free_space(load_room("rooms/arena.toml"))
     random = np.random.default_rng(2)
     points = np.array([space.draw(random) for _ in range(2000)])
@@ -216,7 +216,7 @@ def test_places_drawn_anywhere_fill_the_room_evenly() -> None:
     assert (x[~below] < 1.68).all()
 
 
-def test_processes_make_the_same_files_and_an_interrupted_study_goes_on(tmp_path: Path) -> None:
+def test_processes_write_the_same_files_and_an_interrupted_study_resumes(tmp_path: Path) -> None:
     study, whole, broken = study_of(tmp_path), tmp_path / "whole", tmp_path / "broken"
     run_study(study, whole, workers=1)
 
@@ -251,14 +251,14 @@ def test_processes_make_the_same_files_and_an_interrupted_study_goes_on(tmp_path
         run_study(study, broken)
 
 
-def test_results_come_as_arrays_with_what_varied_beside_them(tmp_path: Path) -> None:
+def test_results_are_arrays_with_varied_values_as_coordinates(tmp_path: Path) -> None:
     assert run(["study", str(EXAMPLE), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
     results = read_study(tmp_path / "out")
     assert dict(results.sizes) == {"scan": 36, "heading_deg": 36}
     assert sorted(set(results["board.threshold_db"].values)) == [-46.0, -40.0, -34.0]
-    heard = results.range_m.notnull().sum("heading_deg")
-    np.testing.assert_array_equal(heard, results.n_echo)
-    # who hears fainter sound hears no less
+    with_echo = results.range_m.notnull().sum("heading_deg")
+    np.testing.assert_array_equal(with_echo, results.n_echo)
+    # a lower threshold does not detect fewer echoes
     by_threshold = results.n_echo.groupby("board.threshold_db").mean().values
     assert by_threshold[0] >= by_threshold[1] >= by_threshold[2]
 
@@ -273,7 +273,7 @@ def test_the_document_shows_the_example_and_names_every_column(tmp_path: Path) -
     assert [name for name in OptionValues.model_fields if f"`{name}`" not in document] == []
 
 
-def test_rings_have_headings_of_their_own(tmp_path: Path) -> None:
+def test_rings_have_their_own_headings(tmp_path: Path) -> None:
     ring = tmp_path / "ring.toml"
     profile = 'name = "ring"\naperture_radius = 0.019\nfrequency = 5e4\ntransmit_cycles = 16\nblanking = 1e-3\n'
     ring.write_text(profile + "max_range = 2.0\nthreshold_db = -40.0\n[ring]\nsensors = 4\nradius = 0.05\n")
@@ -284,7 +284,7 @@ def test_rings_have_headings_of_their_own(tmp_path: Path) -> None:
     np.testing.assert_array_equal(results.heading_deg.notnull().sum("reading"), results.n)
 
 
-def test_figures_alone_are_kept_where_that_is_wanted(tmp_path: Path) -> None:
+def test_a_study_can_keep_figures_only(tmp_path: Path) -> None:
     run_study(study_of(tmp_path, SPEC.replace("draws = 4", 'draws = 4\nrows = "scans"')), tmp_path / "out", workers=1)
     scans, headings = read_tables(tmp_path / "out")
     assert headings is None
@@ -292,7 +292,7 @@ def test_figures_alone_are_kept_where_that_is_wanted(tmp_path: Path) -> None:
     assert scans["n"].to_pylist() == [12] * 32
 
 
-def test_without_pyarrow_the_command_names_the_extra(tmp_path: Path) -> None:
+def test_without_pyarrow_the_error_names_the_extra(tmp_path: Path) -> None:
     program = "import sys; sys.modules['pyarrow'] = None; from sonarhw_cli.app import run; sys.exit(run(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "study", str(spec_of(tmp_path))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -300,16 +300,16 @@ def test_without_pyarrow_the_command_names_the_extra(tmp_path: Path) -> None:
     assert done.stderr == ("sonarhw: studies need pyarrow, which is not installed: pip install 'sonarhw[study]'\n")
 
 
-def test_without_dask_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"sonarhw\[study\]"):
         run_study(study_of(tmp_path), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
 
 
-def test_a_study_that_found_no_cluster_leaves_nothing_that_stands_in_the_way(
+def test_a_study_without_a_cluster_leaves_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("sonarhw_compare.study.workers._ANSWER_WITHIN", 0.2)  # nobody is at that port
+    monkeypatch.setattr("sonarhw_compare.study.workers._ANSWER_WITHIN", 0.2)  # no scheduler at this port
     command = ["study", str(spec_of(tmp_path)), "--out", str(tmp_path / "out")]
     assert run([*command, "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "no Dask scheduler answers" in capsys.readouterr().err
@@ -318,7 +318,7 @@ def test_a_study_that_found_no_cluster_leaves_nothing_that_stands_in_the_way(
 
 @contextmanager
 def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A Dask scheduler and two workers, each a process of its own; its URL, and the workers."""
+    """Yield the URL of a Dask scheduler and its two workers, all separate processes."""
     dask = [sys.executable, "-m", "dask"]
     where, log = folder / "scheduler.json", (folder / "dask.log").open("wb")
     environment = os.environ | {"DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
@@ -329,7 +329,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
 
     processes = [begin("scheduler", "--host", "127.0.0.1", "--port", "0")]
     try:
-        wait_until(lambda: where.exists() and where.read_text().endswith("}"))  # it is written in place
+        wait_until(lambda: where.exists() and where.read_text().endswith("}"))  # the file is written in place
         worker = ["worker", "--nworkers", "1", "--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
         processes += [begin(*worker), begin(*worker)]
         yield json.loads(where.read_text())["address"], processes[1:]
@@ -340,7 +340,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
         log.close()
 
 
-def test_a_cluster_makes_the_same_files_though_a_worker_is_killed(tmp_path: Path) -> None:
+def test_a_cluster_writes_the_same_files_even_if_a_worker_is_killed(tmp_path: Path) -> None:
     spec = spec_of(tmp_path, SPEC.replace("draws = 4", "draws = 10"))
     run_study(load_study(spec), tmp_path / "here", workers=1)
     there = tmp_path / "there"
@@ -350,12 +350,12 @@ def test_a_cluster_makes_the_same_files_though_a_worker_is_killed(tmp_path: Path
         wait_until(lambda: list(tmp_path.glob("there*/scans/part-*")))
         assert study.poll() is None
         workers[0].send_signal(signal.SIGKILL)
-        _, told = study.communicate()
-        assert (study.returncode, told) == (0, b"")
+        _, message = study.communicate()
+        assert (study.returncode, message) == (0, b"")
         assert workers[1].poll() is None
     assert contents(there) == contents(tmp_path / "here")
 
 
-def test_a_cluster_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_missing_cluster_raises_one_error(tmp_path: Path) -> None:
     with pytest.raises(SonarError, match="no Dask scheduler answers"):
         run_study(study_of(tmp_path), tmp_path / "out", scheduler="nonsense://127.0.0.1:1")

@@ -1,4 +1,4 @@
-"""What would have to change for another echo to win, against changing it."""
+"""The changes after which another echo wins are checked by making them."""
 
 import math
 from dataclasses import replace
@@ -23,37 +23,37 @@ SCAN = predict_scan(ROOM, PLACE, replace(BOARD, threshold_db=-40.0), HEADINGS)
 _A_LITTLE = 1e-6  # dB
 
 
-def heard_with(threshold: float, index: int) -> float:
+def range_with(threshold: float, index: int) -> float:
     board = replace(BOARD, threshold_db=threshold)
     return float(weigh_paths(ROOM, PLACE, board, HEADINGS[index : index + 1], SCAN.paths).ranges[0])
 
 
-def test_each_step_wins_between_its_thresholds_and_nowhere_else() -> None:
+def test_each_step_wins_between_its_thresholds_only() -> None:
     scan = replace(SCAN, board=BOARD)
     for index in range(len(HEADINGS)):
-        told = steps(scan, index)
-        assert len(told) >= 1
-        for step in told:
+        found = steps(scan, index)
+        assert len(found) >= 1
+        for step in found:
             if step.level_db > -38.0:
-                assert heard_with(step.level_db - _A_LITTLE, index) == pytest.approx(step.range)
+                assert range_with(step.level_db - _A_LITTLE, index) == pytest.approx(step.range)
             if step.above_db > -38.0:
-                assert heard_with(step.above_db + _A_LITTLE, index) == pytest.approx(step.range)
-        assert math.isnan(heard_with(told[-1].level_db + _A_LITTLE, index))
+                assert range_with(step.above_db + _A_LITTLE, index) == pytest.approx(step.range)
+        assert math.isnan(range_with(found[-1].level_db + _A_LITTLE, index))
 
 
-def test_margins_are_those_by_which_a_threshold_can_change() -> None:
+def test_margins_are_the_possible_changes_of_the_threshold() -> None:
     scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
     for index in range(len(HEADINGS)):
         found = contest(scan, index)
         if found.winner is not None and found.margin_db is not None:
             assert found.winner.path == scan.winners[index]
-            after = heard_with(BOARD.threshold_db + found.margin_db + _A_LITTLE, index)
+            after = range_with(BOARD.threshold_db + found.margin_db + _A_LITTLE, index)
             assert (None if math.isnan(after) else after) == (None if found.louder is None else found.louder.range)
         if found.fainter is not None and found.lacking_db is not None and found.lacking_db < 15:
-            assert heard_with(BOARD.threshold_db - found.lacking_db - _A_LITTLE, index) == found.fainter.range
+            assert range_with(BOARD.threshold_db - found.lacking_db - _A_LITTLE, index) == found.fainter.range
 
 
-def test_the_change_asked_for_makes_the_model_say_what_was_measured() -> None:
+def test_the_returned_change_makes_the_model_match() -> None:
     scan = weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths)
     needed = 0
     for index in range(len(HEADINGS)):
@@ -63,23 +63,23 @@ def test_the_change_asked_for_makes_the_model_say_what_was_measured() -> None:
             if change < -15:
                 continue
             needed += change != 0
-            after = heard_with(BOARD.threshold_db + change + math.copysign(_A_LITTLE, change), index)
+            after = range_with(BOARD.threshold_db + change + math.copysign(_A_LITTLE, change), index)
             assert math.isnan(after) if measured is None else abs(after - measured) <= 0.05 + 1e-9
     assert needed > len(HEADINGS)
 
 
-def test_no_threshold_makes_an_echo_of_nothing() -> None:
+def test_no_threshold_adds_an_echo_without_a_path() -> None:
     assert change_for(weigh_paths(ROOM, PLACE, BOARD, HEADINGS, SCAN.paths), 0, 0.1) is None
 
 
 @pytest.mark.parametrize("position", [(1.793, 0.3), (0.31, 0.302), (1.38, 1.792), (0.42, 0.4)])
-def test_a_wall_moved_by_what_is_told_lets_the_other_win_and_not_before(position: tuple[float, float]) -> None:
+def test_another_echo_wins_exactly_after_the_returned_shift_of_a_wall(position: tuple[float, float]) -> None:
     options, here = PredictionOptions(diffraction=False), Place("", position)
     headings = np.radians(np.arange(0.0, 360.0, 5.0))
     scan = predict_scan(ROOM, here, BOARD, headings, options)
     left = np.sign((left_normals(ROOM.walls) * (np.array(position) - ROOM.walls[:, :2])).sum(axis=1))
-    told = {index: change for index in range(len(headings)) if (change := wall_change(scan, index)) is not None}
-    slight = {index: change for index, change in told.items() if abs(change.nearer) < 0.025}
+    changes = {index: change for index in range(len(headings)) if (change := wall_change(scan, index)) is not None}
+    slight = {index: change for index, change in changes.items() if abs(change.nearer) < 0.025}
     assert len(slight) > 0
     for index, change in slight.items():
         for share, winner in ((0.95, int(scan.winners[index])), (1.05, change.echo.path)):
@@ -90,7 +90,7 @@ def test_a_wall_moved_by_what_is_told_lets_the_other_win_and_not_before(position
             assert after.paths.via(int(after.winners[0]), moved) in (via, via[::-1])
 
 
-def test_a_sentence_tells_of_the_wall_that_nearly_lets_another_win() -> None:
+def test_a_sentence_mentions_a_small_shift_of_a_wall() -> None:
     reading = Reading(0, 0, 0, math.radians(320.0), 0.0, (2 * 0.3 / 340.0,), 340.0)
     sentence = explain_reading(compare_readings([reading], ROOM, Place("", (1.805, 0.3)), BOARD), 0)
     assert sentence.startswith("0.300 m at 320.0°: one reflection, east; with ")

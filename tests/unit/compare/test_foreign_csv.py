@@ -1,4 +1,4 @@
-"""Columns are known by their names where only one can be meant; else the file is refused, and what to do is said."""
+"""Columns are guessed by unambiguous names; otherwise the file is rejected with a remedy."""
 
 from pathlib import Path
 
@@ -24,14 +24,14 @@ def written(folder: Path, header: str) -> Path:
         ("n,bearing,range", CsvColumns("bearing", "range"), 1.0),
     ],
 )
-def test_columns_are_guessed_by_name_and_the_unit_by_the_end_of_it(
+def test_columns_and_unit_are_guessed_from_names(
     tmp_path: Path, header: str, columns: CsvColumns, scale: float
 ) -> None:
     guessed, meaning = guess_columns(written(tmp_path, header))
     assert (guessed, meaning.scale, meaning.sign) == (columns, scale, 1.0)
 
 
-def test_a_file_whose_columns_are_known_is_read_without_being_asked_about(tmp_path: Path) -> None:
+def test_a_file_with_guessed_columns_is_read(tmp_path: Path) -> None:
     path = written(tmp_path, "time_s,heading_deg,range_cm")
     readings = read_foreign_scan(path, *guess_columns(path))
     assert [reading.time for reading in readings] == [0.0, 1.0]
@@ -39,16 +39,14 @@ def test_a_file_whose_columns_are_known_is_read_without_being_asked_about(tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("header", "said"),
+    ("header", "message"),
     [
         ("a,b,range", "a name for a heading"),
         ("heading,b,c", "a name for a range"),
         ("heading_left,heading_right,range", "a name for a heading"),
     ],
 )
-def test_a_file_in_which_nothing_or_more_than_one_can_be_meant_is_refused(
-    tmp_path: Path, header: str, said: str
-) -> None:
-    with pytest.raises(InputError, match=said) as refused:
+def test_missing_and_ambiguous_columns_are_rejected(tmp_path: Path, header: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as rejected:
         guess_columns(written(tmp_path, header))
-    assert "--heading COL" in str(refused.value)
+    assert "--heading COL" in str(rejected.value)

@@ -39,6 +39,7 @@ from sonarhw_compare.fit.values.quantities import (
     AirQuantity,
     BoardQuantity,
     PlaceQuantity,
+    Quantity,
     reflectance_of,
 )
 
@@ -129,12 +130,23 @@ class Problem:
         chosen = dict(zip(self.parameters, values.tolist(), strict=False))
         return applied(chosen, self.room, self.places, self.board)
 
+    def rows_of(self, quantity: Quantity) -> list[int]:
+        """Return the rows of all parameters of a quantity."""
+        return [row for row, parameter in enumerate(self.parameters) if parameter.quantity is quantity]
+
+    def pose_rows(self, scan: int) -> list[int]:
+        """Return the rows of the parameters of the place of a scan."""
+        return [
+            row
+            for row, parameter in enumerate(self.parameters)
+            if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
+        ]
+
     def near(self, values: FloatArray, prediction: PredictionOptions | None = None) -> "Objective":
         """Return the objective near these values. Paths are searched with `prediction` or the problem's own options."""
         room, places, board = self.setting(values)
         search = search_for(room, self.board, prediction or self.prediction)
-        materials = [parameter.of for parameter in self.parameters if parameter.quantity is REFLECTANCE]
-        walls = [parameter.of for parameter in self.parameters if parameter.quantity is WALL]
+        materials, walls = ([self.parameters[row].of for row in self.rows_of(one)] for one in (REFLECTANCE, WALL))
         found = []
         for place in places:
             paths = paths_from(room, place, search, None, board.aperture_radius)
@@ -292,7 +304,7 @@ class Objective:
 
     @cached_property
     def _reflectance_rows(self) -> list[int]:
-        return [row for row, one in enumerate(self.problem.parameters) if one.quantity is REFLECTANCE]
+        return self.problem.rows_of(REFLECTANCE)
 
     @cached_property
     def _reflectances(self) -> FloatArray:
@@ -300,7 +312,7 @@ class Objective:
 
     @cached_property
     def _wall_rows(self) -> list[int]:
-        return [row for row, one in enumerate(self.problem.parameters) if one.quantity is WALL]
+        return self.problem.rows_of(WALL)
 
 
 def _length(vectors: FloatArray, rise: FloatArray) -> FloatArray:

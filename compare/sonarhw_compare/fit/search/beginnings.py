@@ -38,11 +38,7 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
 
     Their scores are those of this scan alone with coarse noise. `tick` receives the completed share, 0..1.
     """
-    rows = [
-        row
-        for row, parameter in enumerate(problem.parameters)
-        if isinstance(parameter.quantity, PlaceQuantity) and parameter.scan in (scan, None)
-    ]
+    rows = problem.pose_rows(scan)
     if not rows:
         return [Candidate(problem.start(), 0.0)]
     # a wrong offset would shift the place

@@ -25,7 +25,7 @@ _LONGER = 1  # most repetitions with twice as many samples, if the chain has not
 _TESTABLE = 50  # steps; fewer are too few to test for convergence
 _DRIFT = 0.4  # standard deviations, largest difference between the means of both halves of a converged chain
 _GROWTH = 1.5  # largest ratio of the deviations of both halves
-REGION = (2.5, 97.5)  # percent
+CREDIBLE_INTERVAL = (2.5, 97.5)  # percentiles
 
 
 def samples_of(

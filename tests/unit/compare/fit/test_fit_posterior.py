@@ -1,4 +1,4 @@
-"""Samples of distributions that are known in closed form have their means and deviations."""
+"""Samples of distributions with known moments have their means and standard deviations."""
 
 from types import SimpleNamespace
 from typing import cast
@@ -10,12 +10,12 @@ from sonarhw_compare.fit.search.posterior import samples_of
 
 from sonarhw.readings import FloatArray
 
-SIZE = 11  # numbers: five of a pose, six of noise
+SIZE = 11  # five parameters and six of noise
 DRAWS = 40_000
 
 
 class Target:
-    """A normal distribution with unit deviations, neighbours correlated by half, cut off at its bounds."""
+    """A normal distribution with unit deviations, neighbours correlated by 0.5, truncated at its bounds."""
 
     def __init__(self, lowest: float = -np.inf) -> None:
         apart = np.abs(np.subtract.outer(np.arange(SIZE), np.arange(SIZE)))
@@ -31,7 +31,7 @@ class Target:
 
 
 class Box(Target):
-    """As likely everywhere between its bounds: no slope anywhere, and an end on either side."""
+    """A uniform distribution between its bounds."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -54,13 +54,13 @@ def test_samples_of_a_normal_distribution_have_its_deviations_and_correlations()
     assert samples.mean(axis=0) == pytest.approx(np.zeros(SIZE), abs=0.1)
 
 
-def test_a_normal_distribution_cut_in_half_has_the_mean_and_deviation_of_its_half() -> None:
+def test_samples_of_a_half_normal_distribution_have_its_moments() -> None:
     samples = drawn(Target(lowest=0.0), np.zeros(SIZE))[:, 0]
     assert samples.mean() == pytest.approx(np.sqrt(2 / np.pi), rel=0.04)
     assert samples.std() == pytest.approx(np.sqrt(1 - 2 / np.pi), rel=0.04)
 
 
-def test_samples_of_a_box_reach_its_edges() -> None:
+def test_samples_of_a_uniform_distribution_reach_its_bounds() -> None:
     samples = drawn(Box(), np.zeros(SIZE))
     assert samples.std(axis=0) == pytest.approx(np.full(SIZE, 1 / np.sqrt(3)), rel=0.08)
     assert samples.std(axis=0).mean() == pytest.approx(1 / np.sqrt(3), rel=0.03)

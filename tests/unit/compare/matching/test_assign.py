@@ -1,4 +1,4 @@
-"""Echoes are assigned one to one and as near as can be, against trying every way."""
+"""Echoes are assigned one to one with minimal residuals, compared with all possible assignments."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -18,7 +18,7 @@ PLACE = ROOM.places["figure9"]
 SPEED = 340.0
 
 
-def test_assignment_is_the_best_of_all() -> None:
+def test_assignment_has_the_least_cost() -> None:
     random = np.random.default_rng(2)
     for _ in range(50):
         measured, predicted = np.sort(random.uniform(0, 0.5, 4)), np.sort(random.uniform(0, 0.5, 5))
@@ -30,25 +30,25 @@ def test_assignment_is_the_best_of_all() -> None:
         taken = [k for k in chosen if k is not None]
         cost = sum(2 * TOLERANCE if k is None else abs(m - predicted[k]) for m, k in zip(measured, chosen, strict=True))
         assert len(set(taken)) == len(taken)
-        # pairs between one and two gates are none, and count as two
+        # pairs between one and two gates are not assigned and cost two gates
         assert cost == pytest.approx(min(costs), abs=TOLERANCE * (len(chosen) - len(taken)) + 1e-12)
 
 
-def test_nothing_is_assigned_to_nothing() -> None:
+def test_empty_scans_have_no_assignments() -> None:
     assert assigned(np.empty(0), np.array([1.0])) == []
     assert assigned(np.array([1.0]), np.empty(0)) == [None]
     assert assigned(np.array([1.0, 1.02]), np.array([1.01])).count(None) == 1
 
 
-def test_every_echo_of_a_reading_is_found_again() -> None:
+def test_every_echo_of_a_reading_gets_its_predicted_echo() -> None:
     heading = np.array([1.0])
-    told = predict_scan(ROOM, PLACE, BOARD, heading).echoes(0)[:3]
-    stray = told[0].range - 0.3
-    times = tuple(2 * distance / SPEED for distance in (stray, *(echo.range + 0.004 for echo in told)))
+    predicted_echoes = predict_scan(ROOM, PLACE, BOARD, heading).echoes(0)[:3]
+    stray = predicted_echoes[0].range - 0.3
+    times = tuple(2 * distance / SPEED for distance in (stray, *(echo.range + 0.004 for echo in predicted_echoes)))
     reading = Reading(0, 0, 0, 0.0, 0.0, times, SPEED)
     comparison = compare_readings([reading], ROOM, replace(PLACE, heading=1.0), BOARD)
     echoes = assigned_echoes(comparison, 0)
-    assert [echo.path for echo in echoes] == [None, *(echo.path for echo in told)]
+    assert [echo.path for echo in echoes] == [None, *(echo.path for echo in predicted_echoes)]
     statistics = echo_statistics(comparison)
     assert (statistics.echoes, statistics.explained) == (4, 0.75)
     assert statistics.bias_m == pytest.approx(0.004, abs=1e-9)

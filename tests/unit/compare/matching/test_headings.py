@@ -1,4 +1,4 @@
-"""A heading is told as one and the same number wherever it stands, and never as 360 degrees."""
+"""A heading is the same number in every output, and never 360 degrees."""
 
 import math
 import re
@@ -30,14 +30,14 @@ def test_a_heading_just_below_zero_is_0_degrees(just_below: float) -> None:
     assert heading_text(just_below, 0) == "0°"
 
 
-def test_others_are_what_they_are() -> None:
+def test_other_headings_are_in_0_to_360_degrees() -> None:
     assert in_degrees(-math.pi / 2) == 270.0
     assert in_degrees(math.radians(359.94), 2) == 359.94
     assert heading_text(math.radians(359.94)) == "359.9°"
     assert heading_text(3 * math.pi) == "180.0°"
 
 
-def test_report_sentence_and_figures_tell_one_heading() -> None:
+def test_report_sentence_and_summary_have_the_same_heading() -> None:
     place = replace(PLACE, heading=math.radians(-0.01))
     reading = Reading(0, 0, 0, 0.0, 0.0, (0.001,), 340.0)
     report = report_of("log", [reading], ROOM, place, PAPER, PredictionOptions())
@@ -49,7 +49,7 @@ def test_report_sentence_and_figures_tell_one_heading() -> None:
     assert "360.0" not in page
 
 
-def test_a_fitted_heading_that_rounds_to_360_stands_in_the_table_as_0_with_its_region_about_it() -> None:
+def test_a_fitted_heading_that_rounds_to_360_is_0_in_the_table_with_its_interval_around_it() -> None:
     free = free_parameters(("heading",), ("scan",), ROOM, PAPER)
     values = [math.radians(degrees) for degrees in (359.998, 0.14, 359.7, 360.3)]
     result = FitResult(

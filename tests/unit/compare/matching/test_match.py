@@ -1,4 +1,4 @@
-"""Classes, figures, sentences and the plain fit, against scans whose truth is known."""
+"""Classes, figures, sentences and the plain fit, on scans with known truth."""
 
 import math
 from dataclasses import replace
@@ -26,8 +26,8 @@ def reading(number: int, angle: float, distance: float | None) -> Reading:
     return Reading(number, 0, 0, angle, 0.1 * number, times, SPEED)
 
 
-def scan_of_the_model(step_deg: float, heading: float = 0.0, offset: float = 0.0) -> list[Reading]:
-    """What the model predicts, taken by a turntable whose step 0 points at `heading`, with ranges short by `offset`."""
+def predicted_readings(step_deg: float, heading: float = 0.0, offset: float = 0.0) -> list[Reading]:
+    """Return predicted readings of a turntable with step 0 at `heading`, with ranges too short by `offset`."""
     angles = np.radians(np.arange(0, 360, step_deg))
     ranges = predict_scan(ROOM, PLACE, PAPER, angles + heading).ranges
     return [
@@ -51,8 +51,8 @@ def test_every_reading_has_one_class(measured: float | None, predicted: float | 
     assert classify(measured, predicted) is kind
 
 
-def test_a_scan_of_the_model_matches_it_entirely() -> None:
-    summary = compare_readings(scan_of_the_model(5), ROOM, PLACE, PAPER).summary()
+def test_a_predicted_scan_matches_entirely() -> None:
+    summary = compare_readings(predicted_readings(5), ROOM, PLACE, PAPER).summary()
     assert summary.within_5cm == 1.0
     assert summary.explained == 1.0
     assert summary.n == 72
@@ -60,35 +60,35 @@ def test_a_scan_of_the_model_matches_it_entirely() -> None:
     assert sum(summary.classes.values()) == 72
 
 
-def test_figures_count_what_was_done_to_the_scan() -> None:
-    # threshold so high that some headings are silent
+def test_figures_count_the_changes_of_the_scan() -> None:
+    # with this threshold, some headings are silent
     board = replace(PAPER, threshold_db=-3.0)
     angles = np.radians(np.arange(0, 360, 5.0))
     ranges = predict_scan(ROOM, PLACE, board, angles).ranges
-    heard, silent = np.flatnonzero(~np.isnan(ranges)), np.flatnonzero(np.isnan(ranges))
+    with_echo, silent = np.flatnonzero(~np.isnan(ranges)), np.flatnonzero(np.isnan(ranges))
     assert len(silent) > 5
     measured: list[float | None] = [None if math.isnan(r) else float(r) for r in ranges]
-    measured[heard[0]] = None  # missed
-    measured[heard[1]] = float(ranges[heard[1]]) - 0.3  # short
+    measured[with_echo[0]] = None  # missed
+    measured[with_echo[1]] = float(ranges[with_echo[1]]) - 0.3  # short
     measured[silent[0]] = 0.5  # extra
     readings = [reading(k, float(a), m) for k, (a, m) in enumerate(zip(angles, measured, strict=True))]
     summary = compare_readings(readings, ROOM, PLACE, board).summary()
     assert summary.classes["missed"] == summary.classes["short"] == summary.classes["extra"] == 1
-    assert summary.n_echo == len(heard)
-    assert summary.within_5cm == pytest.approx((len(heard) - 2) / len(heard))
-    expected = ((len(silent) - 1) / len(silent) + (len(heard) - 1) / len(heard)) / 2
+    assert summary.n_echo == len(with_echo)
+    assert summary.within_5cm == pytest.approx((len(with_echo) - 2) / len(with_echo))
+    expected = ((len(silent) - 1) / len(silent) + (len(with_echo) - 1) / len(with_echo)) / 2
     assert summary.no_echo_agreement == pytest.approx(expected)
 
 
-def test_figures_are_null_where_nothing_was_measured() -> None:
+def test_figures_are_none_without_measured_echoes() -> None:
     summary = compare_readings([reading(0, 0.0, None)], ROOM, PLACE, PAPER).summary()
     assert (summary.within_5cm, summary.median_abs_error_m, summary.no_echo_agreement, summary.explained) == (None,) * 4
 
 
-def test_a_sensor_outside_the_walls_is_said_to_stand_there() -> None:
+def test_a_sensor_outside_the_walls_is_mentioned() -> None:
     outside = replace(PLACE, position=(-1.0, 0.3))
-    said = explain_reading(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
-    assert said.endswith("the model predicts no echo here; the sensor is outside the walls")
+    outside_text = explain_reading(compare_readings([reading(0, math.pi, 0.5)], ROOM, outside, PAPER), 0)
+    assert outside_text.endswith("the model predicts no echo here; the sensor is outside the walls")
 
 
 def sentence(angle_deg: float, distance: float | None) -> str:
@@ -96,7 +96,7 @@ def sentence(angle_deg: float, distance: float | None) -> str:
     return explain_reading(comparison, 0)
 
 
-def test_false_wall_is_explained() -> None:
+def test_a_false_wall_is_explained() -> None:
     assert sentence(270, 0.827) == (
         "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"
     )
@@ -108,9 +108,9 @@ def test_other_classes_are_explained() -> None:
     assert "a later echo, " in sentence(90, 1.399)
 
 
-def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
+def test_a_sentence_mentions_small_margins() -> None:
     (echo,) = predict_scan(ROOM, PLACE, replace(PAPER, threshold_db=-1.5), np.array([math.pi / 2])).echoes(0)[:1]
-    for threshold, measured, told in (
+    for threshold, measured, expected_end in (
         (echo.level_db - 0.4, 0.657, "; it is only 0.4 dB over the threshold; a higher threshold gives silence"),
         (echo.level_db - 2.5, 0.657, "top"),
         (echo.level_db - 0.4, None, "; a threshold 0.4 dB higher would make the model agree"),
@@ -119,46 +119,46 @@ def test_a_sentence_tells_how_near_a_thing_it_was() -> None:
         board = replace(PAPER, threshold_db=threshold)
         readings = [reading(0, math.pi / 2, measured)]
         sentence = explain_reading(compare_readings(readings, ROOM, PLACE, board), 0)
-        assert sentence.endswith(told)
-        assert not told or ("accounts for it" not in sentence and "may be missing in the room" not in sentence)
+        assert sentence.endswith(expected_end)
+        assert not expected_end or ("accounts for it" not in sentence and "may be missing in the room" not in sentence)
 
 
 @pytest.mark.parametrize(("heading_deg", "offset"), [(0.0, 0.0), (37.5, 0.02), (200.0, -0.03)])
-def test_fit_finds_heading_and_offset_of_a_scan_of_the_model(heading_deg: float, offset: float) -> None:
-    readings = scan_of_the_model(6, math.radians(heading_deg), offset)
+def test_fit_finds_heading_and_offset_of_a_predicted_scan(heading_deg: float, offset: float) -> None:
+    readings = predicted_readings(6, math.radians(heading_deg), offset)
     fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
     assert math.degrees(fit.heading) == pytest.approx(heading_deg, abs=0.5 + 1e-9)
     assert fit.offset == pytest.approx(offset, abs=0.005)
 
 
-def test_fit_finds_where_nearby_a_scan_of_the_model_was_taken() -> None:
-    readings = scan_of_the_model(6, 0.5, 0.01)
+def test_fit_finds_a_position_nearby() -> None:
+    readings = predicted_readings(6, 0.5, 0.01)
     believed = replace(PLACE, position=(PLACE.position[0] + 0.02, PLACE.position[1] - 0.01))
-    told: list[float] = []
-    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}), tick=told.append)
+    shares: list[float] = []
+    fit = fit_scan(readings, ROOM, believed, PAPER, frozenset({"heading", "offset", "position"}), tick=shares.append)
     assert fit.place.position == pytest.approx(PLACE.position, abs=1e-9)
     assert fit.offset == pytest.approx(0.01)
-    assert told == sorted(told)
-    assert (told[0], told[-1]) == (0.0, 1.0)
-    assert len(told) > 20  # so many positions are tried, and none is silent
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert len(shares) > 20  # one call for each position
 
 
-def test_fit_leaves_alone_what_is_not_free() -> None:
-    fit = fit_scan(scan_of_the_model(6, 1.0, 0.02), ROOM, PLACE, PAPER, frozenset({"heading"}))
+def test_fit_changes_only_free_parameters() -> None:
+    fit = fit_scan(predicted_readings(6, 1.0, 0.02), ROOM, PLACE, PAPER, frozenset({"heading"}))
     assert (fit.offset, fit.place) == (0.0, PLACE)
 
 
-def test_fit_refuses_what_it_does_not_know() -> None:
+def test_fit_rejects_unknown_parameters() -> None:
     with pytest.raises(InputError, match="wind"):
-        fit_scan(scan_of_the_model(30), ROOM, PLACE, PAPER, frozenset({"wind"}))
+        fit_scan(predicted_readings(30), ROOM, PLACE, PAPER, frozenset({"wind"}))
 
 
-def test_turntable_that_counts_the_other_way_cannot_be_mended_by_a_heading() -> None:
+def test_no_heading_corrects_a_reversed_turntable() -> None:
     def share(readings: list[Reading]) -> float:
         fit = fit_scan(readings, ROOM, PLACE, PAPER, frozenset({"heading", "offset"}))
         comparison: Comparison = compare_readings(readings, ROOM, PLACE, PAPER, heading=fit.heading, offset=fit.offset)
         return comparison.summary().within_5cm or 0.0
 
-    readings = scan_of_the_model(6, 0.5)
+    readings = predicted_readings(6, 0.5)
     assert share(readings) > 0.95
     assert share([replace(r, angle=-r.angle) for r in readings]) < 0.6

@@ -1,4 +1,4 @@
-"""Regions of a scan are found again in a scan that is turned, shifted and has holes."""
+"""Regions of a scan are matched to those of a scan that is rotated, shifted or incomplete."""
 
 import math
 
@@ -26,21 +26,21 @@ def scan(turned: float, farther: float, silent: slice) -> list[Reading]:
     return [Reading(k, 0, 0, float(a), 0.1 * k, times[k], SPEED) for k, a in enumerate(ANGLES)]
 
 
-def test_a_scan_of_the_model_has_the_models_regions() -> None:
+def test_a_predicted_scan_has_the_predicted_regions() -> None:
     found = compare_regions(compare_readings(scan(0.0, 0.0, slice(0, 0)), ROOM, PLACE, BOARD))
     assert len(found.pairs) >= 4
     assert (found.only_measured, found.only_predicted) == ((), ())
     assert all((pair.farther, pair.turned, pair.wider) == (0.0, 0.0, 0.0) for pair in found.pairs)
 
 
-def test_what_turned_and_shifted_a_scan_is_seen_in_its_regions() -> None:
+def test_regions_show_rotation_and_offset_of_a_scan() -> None:
     readings = scan(math.radians(6), 0.02, slice(0, 0))
     found = compare_regions(compare_readings(readings, ROOM, PLACE, BOARD))
     assert np.median([pair.farther for pair in found.pairs]) == pytest.approx(0.02, abs=1e-6)
     assert np.median([pair.turned for pair in found.pairs]) == pytest.approx(math.radians(-6), abs=math.radians(1.6))
 
 
-def test_a_region_that_fell_silent_is_told() -> None:
+def test_a_silent_region_is_only_predicted() -> None:
     whole = regions_of(ANGLES, predict_scan(ROOM, PLACE, BOARD, ANGLES).ranges)
     lost = next(region for region in whole if max(region.rows) - min(region.rows) == len(region) - 1)
     silent = slice(min(lost.rows), max(lost.rows) + 1)
@@ -49,14 +49,14 @@ def test_a_region_that_fell_silent_is_told() -> None:
     assert len(found.pairs) == len(whole) - 1
 
 
-def test_regions_of_nothing_match_nothing() -> None:
+def test_empty_scans_have_no_pairs() -> None:
     some = regions_of(ANGLES, np.ones(120))
     assert match_regions((), some).only_predicted == some
     assert match_regions(some, ()).only_measured == some
     assert match_regions((), ()).pairs == ()
 
 
-def test_two_walls_as_far_are_two_regions_of_a_scan_as_of_its_prediction() -> None:
+def test_two_walls_at_equal_range_are_two_regions() -> None:
     place = ROOM.places["p1"]  # 30 cm from two walls
     ranges = predict_scan(ROOM, place, BOARD, ANGLES).ranges
     times = [() if math.isnan(r) else (2 * float(r) / SPEED,) for r in ranges]
@@ -67,7 +67,7 @@ def test_two_walls_as_far_are_two_regions_of_a_scan_as_of_its_prediction() -> No
     assert (found.parts, found.only_measured, found.only_predicted) == ((), (), ())
 
 
-def test_a_mirror_heard_in_pieces_is_one_region_and_its_parts() -> None:
+def test_a_reflector_detected_in_pieces_is_one_region_and_its_parts() -> None:
     whole = regions_of(ANGLES, np.where(ANGLES < 2, 1.0, np.nan))
     pieces = regions_of(ANGLES, np.where((ANGLES < 2) & (np.abs(ANGLES - 0.8) > 0.12), 1.0, np.nan))
     found = match_regions(pieces, whole)

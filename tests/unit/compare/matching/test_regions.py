@@ -1,4 +1,4 @@
-"""Regions of constant depth: found where they are, whole across heading 0, and not where there is none."""
+"""Regions of constant depth are found, also across heading 0, and only where they exist."""
 
 import math
 
@@ -24,7 +24,7 @@ def test_a_region_across_heading_0_is_one() -> None:
     assert math.degrees(region.width) == pytest.approx(24)
 
 
-def test_ranges_that_creep_are_cut_where_they_have_crept_too_far() -> None:
+def test_slowly_changing_ranges_are_split_at_the_tolerance() -> None:
     ranges = np.full(120, np.nan)
     ranges[10:30] = 1.0 + 0.004 * np.arange(20)
     regions = regions_of(HEADINGS, ranges, tolerance=0.0201, least_width=0.0)
@@ -32,12 +32,12 @@ def test_ranges_that_creep_are_cut_where_they_have_crept_too_far() -> None:
     assert regions_of(HEADINGS, ranges, tolerance=0.003) == ()
 
 
-def test_headings_that_were_not_scanned_end_a_region() -> None:
+def test_a_gap_between_headings_ends_a_region() -> None:
     headings = np.radians(np.concatenate((np.arange(0.0, 30.0, 3.0), np.arange(60.0, 90.0, 3.0))))
     assert [len(region) for region in regions_of(headings, np.full(20, 2.0))] == [10, 10]
 
 
-def test_order_and_turns_of_readings_make_no_difference() -> None:
+def test_order_and_whole_turns_of_readings_do_not_matter() -> None:
     random = np.random.default_rng(3)
     ranges = np.repeat(random.uniform(0.5, 3.0, 12), 10)
     order = random.permutation(120)
@@ -47,7 +47,7 @@ def test_order_and_turns_of_readings_make_no_difference() -> None:
     assert [sorted(order[list(region.rows)].tolist()) for region in shuffled] == [sorted(r.rows) for r in straight]
 
 
-def test_several_pings_at_a_heading_widen_no_region() -> None:
+def test_repeated_pings_do_not_widen_a_region() -> None:
     ranges = np.repeat([1.0, 2.0, np.nan], 40)
     once, thrice = regions_of(HEADINGS, ranges), regions_of(np.repeat(HEADINGS, 3), np.repeat(ranges, 3))
     assert [(region.bearing, region.width) for region in thrice] == [(region.bearing, region.width) for region in once]
@@ -55,14 +55,14 @@ def test_several_pings_at_a_heading_widen_no_region() -> None:
     assert mean_run(np.repeat(HEADINGS, 3), np.repeat(ranges, 3)) == 3 * mean_run(HEADINGS, ranges)
 
 
-def test_neighbours_of_one_range_and_neighbouring_silence_say_the_same() -> None:
+def test_neighbours_with_one_range_count_as_one_reading() -> None:
     ranges = np.repeat([1.0, np.nan, 2.0, 3.0], 30)
     assert mean_run(HEADINGS, ranges) == pytest.approx(30)
     assert mean_run(HEADINGS, np.arange(120.0)) == 1
 
 
-def test_a_wall_is_a_region_as_wide_as_its_echo_is_loud() -> None:
-    """Straight ahead of a lone wall the beam, both ways, passes the threshold at a known angle to each side."""
+def test_the_width_of_a_region_follows_from_the_beam() -> None:
+    """The two-way beam falls below the threshold at a known angle from the normal of a single wall."""
     room = polygon_room([(2.0, -3.0), (2.0, 3.0)], closed=False)
     board = load_board("paper")
     headings = np.radians(np.arange(-60.0, 60.0, 0.25))
@@ -78,7 +78,7 @@ def test_a_wall_is_a_region_as_wide_as_its_echo_is_loud() -> None:
     assert math.degrees(widest.width) == pytest.approx(2 * math.degrees(reach), abs=0.5)
 
 
-def test_silence_ends_a_region_unless_it_is_a_narrow_one() -> None:
+def test_only_wide_silence_ends_a_region() -> None:
     ranges = np.full(120, 1.0)
     ranges[60:70] = ranges[90] = ranges[0] = np.nan
     assert [(len(region), region.rows[0]) for region in regions_of(HEADINGS, ranges)] == [(108, 70)]
