@@ -1,8 +1,8 @@
 """Pictures of the window in the demo room: every view, the panels, a live scan, a replay.
 
-They go to the folder in SONARHW_SCREENSHOTS, in both palettes and two sizes; without one they are taken in one look and
-not kept. With QT_SCALE_FACTOR=2 they are taken at 200 %. docs/screenshots holds some; docs/how_to/window.md
-explains them.
+SONARHW_SCREENSHOTS=FOLDER writes them to a folder, in both palettes and two sizes. Without it, they are taken in one
+look and not saved. QT_SCALE_FACTOR=2 takes them at 200 %. docs/screenshots contains some of them, and
+docs/how_to/window.md explains them.
 """
 
 import io
@@ -44,26 +44,26 @@ FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
 LOOKS = [(LIGHT, SMALL)] if FOLDER is None else [(paper, size) for size in (SMALL, LARGE) for paper in (LIGHT, DARK)]
 HEADINGS = 120
-ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second leaves time for the picture of the first
+ORDER = ScanOrder(0.0, radians(3), HEADINGS, sweeps=2)  # the second sweep leaves time for the picture of the first one
 LIVE_UP_TO = 84  # readings in the picture of the running scan
-ASKED, ASKED_LIVE, ASKED_OF_TRACE = 38, 74, 74  # the readings that the pictures explain
+SELECTED, SELECTED_LIVE, SELECTED_FOR_TRACE = 38, 74, 74  # the readings that the pictures explain
 TRACE, RANGES, TABLE = (500, 120, 60), (60, 560, 60), (60, 240, 400)  # shares of the right column
 PORTS = [Port("/dev/ttyACM0", "ttyACM0", Usb(0x2341, 0x0042, "1234", None)), Port("/dev/ttyS0", "n/a")]
 
 
 class Album:
-    """Where pictures are put: NAME.png, with what is not usual about it in the name."""
+    """A folder of pictures NAME.png. The name includes palette, size and scale if they are not the default."""
 
     def __init__(self, folder: Path, paper: Palette, size: tuple[int, int]) -> None:
         self._folder, self._dark, self._size = folder, paper is DARK, size
 
     def keep(self, part: QWidget, name: str) -> None:
-        """A picture of a window or a dialog, in 256 colours, which takes a third of the space."""
+        """Save a picture of a window or a dialog in 256 colours, which takes a third of the space."""
         image, scale = part.grab().toImage(), part.devicePixelRatioF()
         if part.isWindow() and isinstance(part, MainWindow):
             assert (image.width(), image.height()) == tuple(round(scale * length) for length in self._size)
         if FOLDER is None:
-            return  # nobody looks at them; compressing would take a third of the time
+            return  # compressing would take a third of the time
         unusual = {"-dark": self._dark, f"-{self._size[0]}": self._size != SMALL, f"-at-{100 * scale:.0f}": scale != 1}
         kept = QBuffer()
         kept.open(QBuffer.OpenModeFlag.WriteOnly)
@@ -74,7 +74,7 @@ class Album:
 
 
 def in_few_colours(picture: Image.Image) -> Image.Image:
-    """In 256 colours: the most frequent as they are, so that grounds and marks keep theirs, and some for the rest."""
+    """Reduce a picture to 256 colours: the 128 most frequent ones unchanged, and 128 for the rest."""
     counts = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
     exact = [colour for _, colour in counts[:128]]
     rest = picture.quantize(128, Image.Quantize.MAXCOVERAGE).getpalette()
@@ -95,7 +95,7 @@ def album(look: tuple[Palette, tuple[int, int]], tmp_path: Path) -> Album:
 
 @pytest.fixture
 def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A recordings folder that the status bar shows as it would a person's own."""
+    """Return a recordings folder below a temporary home folder, which the status bar shows as ~."""
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     return tmp_path / ".local" / "share" / "sonarhw" / "recordings"
 
@@ -119,7 +119,7 @@ def fake(echoes: RoomEchoes, scene: Scene) -> FakeBoard:
 
 @pytest.fixture(scope="module")
 def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of one whole turn with traces."""
+    """Record a log of one full turn with traces."""
     settings = ScanSettings(tmp_path_factory.mktemp("scans"), replace(ORDER, sweeps=1))
     with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace="max") as endpoint:
         live = LiveDevice(lambda: Scanner.open(endpoint.url), ScanJob(bench, settings))
@@ -129,7 +129,7 @@ def scan(bench: Scene, echoes: RoomEchoes, tmp_path_factory: pytest.TempPathFact
     return live.status.recording
 
 
-def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
+def with_look(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWindow:
     paper, size = look
     window.session.showing.set_look(replace(window.session.shown.look, palette=paper))
     window.resize(*size)
@@ -137,7 +137,7 @@ def dressed(window: MainWindow, look: tuple[Palette, tuple[int, int]]) -> MainWi
 
 
 def traced(window: MainWindow) -> bool:
-    """Whether everything about the chosen reading is shown."""
+    """Return whether the sentence and the trace of the selected reading are shown."""
     shown = window.session.shown
     return (
         shown.chosen_row is not None and shown.trace is not None and shown.trace.heading == shown.heading(shown.chosen)
@@ -145,13 +145,13 @@ def traced(window: MainWindow) -> bool:
 
 
 def share(window: MainWindow, sizes: tuple[int, int, int]) -> None:
-    """Give the views on the right these shares of the height."""
+    """Set the shares of the height of the views on the right."""
     side = window.findChild(QSplitter, "side")
     side.setSizes([round(part * side.height() / sum(sizes)) for part in sizes])
 
 
 def dock(qtbot: QtBot, window: MainWindow, name: str) -> None:
-    """Open that panel and no other, and wait until everything has found its place."""
+    """Open one panel only, and wait for the layout."""
     docks: Docks = window.docks
     for action in docks.actions:
         if action.isChecked() != (action.text() == name):
@@ -168,17 +168,17 @@ def test_pictures_of_the_demo_live_and_in_replay(
     echoes: RoomEchoes,
     at_home: Path,
 ) -> None:
-    # a picture to keep is taken at the pace of a real board
+    # saved pictures are taken at the pace of a real board
     pace: Pace = "real" if FOLDER else 4.0
-    order = ORDER if FOLDER else replace(ORDER, sweeps=1000)  # always stopped before its end
+    order = ORDER if FOLDER else replace(ORDER, sweeps=1000)  # stopped early
     with serve(fake(echoes, bench), tcp="127.0.0.1:0", pace=pace) as endpoint:
         window = open_with(scene=bench, order=order, source=lambda: Scanner.open(endpoint.url), recordings=at_home)
-        dressed(window, look)
+        with_look(window, look)
         until(qtbot, lambda: predicted(window))
         window.commands.scan.trigger()
         until(qtbot, lambda: len(window.session.shown.readings) >= LIVE_UP_TO)
-        window.session.showing.choose(ASKED_LIVE)
-        window.commands.fit.trigger()  # the newest readings were far off, and brought into sight
+        window.session.showing.choose(SELECTED_LIVE)
+        window.commands.fit.trigger()  # far readings have extended the visible range
         until(qtbot, lambda: traced(window))
         album.keep(window, "live")
         assert window.status_bar.badge.text() == "● live"
@@ -192,13 +192,13 @@ def test_pictures_of_the_demo_live_and_in_replay(
         recording = window.session.status.recording
         window.close()
     replay = open_with(scene=bench, source=read_log(recording), source_name=recording.name)
-    show_replay(qtbot, dressed(replay, look), album)
+    show_replay(qtbot, with_look(replay, look), album)
 
 
 def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     until(qtbot, lambda: predicted(window))
     window.session.replay.seek(0.75 * window.session.replay.state.duration)
-    window.session.showing.choose(ASKED)
+    window.session.showing.choose(SELECTED)
     window.session.replay.toggle()
     until(qtbot, lambda: window.status_bar.badge.text() == "replay" and window.session.status.rate > 0)
     until(qtbot, lambda: traced(window))
@@ -208,15 +208,15 @@ def show_replay(qtbot: QtBot, window: MainWindow, album: Album) -> None:
 def test_pictures_of_every_view(
     qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], bench: Scene, scan: Path
 ) -> None:
-    window = dressed(
+    window = with_look(
         open_with(scene=bench, source=read_log(scan), source_name="bench.mcap", find_scanner=nowhere), look
     )
     until(qtbot, lambda: predicted(window))
-    window.session.showing.choose(ASKED)
+    window.session.showing.choose(SELECTED)
     until(qtbot, lambda: traced(window))
     album.keep(window, "plan")
     show_large_views(qtbot, window, album)
-    window.session.showing.choose(ASKED_OF_TRACE)
+    window.session.showing.choose(SELECTED_FOR_TRACE)
     until(qtbot, lambda: traced(window))
     for sizes, name in ((TRACE, "trace"), (RANGES, "ranges"), (TABLE, "table")):
         share(window, sizes)
@@ -236,12 +236,12 @@ def test_pictures_of_every_view(
 def test_picture_of_the_question_in_the_readme(
     qtbot: QtBot, open_with: OpenWith, album: Album, look: tuple[Palette, tuple[int, int]], tmp_path: Path
 ) -> None:
-    """Why does heading 270° in the simple room read 0.827 m? The README's way: a log, a click, a sentence."""
+    """Why does heading 270° in the simple room read 0.827 m? As in the README: a log, a click, a sentence."""
     log, to = tmp_path / "figure9.mcap", "--place figure9 --board paper --out"
     assert run(["simulate", str(ROOM), *to.split(), str(log)]) == 0
     opened = read_log(log)
     window = open_with(scene=scene_of_log(opened.metadata), source=opened, source_name=log.name)
-    dressed(window, look)
+    with_look(window, look)
     until(qtbot, lambda: predicted(window))
     ranges = window.views.ranges
     click(qtbot, ranges, ranges.ranges.vb, place_of(ranges._marks[0], 54))
@@ -283,7 +283,7 @@ def show_panels(qtbot: QtBot, window: MainWindow, album: Album) -> None:
     album.keep(window, "room")
     window.views.plan.drawing.controller.choose_surface(None)
     dock(qtbot, window, "Fit")
-    if FOLDER:  # finding takes a while
+    if FOLDER:  # a fit takes a while
         window.fit_panel.begin.click()
         until(qtbot, window.fit_panel.accept.isVisible)
     qtbot.wait(50)
