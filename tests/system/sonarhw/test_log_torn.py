@@ -79,9 +79,9 @@ def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_
     data = whole.read_bytes()
     for at in range(1, first_record_end(data)):
         (tmp_path / "torn.mcap").write_bytes(data[:at])
-        with pytest.raises(NotALog, match=r"torn\.mcap: ") as told:
+        with pytest.raises(NotALog, match=r"torn\.mcap: ") as raised:
             read_log(tmp_path / "torn.mcap")
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(raised.value)
 
 
 def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path: Path) -> None:
@@ -366,9 +366,9 @@ def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: 
 
 
 def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
-    with pytest.raises(LogError) as told:
+    with pytest.raises(LogError) as raised:
         LogWriter(Path("/dev/full"), METADATA)
-    assert str(told.value) == (
+    assert str(raised.value) == (
         "/dev/full: cannot be written: No space left on device; nothing is recorded, choose another file"
     )
     assert Path("/dev/full").exists()

@@ -110,9 +110,9 @@ def test_an_existing_file_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
 
 
 def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"gone.scan\.mcap: cannot be written: No such file") as told:
+    with pytest.raises(LogError, match=r"gone.scan\.mcap: cannot be written: No such file") as raised:
         LogWriter(tmp_path / "gone" / "scan.mcap", METADATA)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
 
 
 def test_a_log_deleted_while_it_is_written_is_told_and_not_written_into_the_void(tmp_path: Path) -> None:

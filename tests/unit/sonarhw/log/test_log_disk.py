@@ -132,9 +132,9 @@ def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
         record_one(log, number)
         drive.wait()
     drive.pulled = True
-    with pytest.raises(LogError) as told:
+    with pytest.raises(LogError) as raised:
         record_on(log, drive)
-    assert str(told.value) == (
+    assert str(raised.value) == (
         f"{tmp_path / 'scan.mcap'}: cannot be written any further: Input/output error; 3 readings are kept in it; "
         "record to another disk"
     )
