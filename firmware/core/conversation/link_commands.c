@@ -56,7 +56,7 @@ void on_ask_capabilities(const struct command_frame *frame)
         .fastest_trace = TRACE_RATE,
         .longest_trace = TRACE_SAMPLES,
         .fastest_baud = FASTEST_BAUD,
-        .readings_kept = kept_promised(ping_settings.echoes),
+        .readings_kept = kept_at_least(ping_settings.echoes),
     });
 }
 

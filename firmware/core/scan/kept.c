@@ -115,7 +115,7 @@ void kept_get(uint32_t number, struct reading *reading)
     reading->number = number;
 }
 
-uint8_t kept_promised(uint8_t echoes)
+uint8_t kept_at_least(uint8_t echoes)
 {
     uint16_t fit = KEPT_STORE / KEPT_SIZE(echoes);
     return fit < KEPT_MOST ? (uint8_t)fit : KEPT_MOST;

@@ -27,6 +27,6 @@ void kept_add(uint64_t fired_us, int16_t temperature, const uint32_t *echoes, ui
 uint32_t kept_first(void); // number of the oldest kept reading
 uint32_t kept_end(void); // number of the next reading
 void kept_get(uint32_t number, struct reading *reading); // `number` must still be kept
-uint8_t kept_promised(uint8_t echoes); // number of readings kept at least, if none has more echoes
+uint8_t kept_at_least(uint8_t echoes); // number of readings kept at least, if none has more echoes
 
 #endif
