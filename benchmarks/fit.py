@@ -1,9 +1,8 @@
-"""How right a fit is, and how right it is about that: `python -m benchmarks.fit [DRAWS]`.
+"""Errors of fits and coverage of their credible intervals: `python -m benchmarks.fit [DRAWS]`.
 
-Makes scans with known truth, with the errors of real ones: ranges off by 1 mm, levels by 0.5 dB, 2 % of pings lost, 3 %
-of readings anywhere, a thermometer off by 0.2 K. Prints how far fits are from the truth and how often the truth lies in
-the region stated for it, reflectances found from several places at once, and how long a fit takes with the whole room
-as prior.
+Simulates scans with ground truth and the errors of real ones: 1 mm in range, 0.5 dB in level, 2 % of pings lost, 3 % of
+readings with a random range, 0.2 K in temperature. Prints the errors of fits, the coverage of their credible intervals,
+reflectances fitted from several places at once, and the duration of a fit with the whole room as prior.
 """
 
 import math
@@ -28,18 +27,18 @@ from benchmarks.cases.synthetic_scan import READINGS, THERMOMETER, synthetic_sca
 
 ROOMS = ("simple", "arena", "laboratory")
 DRAWS = 500
-NEAR = 0.1  # m: how far from the truth a drawn fit may look
+NEAR = 0.1  # m: half width of the prior of position round the truth
 FREE = ("position", "heading", "offset", "threshold")
 
 
 def board_of(room: Room) -> Board:
-    """The default board; in the simple room, where everything is within its blanking, one that hears from 0.15 m on."""
+    """Return the default board; for the simple room, which is within its blanking, a board that detects from 0.15 m."""
     board = load_board("polaroid-6500")
     return replace(board, blanking_inhibit=0.9e-3) if room.name == "Simple room" else board
 
 
 def place_in(room: Room, random: np.random.Generator, apart: float = 0.12) -> Place:
-    """Somewhere inside the room, `apart` (m) from every wall and post, pointing anywhere."""
+    """Return a random place inside the room, `apart` (m) from every wall and post, with a random heading."""
     ends = room.walls.reshape(-1, 2)
     while True:
         point = random.uniform(ends.min(axis=0), ends.max(axis=0))
@@ -57,16 +56,16 @@ def _clear(room: Room, point: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class DrawnFit:
-    """A fit of a scan with known truth."""
+    """A fit of a scan with ground truth."""
 
     room: str
-    errors: dict[str, float]  # by parameter: fitted less true
-    covered: dict[str, bool]  # whether the region stated holds the truth
+    errors: dict[str, float]  # by parameter: fitted minus true
+    covered: dict[str, bool]  # whether the credible interval contains the truth
     deviations: dict[str, float]
 
 
 def drawn_fit(seed: int, samples: int = 8000, receiver: Receiver = Receiver.FIRST_ECHO) -> DrawnFit:
-    """The fit of draw number `seed`: a room in turn, a place and everything free as they come."""
+    """Return the fit of draw number `seed`: the next room, a random place, and random free parameters."""
     random = np.random.default_rng((seed, 6))
     name = ROOMS[seed % len(ROOMS)]
     room = load_room(f"rooms/{name}.toml")
@@ -112,7 +111,7 @@ def _covers(result: FitResult, name: str, true: float) -> bool:
 
 
 def coverage_table(drawn: Sequence[DrawnFit]) -> list[str]:
-    """For every parameter and room: median and worst error, and how often its region holds the truth."""
+    """Return, for every parameter and room, median and worst error and the coverage of its credible interval."""
     lines = [f"{len(drawn)} draws, {READINGS} readings each, free: {', '.join(FREE)}"]
     for name in (*ROOMS, "all"):
         rows = [one for one in drawn if name in (one.room, "all")]
@@ -124,13 +123,13 @@ def coverage_table(drawn: Sequence[DrawnFit]) -> list[str]:
             lines.append(
                 f"{name:11} {key:10} median error {np.median(errors):7.3f} {unit:2}  95 % below "
                 f"{np.percentile(errors, 95):7.3f} {unit:2}  stated ± {stated:7.3f} {unit:2}  "
-                f"region holds the truth {held:6.1%}"
+                f"coverage {held:6.1%}"
             )
     return lines
 
 
 def reflectance_fit(seed: int) -> list[tuple[float, float, float]]:
-    """Reflectances of the arena's two halves, from three scans with all their echoes: true, found, stated ±; each."""
+    """Fit the reflectances of the arena's two halves to three scans with all echoes: true, fitted, stated ± each."""
     random = np.random.default_rng((seed, 7))
     room = load_room("rooms/arena.toml")
     board, true = board_of(room), random.uniform(0.75, 0.95, 2)
@@ -159,7 +158,7 @@ def _around(parameter: Parameter, scans: Sequence[PlacedScan]) -> Parameter:
 
 
 def timed_fit(seed: int, echoes: int = 1) -> float:
-    """Seconds for a position and heading with the whole arena, eight walls, as prior; so many echoes a reading."""
+    """Return the seconds of a fit of position and heading with the whole arena, eight walls, as prior."""
     random = np.random.default_rng((seed, 8))
     room = load_room("rooms/arena.toml")
     board, place = board_of(room), place_in(room, random)
@@ -171,13 +170,13 @@ def timed_fit(seed: int, echoes: int = 1) -> float:
 
 
 def main() -> None:
-    """Print it all."""
+    """Print all tables."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
     timed_fit(0)  # compiles
     for echoes in (1, 5):
         seconds = sorted(timed_fit(seed, echoes) for seed in range(1, 6))
-        told = f"whole room as prior, {READINGS} readings of {echoes}, 8 walls"
-        print(f"{told}: {seconds[2]:.1f} s a fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
+        title = f"whole room as prior, {READINGS} readings of {echoes}, 8 walls"
+        print(f"{title}: {seconds[2]:.1f} s a fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
         own = partial(drawn_fit, receiver=Receiver.BOARD)
@@ -185,7 +184,7 @@ def main() -> None:
         print("\n".join(coverage_table(list(pool.map(own, range(max(1, draws // 5)), chunksize=4)))))
         for several in pool.map(reflectance_fit, range(max(1, draws // 50))):
             for true, found, stated in several:
-                print(f"reflectance {true:.3f}: found {found:.3f} ± {stated:.3f}, off by {found - true:+.3f}")
+                print(f"reflectance {true:.3f}: fitted {found:.3f} ± {stated:.3f}, error {found - true:+.3f}")
 
 
 if __name__ == "__main__":

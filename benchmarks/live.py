@@ -1,7 +1,7 @@
-"""What a live scan with traces costs: `python -m benchmarks.live [SECONDS]`.
+"""Processor time and memory of a live scan with traces: `python -m benchmarks.live [SECONDS]`.
 
 Runs `sonarhw scan --traces` against `sonarhw fake` in real time, at 10 pings a second, once briefly and once for
-SECONDS more (60); prints what that costs in processor time and memory. The start of a process is the same in both.
+SECONDS more (60), and prints the difference in processor time and memory. Both runs include the start of a process.
 """
 
 import os
@@ -20,7 +20,7 @@ SWEEP = 60  # headings; turning a degree hides inside the ping
 
 @contextmanager
 def fake() -> Iterator[str]:
-    """A fake scanner in real time; its URL."""
+    """Run a fake scanner in real time; yields its URL."""
     command = [*SONARHW, "fake", str(ROOM), "--place", "figure9", "--tcp", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -29,7 +29,7 @@ def fake() -> Iterator[str]:
 
 
 def cost(url: str, sweeps: int) -> tuple[float, float, float]:
-    """Wall clock and processor time of a scan, s, and the most memory it had, MB."""
+    """Return wall clock and processor time of a scan, s, and its peak memory, MB."""
     with TemporaryDirectory() as folder:
         options = ["--to", str(SWEEP), "--step", "1", "--sweeps", str(sweeps), "--traces"]
         command = [*SONARHW, "scan", url, "--out", f"{folder}/scan.mcap", *options]
@@ -45,7 +45,7 @@ def main() -> None:
     """Print the figures."""
     more = max(1, round(float(sys.argv[1]) * 10 / SWEEP)) if len(sys.argv) > 1 else 10
     with fake() as url:
-        cost(url, 1)  # what compiles is compiled
+        cost(url, 1)  # compiles the kernels
         brief, long = cost(url, 1), cost(url, 1 + more)
     wall, processor, memory = (b - a for a, b in zip(brief, long, strict=True))
     print(f"{more * SWEEP} readings with traces in {wall:.1f} s, {more * SWEEP / wall:.1f} a second")

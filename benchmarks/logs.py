@@ -1,8 +1,8 @@
 """An hour of scanning as a log: `python -m benchmarks.logs [HOURS]`.
 
-Writes 36 000 readings an hour with traces of 3 250 samples, as a scanner with 10 pings a second sends them; prints
-what writing takes of one core, what the writer's memory grows by, and how long opening and seeking take: closed, torn
-at its end, and damaged in its middle. Each step is a process of its own, so that its memory is its own.
+Writes 36 000 readings an hour with traces of 3 250 samples, as a scanner with 10 pings a second sends them. Prints the
+share of one core and the memory that writing needs, and the duration of opening and seeking for a closed log, one torn
+at its end, and one damaged in its middle. Each step is a separate process with its own memory.
 """
 
 import math
@@ -34,7 +34,7 @@ STARTED = 1_790_000_000.0
 
 
 def conversation(hours: float) -> Iterator[tuple[float, list[bytes], Reading | None]]:
-    """When, the frames, and the reading they make whole: a greeting, then a scan of many sweeps."""
+    """Yield time, frames, and the reading that they complete: a greeting, then a scan of many sweeps."""
     count = round(hours * 3600 / PERIOD)
     sequence = 0
 
@@ -69,12 +69,12 @@ def conversation(hours: float) -> Iterator[tuple[float, list[bytes], Reading | N
 
 
 def memory() -> float:
-    """The most memory this process has had, MB."""
+    """Return the peak memory of this process, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
 def write(path: Path, hours: float) -> list[str]:
-    """Write it; the time is the writer's alone."""
+    """Write the log; the time is that of the writer only."""
     spent, before = 0.0, 0.0
     with LogWriter(path, LogMetadata("scan", STARTED), live=False) as log:
         for number, (at, frames, reading) in enumerate(conversation(hours)):
@@ -98,7 +98,7 @@ def write(path: Path, hours: float) -> list[str]:
 
 
 def opened(path: Path) -> list[str]:
-    """Open it and seek in it, by time, by sweep and by reading, each with its trace."""
+    """Open the log and seek in it, by time, by sweep and by reading, each with its trace."""
     before = memory()
     began = time.perf_counter()
     log = read_log(path)
@@ -114,7 +114,7 @@ def opened(path: Path) -> list[str]:
 
 
 def seek_times(log: Log) -> Iterator[float]:
-    """How long each of many random seeks takes, up to the trace that is shown, s."""
+    """Yield the duration of many random seeks, including the trace, s."""
     playback, chance = Playback(log), random.Random(1)
     seeks = (
         lambda: playback.seek(chance.uniform(0, playback.duration)),
@@ -131,7 +131,7 @@ def seek_times(log: Log) -> Iterator[float]:
 
 
 def in_its_own_process(step: str, path: Path, hours: float) -> None:
-    """Run a step and print its row."""
+    """Run a step in its own process and print its row."""
     command = [sys.executable, "-m", "benchmarks.logs", str(hours), step, str(path)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     print(f"{path.stem:12}{done.stdout.strip()}", flush=True)

@@ -1,8 +1,7 @@
-"""The fast scan beside the appendix A reference: `python -m benchmarks.prediction`.
+"""The fast prediction compared with the appendix A reference: `python -m benchmarks.prediction`.
 
-Takes the example rooms; prints for each place the time of a fast scan of 72 headings as a share of the time that
-the reference takes for the same headings in the same run (ratios travel between machines, seconds do not), and
-every heading at which the two differ by more than 5 mm. What physics excuses such a heading stands in
+For each place of the example rooms, prints the time of a fast scan of 72 headings as a ratio to the time of the
+reference in the same run, and every heading at which both differ by more than 5 mm. Reasons for such differences are in
 docs/explanation/model.md.
 """
 
@@ -23,11 +22,11 @@ from tests.oracles.reference import range_at
 ROUNDS = 5
 HEADINGS = np.radians(np.arange(0, 360, 5.0))
 QUARTER = math.radians(0.25)
-FINE = math.radians(1 / 32)  # a post spreads neighbouring rays too far apart for a quarter of a degree
+FINE = math.radians(1 / 32)  # a post spreads neighbouring rays, so a quarter of a degree is too coarse
 
 
 def seconds(work: Callable[[], object], rounds: int) -> float:
-    """Median time of `rounds` runs, s."""
+    """Return the median time of `rounds` runs, s."""
     taken = []
     for _ in range(rounds):
         began = time.perf_counter()
@@ -37,7 +36,7 @@ def seconds(work: Callable[[], object], rounds: int) -> float:
 
 
 def differing(scan: PredictedScan, reference: list[float | None]) -> list[str]:
-    """The headings at which both differ by more than 5 mm, with both ranges."""
+    """Return the headings at which both differ by more than 5 mm, with both ranges."""
     return [
         f"{math.degrees(heading):.0f}°: {fast:.3f} m, reference {'no echo' if slow is None else f'{slow:.3f} m'}"
         for heading, fast, slow in zip(scan.headings, scan.ranges, reference, strict=True)
@@ -46,9 +45,9 @@ def differing(scan: PredictedScan, reference: list[float | None]) -> list[str]:
 
 
 def compare_place(room: Room, place: Place, board: Board) -> tuple[str, int]:
-    """The line of one place and the number of headings that differ there, each told in a line of its own."""
+    """Return the lines of one place and its differing headings, and their number."""
     spacing = FINE if len(room.posts) else QUARTER
-    scan = predict_scan(room, place, board, HEADINGS)  # compiles, before the clock runs
+    scan = predict_scan(room, place, board, HEADINGS)  # compiles before the measurement
     fast = seconds(lambda: predict_scan(room, place, board, HEADINGS), ROUNDS)
     began = time.perf_counter()
     reference = [range_at(room, place, board, float(heading), spacing=spacing) for heading in HEADINGS]
@@ -59,7 +58,7 @@ def compare_place(room: Room, place: Place, board: Board) -> tuple[str, int]:
 
 
 def main() -> None:
-    """Print a row a place, and what differs in all."""
+    """Print a row for each place, and the number of all differences."""
     board = load_board("paper")
     print(f"{'room, place':32}{'paths':>6} {'fast':>9} {'reference':>10} {'ratio':>8} {'differ':>10}")
     counts = []

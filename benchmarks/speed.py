@@ -1,8 +1,8 @@
-"""How fast predictions are, as ratios taken in one run: `python -m benchmarks.speed`.
+"""Speed of predictions, as ratios in one run: `python -m benchmarks.speed`.
 
-Takes a floor of offices of 64 to 10 000 walls and rooms of 20; prints one table with what was asked for, what was
-measured, the machine and the versions. The image-source model of pyroomacoustics takes a minute; its row is left out,
-and said to be, where that library is not installed (`pip install .[benchmarks]`).
+Prints one table with required and measured values, the machine and the versions, for floors of offices of 64 to 10 000
+walls and rooms of 20. The image-source model of pyroomacoustics takes a minute. If that library is not installed
+(`pip install .[benchmarks]`), its rows are omitted with a note.
 """
 
 import importlib.metadata
@@ -34,7 +34,7 @@ VERSIONS = ("numpy", "numba", "scipy", "pyroomacoustics")
 
 
 def seconds(work: Callable[[], object], least: float = 0.5) -> float:
-    """Median processor time of `work`, run for at least `least` s and three times, once before the clock runs; s."""
+    """Return the median processor time of `work`, s, over at least `least` s and three runs, after one to compile."""
     work()
     taken: list[float] = []
     while sum(taken) < least or len(taken) < 3:
@@ -45,7 +45,7 @@ def seconds(work: Callable[[], object], least: float = 0.5) -> float:
 
 
 def rows() -> Iterator[Row]:
-    """Every line, as it is measured."""
+    """Yield the rows as they are measured."""
     small, large = office_floor(64), office_floor(1000)
     place, targets = np.array(PLACE.position), np.array([PLACE.position])
     longest = np.array([LONGEST])
@@ -72,15 +72,15 @@ def rows() -> Iterator[Row]:
     yield at_most("whole scan, 1 000 walls: times that of 64 walls", 3, larger / whole)
     huge = office_floor(10_000)
     yield at_most("whole scan, 10 000 walls: times that of 1 000 walls", 6, seconds(lambda: scan(huge)) / larger)
-    board, heard = load_board("polaroid-6500"), hundred_echoes()
-    trace = seconds(lambda: received(heard, board, SPEED, LISTEN).rf(RATE))
+    board, echoes = load_board("polaroid-6500"), hundred_echoes()
+    trace = seconds(lambda: received(echoes, board, SPEED, LISTEN).rf(RATE))
     yield at_most("trace of 62 ms at 1 MHz with 100 echoes: ms", 1, trace * 1e3)
     yield at_most("memory of a scan in 10 000 walls, whole process: MB", 300, memory_of_huge_scan())
 
 
 def memory_of_huge_scan() -> float:
-    """The most memory, MB, that a fresh process takes to predict a scan in a room of 10 000 walls."""
-    # Linux keeps the peak of a process here; what getrusage tells counts the parent's memory, too
+    """Return the peak memory, MB, of a new process that predicts a scan in a room of 10 000 walls."""
+    # the peak of the process on Linux; getrusage would include the parent's memory
     program = (
         "from benchmarks.cases.office import office_floor\n"
         "from benchmarks.cases.office_scan import scan\n"
@@ -92,18 +92,18 @@ def memory_of_huge_scan() -> float:
 
 
 def versions() -> str:
-    """The machine and what runs on it."""
-    known = {dist.metadata["Name"].lower(): dist.version for dist in importlib.metadata.distributions()}
-    installed = ", ".join(f"{name} {known[name]}" for name in VERSIONS if name in known)
-    return f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}, {installed}"
+    """Return the machine and the versions."""
+    installed = {dist.metadata["Name"].lower(): dist.version for dist in importlib.metadata.distributions()}
+    listed = ", ".join(f"{name} {installed[name]}" for name in VERSIONS if name in installed)
+    return f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}, {listed}"
 
 
 def main() -> None:
     """Print the table."""
     print(versions())
-    print(f"{'work':64}{'asked':>9}{'measured':>10}")
+    print(f"{'work':64}{'required':>9}{'measured':>10}")
     for row in (*rows(), *compare_with_image_sources()):
-        print(f"{row.work:64}{row.wanted:>9}{row.measured:>10}  {'' if row.holds else 'missed'}", flush=True)
+        print(f"{row.work:64}{row.required:>9}{row.measured:>10}  {'' if row.holds else 'missed'}", flush=True)
 
 
 if __name__ == "__main__":

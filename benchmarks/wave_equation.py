@@ -1,8 +1,8 @@
-"""The paths beside the wave equation, arrival by arrival: `python -m benchmarks.wave_equation`.
+"""Paths compared with the wave equation, arrival by arrival: `python -m benchmarks.wave_equation`.
 
-Takes the scenes of the tests and some beyond what rays can say; prints each arrival as its path has it and as the wave
-equation has it, for the paper's strength of edges and for Keller's, and the largest differences. dB of a flat wall at
-that length.
+For the scenes of the tests, and some that rays cannot describe, prints the level of each arrival by its path and by the
+wave equation, with the paper's strength of edges and with Keller's, and the largest differences. Levels are in dB
+relative to a flat wall at that length.
 """
 
 import math
@@ -17,16 +17,16 @@ SHARES = (-2, -1, -0.5, 0, 0.5, 1, 2)  # wavelengths
 
 
 def decibels(ratio: float) -> float:
-    """An amplitude ratio in dB."""
+    """Return an amplitude ratio in dB."""
     return 20 * math.log10(ratio)
 
 
 def show_arrivals(scenes: Iterable[Scene]) -> list[tuple[Difference, Difference]]:
-    """Print a row an arrival; hands on each by the paper's strength and by Keller's."""
+    """Print a row for each arrival; return each with the paper's strength and with Keller's."""
     print(f"{'scene, path':52}{'m':>7}{'wave eq.':>9}{'paper':>8}{'Keller':>8}{'differ':>15}{'cycles':>8}")
     rows = []
     for scene in scenes:
-        print(f"{scene.name:52}{'what no path explains':>24}{decibels(unexplained(scene)):8.1f}", flush=True)
+        print(f"{scene.name:52}{'sound without a path':>24}{decibels(unexplained(scene)):8.1f}", flush=True)
         by_angle = {arrival.via: arrival for arrival in differences(scene, EdgeStrength.KELLER)}
         for paper in differences(scene):
             keller = by_angle[paper.via]
@@ -41,7 +41,7 @@ def show_largest(rows: Sequence[tuple[Difference, Difference]]) -> None:
     """Print the largest differences over all arrivals."""
     reflected = [paper for paper, _ in rows if not paper.diffracted]
     diffracted = [row for row in rows if row[0].diffracted]
-    print(f"{len(rows)} arrivals; latest by {max(abs(paper.cycles) for paper, _ in rows):.2f} cycles at most")
+    print(f"{len(rows)} arrivals; time error at most {max(abs(paper.cycles) for paper, _ in rows):.2f} cycles")
     print(f"{len(reflected)} reflected: within {max(abs(arrival.decibels) for arrival in reflected):.2f} dB")
     for name, column in (("paper", 0), ("Keller", 1)):
         apart = [row[column].decibels for row in diffracted]
@@ -49,10 +49,8 @@ def show_largest(rows: Sequence[tuple[Difference, Difference]]) -> None:
 
 
 def show_shadow() -> None:
-    """Print what rays cannot say: a wall that ends abreast of the sensor fades, it does not stop."""
-    print(
-        "\nwall that ends so many wavelengths beyond the point abreast of the sensor: wave equation, loudest path, dB"
-    )
+    """Print what rays cannot describe: the level of a wall that ends opposite the sensor changes gradually."""
+    print("\nwall that ends so many wavelengths beyond the foot of the perpendicular: wave equation, loudest path, dB")
     for share in SHARES:
         scene = abreast_of_an_end(share * WAVELENGTH)
         loudest = max(arrival.predicted.strength for arrival in differences(scene, EdgeStrength.KELLER))

@@ -1,11 +1,11 @@
-"""What the window costs and how soon it answers: `python -m benchmarks.window [--full] [JOB ...]`.
+"""Processor time and response times of the window: `python -m benchmarks.window [--full] [JOB ...]`.
 
 Opens real windows, on Xvfb where there is no display, and prints a table: dragging the sensor with all views open, a
-live scan with traces, a log of an hour, its replay at 50×, repaints by the thousand, the first window. With `--full`
-the replay runs for an hour. Every job is a process of its own.
+live scan with traces, a log of an hour, its replay at 50×, thousands of repaints, the first window. With `--full`
+the replay runs for an hour. Every job is a separate process.
 
-Times by the wall clock mean something on an idle machine only: elsewhere they tell of its neighbours. So processor time
-stands beside them, and the load before all; `nice -n -10` in front, where one may, comes near to an idle machine.
+Times by the wall clock are valid only on an idle machine. Processor times are therefore printed too, and the load at
+the start. With the rights for it, `nice -n -10` approaches an idle machine.
 """
 
 import argparse
@@ -30,7 +30,7 @@ _FULL_HOUR = 3600.0  # s
 
 
 def jobs(full: bool) -> dict[str, Callable[[], list[Figure]]]:
-    """Each job by name."""
+    """Return the jobs by name."""
     return {
         "start": lambda: first_window(float(os.environ[_BEGAN])),
         "drag": lambda: dragging(20.0 if full else 8.0),
@@ -44,7 +44,7 @@ _BEGAN = "SONARHW_BENCHMARK_BEGAN"
 
 
 def in_its_own_process(job: str, full: bool) -> list[Figure]:
-    """Run a job. Raises CalledProcessError where it fails."""
+    """Run a job in its own process. Raises CalledProcessError if it fails."""
     command = [sys.executable, "-m", "benchmarks.window", "--only", job, *(["--full"] if full else [])]
     began = {**os.environ, _BEGAN: str(time.time())}
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=began, text=True)
@@ -52,7 +52,7 @@ def in_its_own_process(job: str, full: bool) -> list[Figure]:
 
 
 def machine() -> str:
-    """Where and with what this was measured."""
+    """Return the machine, the versions and the load."""
     with_what = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
     load = " ".join(f"{share:.1f}" for share in os.getloadavg())
     return (
@@ -62,7 +62,7 @@ def machine() -> str:
 
 
 def row(figure: Figure) -> str:
-    """A line of the table."""
+    """Return a row of the table."""
     target, verdict = "", ""
     if figure.target is not None:
         met = figure.measured >= figure.target if figure.at_least else figure.measured <= figure.target
@@ -79,9 +79,9 @@ def main() -> None:
     parser.add_argument("jobs", nargs="*", metavar="JOB", help=f"of {', '.join(jobs(False))}; default: all")
     parser.add_argument("--full", action="store_true", help="play the long log for an hour")
     parser.add_argument("--only", choices=jobs(False), help=argparse.SUPPRESS)
-    wish = parser.parse_args()
-    if wish.only:
-        print(json.dumps([asdict(figure) for figure in jobs(wish.full)[wish.only]()]))
+    options = parser.parse_args()
+    if options.only:
+        print(json.dumps([asdict(figure) for figure in jobs(options.full)[options.only]()]))
         return
     try:
         check_display()
@@ -90,11 +90,11 @@ def main() -> None:
             raise
         os.execvp(_XVFB[0], [*_XVFB, sys.executable, "-m", "benchmarks.window", *sys.argv[1:]])
     print(machine(), flush=True)
-    wanted = wish.jobs or list(jobs(wish.full))
-    if "start" in wanted:
-        in_its_own_process("start", wish.full)  # what compiles is compiled
-    for job in wanted:
-        for figure in in_its_own_process(job, wish.full):
+    chosen = options.jobs or list(jobs(options.full))
+    if "start" in chosen:
+        in_its_own_process("start", options.full)  # compiles the kernels
+    for job in chosen:
+        for figure in in_its_own_process(job, options.full):
             print(row(figure), flush=True)
 
 

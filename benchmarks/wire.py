@@ -1,7 +1,7 @@
-"""How fast bytes become frames: `python -m benchmarks.wire`.
+"""Speed of decoding bytes to frames: `python -m benchmarks.wire`.
 
-Prints, for frames of 200 bytes on the wire, what this project's decoder and a plain parser that looks at every byte in
-Python take in the same run on one core, and what it takes to make readings of them. A line at 1 000 000 baud brings
+Prints, for frames of 200 bytes on the wire, the speed of this project's decoder, of a plain parser that processes every
+byte in Python, and of the whole driver up to readings, in the same run on one core. A line at 1 000 000 baud transfers
 0.1 MB/s.
 """
 
@@ -16,13 +16,13 @@ from sonarhw.wire.messages import TraceChunk
 
 WIRE = 200  # bytes of a frame
 FRAMES = 20_000
-READ = 4096  # bytes that come at once
+READ = 4096  # bytes a read
 ROUNDS = 5
 _POLYNOMIAL = 0xEDB88320
 
 
 def crc_table() -> list[int]:
-    """CRC-32 of each byte."""
+    """Return the CRC-32 of each byte."""
     table = []
     for byte in range(256):
         for _ in range(8):
@@ -32,7 +32,7 @@ def crc_table() -> list[int]:
 
 
 class ByteByByte:
-    """The parser of many a driver: byte after byte, undoing the stuffing and adding up the CRC as they come."""
+    """A typical parser of a driver: removes the stuffing and updates the CRC byte by byte."""
 
     def __init__(self) -> None:
         self._table = crc_table()
@@ -41,12 +41,12 @@ class ByteByByte:
     def _start(self) -> None:
         self._body = bytearray()
         self._left = 0  # bytes until the next code
-        self._zero = False  # whether a zero stands before it
+        self._zero = False  # whether a zero precedes it
         self._crc = 0xFFFFFFFF
         self._last: list[int] = []  # four bytes that may be the checksum
 
     def feed(self, data: bytes) -> Iterator[Frame]:
-        """The frames that the bytes completed."""
+        """Yield the frames that the bytes complete."""
         for byte in data:
             if byte == 0:
                 if len(self._last) == 4 and self._crc ^ 0xFFFFFFFF == int.from_bytes(bytes(self._last), "little"):
@@ -64,13 +64,13 @@ class ByteByByte:
     def _take(self, byte: int) -> None:
         self._last.append(byte)
         if len(self._last) > 4:
-            sure = self._last.pop(0)
-            self._body.append(sure)
-            self._crc = (self._crc >> 8) ^ self._table[(self._crc ^ sure) & 0xFF]
+            data = self._last.pop(0)
+            self._body.append(data)
+            self._crc = (self._crc >> 8) ^ self._table[(self._crc ^ data) & 0xFF]
 
 
 def stream() -> bytes:
-    """Chunks of traces, as many samples in each as make 200 bytes on the wire."""
+    """Return chunks of traces with as many samples as fit 200 bytes on the wire."""
     chance = random.Random(1)
     empty = len(encode_frame(Frame(TraceChunk.TYPE, 0xFFFF, 2**63, TraceChunk(1, 0, 1, 1, 0, b"").pack())))
     wires = []
@@ -82,7 +82,7 @@ def stream() -> bytes:
 
 
 def seconds(feed: Callable[[], Callable[[bytes], Iterable[object]]], data: bytes) -> float:
-    """Shortest processor time of a few runs over the whole stream, s."""
+    """Return the shortest processor time of a few runs over the whole stream, s."""
     taken = []
     for _ in range(ROUNDS):
         take = feed()
@@ -95,7 +95,7 @@ def seconds(feed: Callable[[], Callable[[bytes], Iterable[object]]], data: bytes
 
 
 def driving() -> Callable[[bytes], Iterable[object]]:
-    """Everything a live scan does with its bytes: frames, messages, books, readings."""
+    """Return a function that does all work of a live scan with its bytes: frames, messages, checks, readings."""
     driver = Driver()
 
     def take(data: bytes) -> Iterable[object]:
@@ -112,7 +112,7 @@ def main() -> None:
     takes = {
         "byte by byte in Python": seconds(lambda: ByteByByte().feed, data),
         "sonarhw, bytes to frames": seconds(lambda: FrameDecoder().feed, data),
-        "sonarhw, bytes to messages and books": seconds(driving, data),
+        "sonarhw, bytes to readings": seconds(driving, data),
     }
     slowest = takes["byte by byte in Python"]
     print(f"{FRAMES} frames of {len(data) / FRAMES:.0f} bytes, read {READ} bytes at a time, one core\n")

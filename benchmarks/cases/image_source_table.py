@@ -1,7 +1,7 @@
-"""All specular paths up to seven reflections, beside the image-source model of pyroomacoustics.
+"""Specular paths up to seven reflections, compared with the image-source model of pyroomacoustics.
 
-Takes random rooms of 20 walls; hands on rows for the table of `benchmarks.speed`: how much faster, how many of its
-paths are found, and how many besides. None, where that library is not installed.
+Yields rows for the table of `benchmarks.speed`, for random rooms of 20 walls: speed, share of its paths found, and
+number of additional paths. There are no rows if the library is not installed.
 """
 
 import importlib.util
@@ -25,30 +25,30 @@ _SAME = 1e-4  # m; pyroomacoustics calculates in single precision
 
 
 def compare_with_image_sources() -> Iterator[Row]:
-    """The rows."""
+    """Yield the rows."""
     if importlib.util.find_spec("pyroomacoustics") is None:
         return
     theirs_time = ours_time = 0.0
-    wanted = found = invented = 0
+    expected = found = additional = 0
     for seed in range(ROOMS):
         corners = corners_of_a_room(seed)
         began = time.process_time()
         theirs = image_source_lengths(corners)
         theirs_time += time.process_time() - began
         room = room_of(corners)
-        ray_lengths(room)  # compiles, before the clock runs
+        ray_lengths(room)  # compiles before the measurement
         began = time.process_time()
         ours = ray_lengths(room)
         ours_time += time.process_time() - began
         both = partners(theirs, ours)
-        wanted, found, invented = wanted + len(theirs), found + both, invented + len(ours) - both
+        expected, found, additional = expected + len(theirs), found + both, additional + len(ours) - both
     yield at_least("all paths to 7 reflections, 20 walls: times pyroomacoustics", 1000, theirs_time / ours_time)
-    yield at_least(f"  share of its {wanted} paths found, %", 99.5, 100 * found / wanted)
-    yield at_most("  paths found besides", 0, invented)
+    yield at_least(f"  share of its {expected} paths found, %", 99.5, 100 * found / expected)
+    yield at_most("  paths found besides", 0, additional)
 
 
 def corners_of_a_room(seed: int) -> FloatArray:
-    """A closed room round the origin, corners at random distances, (20, 2) m."""
+    """Return the corners of a closed room round the origin, at random distances, (20, 2) m."""
     random = np.random.default_rng(seed)
     angles = (np.arange(WALLS) + random.uniform(-0.3, 0.3, WALLS)) * math.tau / WALLS
     radii = random.uniform(1.5, 3.0, WALLS)
@@ -56,7 +56,7 @@ def corners_of_a_room(seed: int) -> FloatArray:
 
 
 def image_source_lengths(corners: FloatArray) -> FloatArray:
-    """Lengths of the paths that pyroomacoustics finds, sorted, m."""
+    """Return the lengths of the paths that pyroomacoustics finds, sorted, m."""
     import pyroomacoustics
 
     room = pyroomacoustics.Room.from_corners(
@@ -70,7 +70,7 @@ def image_source_lengths(corners: FloatArray) -> FloatArray:
 
 
 def room_of(corners: FloatArray) -> Room:
-    """The same room for rays."""
+    """Return the same room for rays."""
     points = ", ".join(f"[{x!r}, {y!r}]" for x, y in corners.tolist())
     return parse_room(
         'name = "Random"\n[materials.hard]\nreflectance = 0.9\n[[walls]]\nname = "wall"\nclosed = true\n'
@@ -80,14 +80,14 @@ def room_of(corners: FloatArray) -> Room:
 
 
 def ray_lengths(room: Room) -> FloatArray:
-    """Lengths of the paths that rays find, sorted, m."""
-    # no path of seven reflections is longer than eight times across the room
+    """Return the lengths of the paths that rays find, sorted, m."""
+    # no path of seven reflections is longer than eight times the room
     search = PathSearch(8 * 6.0, 0.007, REFLECTIONS, diffraction=False, rays=RAYS)
     return find_paths(room, SOURCE, search, RECEIVER).lengths
 
 
 def partners(theirs: FloatArray, ours: FloatArray) -> int:
-    """How many of the lengths, both sorted, have a partner of their own among the others."""
+    """Return how many of the sorted lengths have a separate match among the others."""
     i = j = both = 0
     while i < len(theirs) and j < len(ours):
         if abs(theirs[i] - ours[j]) <= _SAME:

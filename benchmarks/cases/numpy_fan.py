@@ -1,7 +1,4 @@
-"""The yardstick: the same rays followed with NumPy alone, all rays and all walls at once.
-
-Takes walls, a place and directions; hands on every arrival at the place, as `kernel.follow_fan` notes them.
-"""
+"""The same rays followed with NumPy alone, all rays and all walls at once, for comparison of speed."""
 
 import numpy as np
 from sonarhw_sim.rays.kernel import ALLOWANCE
@@ -12,7 +9,7 @@ from sonarhw.readings import FloatArray
 def follow_with_numpy(
     place: FloatArray, directions: FloatArray, walls: FloatArray, max_length: float, max_bounces: int
 ) -> set[tuple[int, int]]:
-    """Ray and number of reflections of every arrival near `place` (2,)."""
+    """Return ray and number of reflections of every arrival near `place` (2,), as in `kernel.follow_fan`."""
     spacing = directions[1] - directions[0]
     along = walls[:, 2:] - walls[:, :2]
     at = np.tile(place, (len(directions), 1))
@@ -26,7 +23,7 @@ def follow_with_numpy(
         distance, wall = _first_hits(at, heading, leaving, walls, along)
         reach = np.minimum(distance, max_length - travelled)
 
-        # note those that pass the place
+        # note rays that pass the place
         if bounces:
             ahead = ((place - at) * heading).sum(axis=1)
             aside = np.abs(_cross(place - at, heading))

@@ -1,7 +1,7 @@
-"""Rooms of as many walls as wanted: a floor of offices with doors, tables and plates.
+"""Rooms with any number of walls: a floor of offices with doors, tables and plates.
 
-Takes a number of walls and a seed; hands on a room, and a place in its first office. More walls make a larger floor,
-not a denser one: offices are 3 m square and hold two or three things each.
+More walls give a larger floor, not a denser one: offices are 3 m square with two or three objects each. The place of
+measurement is in the first office.
 """
 
 import math
@@ -11,14 +11,14 @@ from sonarhw_sim.room.model import Place, Room, parse_room
 
 OFFICE = 3.0  # m
 DOOR = 0.9  # m
-WALLS_AN_OFFICE = 11  # its share of partitions, and what stands in it
+WALLS_AN_OFFICE = 11  # its share of partitions, and its objects
 PLACE = Place("desk", (1.13, 1.37))
 
 Segment = tuple[float, float, float, float]
 
 
 def office_floor(walls: int, seed: int = 1) -> Room:
-    """A floor of exactly `walls` walls, 30 at least."""
+    """Return a floor of exactly `walls` walls, at least 30."""
     random = np.random.default_rng(seed)
     offices = max(1, walls // WALLS_AN_OFFICE)
     across = math.ceil(math.sqrt(offices))
@@ -37,7 +37,7 @@ def _outline(width: float, height: float) -> list[Segment]:
 
 
 def _partitions(across: int, up: int, random: np.random.Generator) -> list[Segment]:
-    """Between any two offices a wall with a door in it."""
+    """Return the walls between offices, each with a door."""
     segments: list[Segment] = []
     for column in range(across):
         for row in range(up):
@@ -62,7 +62,7 @@ def _plate(across: int, up: int, random: np.random.Generator) -> Segment:
 
 
 def _somewhere(across: int, up: int, random: np.random.Generator) -> tuple[float, float]:
-    """A corner of what stands in an office: clear of its walls and of the place."""
+    """Return a corner of an object in an office, away from its walls and from the place."""
     while True:
         x, y = random.uniform(0.3, OFFICE - 0.9, 2).tolist()
         if math.dist((x + 0.25, y + 0.25), PLACE.position) > 0.6:

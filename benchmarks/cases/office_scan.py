@@ -1,7 +1,6 @@
-"""The whole scan that the speed table times: 360 headings from the desk, 8 reflections, paths of 20 m.
+"""The whole scan of the speed table: 360 headings from the desk, 8 reflections, paths of 20 m.
 
-Takes a floor of offices; hands on the predicted scan. A file of its own, so that a process that measures its memory
-loads nothing else.
+A separate file, so that a process that measures its memory loads nothing else.
 """
 
 from dataclasses import replace
@@ -18,10 +17,10 @@ LONGEST = 20.0  # m, there and back
 BOUNCES = 8
 BOARD = replace(load_board("polaroid-6500"), max_range=LONGEST / 2)
 HEADINGS = np.radians(np.arange(360.0))
-# as far apart as the rays of one heading, so that the same work is compared
+# with the spacing of the rays of one heading, so that the same work is compared
 OPTIONS = PredictionOptions(max_bounces=BOUNCES, rays=1440)
 
 
 def scan(room: Room) -> PredictedScan:
-    """A whole scan, 360 headings."""
+    """Return a whole scan, 360 headings."""
     return predict_scan(room, PLACE, BOARD, HEADINGS, OPTIONS)

@@ -1,4 +1,4 @@
-"""Scans of a known place with known errors, as a fit is tested with."""
+"""Scans of a known place with known errors, for tests of fits."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ READINGS = 120
 TIMING = 6e-6  # s, 1 mm of range
 LEVEL = 0.5  # dB
 LOST = 0.02  # of pings
-ANYWHERE = 0.03  # of readings: the range is any
+ANYWHERE = 0.03  # of readings: the range is random
 THERMOMETER = 0.2  # K
 ERRORS = Disturbance(0.0, 0.0, 0.0, TIMING, LEVEL, 0.0, furniture=False)
 
@@ -32,21 +32,21 @@ def synthetic_scan(
     warmer: float = 0.0,
     receiver: Receiver = Receiver.FIRST_ECHO,
 ) -> list[Reading]:
-    """A scan all round with the errors above; every reading has its first `echoes` echoes.
+    """Return a scan all round with the errors above; every reading has its first `echoes` echoes.
 
-    Ranges are told by a thermometer that shows `warmer` K too much. The board's own receiver tells one echo.
+    Ranges are computed with a thermometer that reads `warmer` K too high. The board's own receiver reports one echo.
     """
     random = np.random.default_rng((seed, 5))
     listen = 2 * board.max_range / room.air.speed_of_sound
     speed = replace(room.air, temperature_c=room.air.temperature_c + warmer).speed_of_sound
     angles = np.arange(readings) * math.tau / readings
     if receiver is Receiver.BOARD:
-        heard = _heard_by_board(room, place, board, angles, random)
+        echo_times = _board_echo_times(room, place, board, angles, random)
     else:
         source = RoomEchoes(room, place, board, seed, ERRORS)
-        heard = [source.receive(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
+        echo_times = [source.receive(Ping(float(one), 0, 0, listen, trace=False)).echo_times[:echoes] for one in angles]
     made = []
-    for number, (angle, times) in enumerate(zip(angles.tolist(), heard, strict=True)):
+    for number, (angle, times) in enumerate(zip(angles.tolist(), echo_times, strict=True)):
         if random.random() < LOST:
             times = ()
         if random.random() < ANYWHERE:
@@ -55,11 +55,11 @@ def synthetic_scan(
     return made
 
 
-def _heard_by_board(
+def _board_echo_times(
     room: Room, place: Place, board: Board, angles: FloatArray, random: np.random.Generator
 ) -> list[tuple[float, ...]]:
-    """First echo times by the board's own receiver, off as the others are; all that a ping hears is taken together."""
+    """Return the first echo times of the board's own receiver, with the same timing error."""
     headings = np.array([board.heading_at(float(angle), place.heading) for angle in angles])
     options = PredictionOptions(receiver=Receiver.BOARD)
-    told = 2 * predict_scan(room, place, board, headings, options).ranges / room.air.speed_of_sound
-    return [() if math.isnan(time) else (float(time + random.normal(0, TIMING)),) for time in told]
+    exact = 2 * predict_scan(room, place, board, headings, options).ranges / room.air.speed_of_sound
+    return [() if math.isnan(time) else (float(time + random.normal(0, TIMING)),) for time in exact]

@@ -1,4 +1,4 @@
-"""Rows of the table of figures: what is measured, what is wanted, and whether it holds."""
+"""Rows of a table of measurements: measured value, required value, and whether it is met."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,16 @@ class Row:
     """One line of the table."""
 
     work: str
-    wanted: str
+    required: str
     measured: str
     holds: bool
 
 
-def at_least(work: str, wanted: float, measured: float) -> Row:
-    """A row of what should be large."""
-    return Row(work, f"≥ {wanted:g}", f"{measured:.1f}", measured >= wanted)
+def at_least(work: str, required: float, measured: float) -> Row:
+    """Return a row of a value with a minimum."""
+    return Row(work, f"≥ {required:g}", f"{measured:.1f}", measured >= required)
 
 
-def at_most(work: str, wanted: float, measured: float) -> Row:
-    """A row of what should be small."""
-    return Row(work, f"≤ {wanted:g}", f"{measured:.2f}", measured <= wanted)
+def at_most(work: str, required: float, measured: float) -> Row:
+    """Return a row of a value with a maximum."""
+    return Row(work, f"≤ {required:g}", f"{measured:.2f}", measured <= required)

@@ -1,6 +1,6 @@
-"""The window at work: real windows, a real hand on the mouse, real paints; each job in a process of its own.
+"""Measurements of the window: real windows, real mouse events, real paints; each job in its own process.
 
-Takes a job's name; hands on what it measured as `Figure`s. `benchmarks.window` runs the jobs and prints their figures.
+Each job returns its results as `Figure`s. `benchmarks.window` runs the jobs and prints them.
 """
 
 import gc
@@ -38,8 +38,8 @@ ROOMS = Path(__file__).parents[2] / "rooms"
 SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 WALLS = 64
 RATE = 50.0  # readings a second of the live scan
-PING = 0.1  # s, of the fake in its own time
-NEAR = 2.0  # m: as far as the live scan listens
+PING = 0.1  # s, of the fake scanner in simulated time
+NEAR = 2.0  # m: range of the live scan
 SPEED = 50.0  # of the long replay
 PATIENCE = 120.0  # s
 WARM_UP = 3.0  # s, for compilers and caches
@@ -53,12 +53,12 @@ class Figure:
     measured: float
     unit: str
     target: float | None = None
-    at_least: bool = False  # else at most
+    at_least: bool = False  # otherwise at most
     note: str = ""
 
 
 class Paints(QObject):
-    """Calls back whenever a window has been painted and what was painted has gone to the screen."""
+    """Calls back after each paint of a window has reached the screen."""
 
     def __init__(self, window: MainWindow, painted: Callable[[], None]) -> None:
         super().__init__(window)
@@ -75,24 +75,24 @@ class Paints(QObject):
 
 
 class Moment(NamedTuple):
-    """A moment by three clocks, or the time between two."""
+    """A time by three clocks, or the difference of two times."""
 
     wall: float  # s
     process: float  # s of processor time, all threads
-    thread: float  # s of processor time, the thread that asks
+    thread: float  # s of processor time, calling thread
 
     def since(self, earlier: "Moment") -> "Moment":
-        """The time between."""
+        """Return the time since an earlier moment."""
         return Moment(*(after - before for after, before in zip(self, earlier, strict=True)))
 
 
 def moment() -> Moment:
-    """Now."""
+    """Return the current time."""
     return Moment(time.perf_counter(), time.process_time(), time.thread_time())
 
 
 def memory() -> float:
-    """What this process has in memory now, MB."""
+    """Return the current memory of this process, MB."""
     gc.collect()
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -100,59 +100,59 @@ def memory() -> float:
 
 @contextmanager
 def opened(**start: object) -> Iterator[MainWindow]:
-    """A window on the screen, with the usual docks; cycles are collected as the application does it."""
+    """Open a window with the usual docks; reference cycles are collected as in the application."""
     open_application()
     with tempfile.TemporaryDirectory() as folder:
-        wish = {"recordings": Path(folder), **start}
-        window = open_window(WindowStart(**wish))  # type: ignore[arg-type]  # checked where it is called
+        settings = {"recordings": Path(folder), **start}
+        window = open_window(WindowStart(**settings))  # type: ignore[arg-type]  # checked by the callers
         window.resize(1280, 800)
         for dock in window.docks.actions:
             if not dock.isChecked():
                 dock.trigger()
         window.show()
         with collected_between_events():
-            work(0.5)  # until everything has found its place
+            work(0.5)  # until the layout is done
             yield window
             window.close()
 
 
 def work(seconds: float) -> None:
-    """Let the window work for a while."""
+    """Run the event loop for some seconds."""
     loop = QEventLoop()
     QTimer.singleShot(round(1000 * seconds), loop.quit)
     loop.exec()
 
 
 def work_until(condition: Callable[[], bool]) -> None:
-    """Let the window work until something is so. Raises TimeoutError where it never is."""
-    patience = time.monotonic() + PATIENCE
+    """Run the event loop until a condition is true. Raises TimeoutError after PATIENCE."""
+    deadline = time.monotonic() + PATIENCE
     while not condition():
         work(0.01)
-        if time.monotonic() > patience:
-            raise TimeoutError("the window never came so far")
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"the window did not reach the expected state within {PATIENCE:g} s")
 
 
 def settled(window: MainWindow) -> bool:
-    """Whether nothing better is still to come."""
+    """Return whether prediction and comparison are complete."""
     shown, status = window.session.shown, window.session.status
     compared = not shown.readings or shown.row(len(shown.readings) - 1) is not None
     return compared and not status.predicting and shown.outline is not None
 
 
 def ms(seconds: list[float], share: float) -> float:
-    """The time under which that share of them lies, ms."""
+    """Return the quantile `share` of times, ms."""
     ordered = sorted(seconds)
     return 1000 * ordered[min(len(ordered) - 1, math.floor(share * len(ordered)))]
 
 
 def write_log(path: Path, hours: float) -> None:
-    """A log of ten readings a second with traces; written by another process, whose memory is its own."""
+    """Write a log of ten readings a second with traces, in another process with its own memory."""
     command = [sys.executable, "-m", "benchmarks.logs", str(hours), "write", str(path)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def scanned(scene: Scene, folder: Path) -> Log:
-    """A log of a whole turn in that scene."""
+    """Return a log of a whole turn in a scene."""
     assert scene.room is not None
     assert scene.place is not None
     path = folder / "turn.mcap"
@@ -166,15 +166,15 @@ def scanned(scene: Scene, folder: Path) -> Log:
 
 
 def dragging(lasts: float) -> list[Figure]:
-    """A hand drags the sensor round in a room of many walls."""
+    """Drag the sensor with the mouse in a room of many walls."""
     scene = Scene(office_floor(WALLS), PLACE, load_board("polaroid-6500"))
     with tempfile.TemporaryDirectory() as folder, opened(scene=scene, source=scanned(scene, Path(folder))) as window:
         work_until(lambda: settled(window))
         drag = _Drag(window)
-        drag.go_on(WARM_UP)
+        drag.run(WARM_UP)
         drag.updates.clear()
         began = moment()
-        drag.go_on(lasts)
+        drag.run(lasts)
         wall, process, thread = moment().since(began)
         drag.end()
     count = len(drag.updates)
@@ -182,16 +182,16 @@ def dragging(lasts: float) -> list[Figure]:
     return [
         Figure(f"{what}new outlines painted", count / wall, "/s", 30, True),
         Figure(f"{what}new outlines painted, a second of GUI thread", count / thread, "/s", 30, True),
-        Figure(f"{what}hand to paint, median", ms(drag.updates, 0.5), "ms"),
+        Figure(f"{what}mouse to paint, median", ms(drag.updates, 0.5), "ms"),
         Figure(f"{what}all threads", process / wall, "cores"),
     ]
 
 
 class _Drag:
-    """A hand that has taken hold of the sensor and moves it in a circle, a hundred times a second."""
+    """Drags the sensor with the mouse in a circle, a hundred moves a second."""
 
     def __init__(self, window: MainWindow) -> None:
-        self.updates: list[float] = []  # from a hand's movement to the paint of its outline, s
+        self.updates: list[float] = []  # from a mouse move to the paint of its outline, s
         self._window, self._plan = window, window.views.plan.drawing
         self._moved: dict[tuple[float, float], float] = {}
         self._painted: object = None
@@ -200,17 +200,17 @@ class _Drag:
         self._timer = QTimer(window, interval=10)
         self._timer.timeout.connect(self._move)
         self._step = 0
-        self._paints = Paints(window, self._note)
-        window.views.plan.gestures.edited.connect(self._asked)
+        self._paints = Paints(window, self._note_paint)
+        window.views.plan.gestures.edited.connect(self._note_move)
 
-    def go_on(self, lasts: float) -> None:
-        """Drag on."""
+    def run(self, lasts: float) -> None:
+        """Drag for some seconds."""
         self._timer.start()
         work(lasts)
         self._timer.stop()
 
     def end(self) -> None:
-        """Let go."""
+        """Release the mouse."""
         QTest.mouseRelease(self._plan.viewport(), Qt.MouseButton.LeftButton)
 
     def _pixel(self, x: float, y: float) -> QPoint:
@@ -222,10 +222,10 @@ class _Drag:
         x, y = self._middle
         QTest.mouseMove(self._plan.viewport(), self._pixel(x + radius * math.sin(turn), y + radius * math.cos(turn)))
 
-    def _asked(self, scene: Scene) -> None:
+    def _note_move(self, scene: Scene) -> None:
         self._moved[scene.pose.position] = time.perf_counter()
 
-    def _note(self) -> None:
+    def _note_paint(self) -> None:
         outline = self._window.session.shown.outline
         if outline is not self._painted and outline is not None:
             self._painted = outline
@@ -235,12 +235,12 @@ class _Drag:
 
 
 def live(lasts: float) -> list[Figure]:
-    """A live scan with traces, as fast as a board could ever send them."""
+    """Run a live scan with traces at the highest rate of a board."""
     board = replace(load_board("polaroid-6500"), max_range=NEAR)
     room = load_room(ROOMS / "laboratory.toml")
     scene = Scene(room, room.place("bench"), board, "laboratory.toml")
     command = [*SONARHW, "fake", str(ROOMS / scene.room_file), "--place", "bench", "--tcp", "127.0.0.1:0"]
-    heard, drawn = _heard(), []
+    arrived, drawn = _arrival_times(), []
     order = ScanOrder(0.0, math.radians(1), 360, sweeps=100)
     with subprocess.Popen([*command, "--pace", str(RATE * PING)], stdout=subprocess.PIPE, text=True) as fake:
         assert fake.stdout is not None
@@ -251,7 +251,7 @@ def live(lasts: float) -> list[Figure]:
 
             def painted() -> None:
                 count = len(window.session.shown.readings)
-                if not frames or frames[-1][1] != count:  # a paint of text alone shows no reading
+                if not frames or frames[-1][1] != count:  # ignore paints without new readings
                     frames.append((moment(), count))
 
             Paints(window, painted)
@@ -262,7 +262,7 @@ def live(lasts: float) -> list[Figure]:
             work(lasts)
             wall, process, _ = moment().since(began)
             for (_, before), (at, count) in pairwise(frames):
-                drawn += [at.wall - heard[number] for number in range(before, count)]
+                drawn += [at.wall - arrived[number] for number in range(before, count)]
         fake.terminate()
     busy = [later.since(earlier).thread for (earlier, _), (later, _) in pairwise(frames)]
     what = f"live, {len(drawn) / wall:.0f} readings a second with traces: "
@@ -275,28 +275,28 @@ def live(lasts: float) -> list[Figure]:
     ]
 
 
-def _heard() -> dict[int, float]:
-    """When the last byte of each reading came; filled by every driver of this process from now on."""
-    heard: dict[int, float] = {}
+def _arrival_times() -> dict[int, float]:
+    """Return a table that every driver of this process fills with the time of the last byte of each reading."""
+    times: dict[int, float] = {}
     receive, readings = Driver.receive, Driver.readings
-    came = [0.0]
+    last_byte = [0.0]
 
     def timed_receive(driver: Driver, data: bytes, now: float, arrived: float | None = None) -> None:
-        came[0] = time.perf_counter()
+        last_byte[0] = time.perf_counter()
         receive(driver, data, now, arrived)
 
     def noted_readings(driver: Driver) -> list[Reading]:
         made = list(readings(driver))
         for _ in made:
-            heard[len(heard)] = came[0]
+            times[len(times)] = last_byte[0]
         return made
 
     Driver.receive, Driver.readings = timed_receive, noted_readings  # type: ignore[method-assign]
-    return heard
+    return times
 
 
 def long_log(lasts: float, scrubs: int = 60) -> list[Figure]:
-    """An hour of readings with traces: opened, scrubbed, and played fast."""
+    """Open, scrub and replay a log of an hour of readings with traces."""
     room = load_room(ROOMS / "laboratory.toml")
     scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
     with tempfile.TemporaryDirectory() as folder:
@@ -323,7 +323,7 @@ def _scrubbed(window: MainWindow, what: str, seen: list[tuple[int, Moment]], scr
     replay, chance = window.session.replay, random.Random(1)
     taken = []
     for _ in range(scrubs):
-        work(0.15)  # a hand that rests; what is left of the one before is done
+        work(0.15)  # a pause, so that work of the scrub before is done
         seen.clear()
         began = moment()
         window.replay_bar.sought.emit(chance.uniform(0, replay.state.duration))
@@ -358,7 +358,7 @@ def _played(window: MainWindow, what: str, lasts: float) -> list[Figure]:
 
 
 def repaints(times: int) -> list[Figure]:
-    """The same views painted again and again."""
+    """Paint the same views many times."""
     room = load_room(ROOMS / "laboratory.toml")
     scene = Scene(room, room.place("bench"), load_board("polaroid-6500"), "laboratory.toml")
     with tempfile.TemporaryDirectory() as folder:
@@ -387,7 +387,7 @@ def repaints(times: int) -> list[Figure]:
 
 
 def first_window(began: float) -> list[Figure]:
-    """`sonarhw demo` from the start of its process, at `began` of the wall clock, to the first paint."""
+    """Measure `sonarhw demo` from the start of its process, at wall clock `began`, to the first paint."""
     import sonarhw_gui.shell.application
     from sonarhw_cli.entry import main
 

@@ -1,4 +1,4 @@
-"""Real scans, held against what each model predicts, and the figures of all."""
+"""Comparison of real scans with the predictions of models."""
 
 import csv
 import io
@@ -29,14 +29,14 @@ ROOM = load_room("rooms/arena.toml")
 NEARBY = frozenset({"heading", "offset", "position"})
 ON_THE_SPOT = frozenset({"heading", "offset"})
 UNTUNED = {"aperture_radius": 0.005, "threshold_db": -30.0, "fixed_gain": False}
-# Echoes of the carrier itself come at the same turntable angle and range wherever it stands
+# Echoes of the carrier itself have the same turntable angle and range at every place
 _OWN_SPREAD = 0.03  # m
 _OWN_SHARE = 0.7  # of the scans
 
 
 @dataclass(frozen=True)
 class RealScan:
-    """One recorded scan and where it was taken."""
+    """One recorded scan and its position."""
 
     name: str
     x: float  # m
@@ -45,13 +45,13 @@ class RealScan:
 
     @property
     def spot(self) -> str:
-        """The place as the command line names it."""
+        """The place in the form of the command line."""
         return f"{self.x},{self.y}"
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What one model makes of one scan of n readings."""
+    """The comparison of one model with one scan of n readings."""
 
     matched: int  # echoes within 5 cm
     sounding: NDArray[np.bool_]  # (n,): readings with an echo
@@ -61,22 +61,22 @@ class Judged:
 
 @dataclass(frozen=True)
 class Figures:
-    """What a model makes of some scans together."""
+    """The results of a model for several scans together."""
 
     share: float  # of the echoes, within 5 cm
-    roc_area: float  # silent headings told from sounding ones by predicted levels, all scans together
-    agreement: float  # and by whether an echo is predicted: balanced accuracy
+    roc_area: float  # detection of silent headings by predicted levels, all scans together
+    agreement: float  # detection of silent headings by predicted echoes: balanced accuracy
 
 
 def load_scans(folder: Path) -> list[RealScan]:
-    """The scans of a folder, through `sonarhw import`."""
+    """Return the scans of a folder, converted with `sonarhw import`."""
     scans = []
     with open(folder / "scans.csv", newline="") as listing, tempfile.TemporaryDirectory() as scratch:
         for row in csv.DictReader(listing):
             log = Path(scratch) / f"{row['scan']}.mcap"
             source = str(folder / f"{row['scan']}.csv")
             columns = ["--heading", "turret_deg", "--range", "range_cm", "--scale", "0.01", "--no-echo", "255"]
-            # where the log lies for a moment concerns nobody
+            # hides the message about the temporary log
             with redirect_stdout(io.StringIO()):
                 status = run(["import", source, "--out", str(log), *columns, "--turn", row["turn"]])
             if status != 0:
@@ -93,7 +93,7 @@ def judge(
     room: Room = ROOM,
     options: PredictionOptions | None = None,
 ) -> Comparison:
-    """One scan beside one model, with what is `free` found for it."""
+    """Compare one scan with one model, with the `free` parameters fitted."""
     fit = fit_scan(scan.readings, room, room.place(scan.spot), board, free, model=model, options=options)
     return compare_readings(
         scan.readings, room, fit.place, board, heading=fit.heading, offset=fit.offset, model=model, options=options
@@ -101,7 +101,7 @@ def judge(
 
 
 def judged_of(comparison: Comparison) -> Judged:
-    """What `figures_of` needs of a comparison."""
+    """Return the part of a comparison that `figures_of` needs."""
     return Judged(
         sum(row.kind is Kind.MATCH for row in comparison.rows),
         np.array([row.measured is not None for row in comparison.rows]),
@@ -111,7 +111,7 @@ def judged_of(comparison: Comparison) -> Judged:
 
 
 def figures_of(judged: Sequence[Judged]) -> Figures:
-    """The figures of several scans together."""
+    """Return the figures of several scans together."""
     sounding = np.concatenate([scan.sounding for scan in judged])
     predicted = np.concatenate([scan.predicted for scan in judged])
     return Figures(
@@ -122,9 +122,9 @@ def figures_of(judged: Sequence[Judged]) -> Figures:
 
 
 def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
-    """Scan and row of the echoes that come at one turntable angle and range in most scans, whatever the place."""
+    """Return scan and row of the echoes with the same turntable angle and range in most scans, at any place."""
     ranges = np.array([[np.nan if r.range is None else r.range for r in scan.readings] for scan in scans])
-    # at the same row, or the one before or behind it
+    # at the same row, or the one before or after it
     others = np.stack([np.roll(ranges, turn, axis=1) for turn in (-1, 0, 1)])
     near = (np.abs(ranges[:, None] - others[:, None]) <= _OWN_SPREAD).any(axis=0)
     elsewhere = np.array([[scan.spot != other.spot for other in scans] for scan in scans])
@@ -133,9 +133,10 @@ def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
 
 
 def repeated(scans: Sequence[RealScan]) -> tuple[float, float]:
-    """How much of earlier recordings agrees with later ones of the same place, and how much of later with earlier.
+    """Return the agreement of earlier with later recordings at the same place, and of later with earlier ones.
 
-    Shares of the echoes within 5 cm, each pair turned and its ranges shifted by up to 6 cm as agrees best.
+    Each is a share of echoes within 5 cm, with each pair turned, and its ranges shifted by up to 6 cm, for best
+    agreement.
     """
     pairs = [(a, b) for k, a in enumerate(scans) for b in scans[k + 1 :] if a.spot == b.spot]
     forward, back = ([_agreement(*pair) for pair in some] for some in (pairs, [(b, a) for a, b in pairs]))
@@ -143,7 +144,7 @@ def repeated(scans: Sequence[RealScan]) -> tuple[float, float]:
 
 
 def _agreement(one: RealScan, other: RealScan) -> tuple[int, int]:
-    """How many echoes of one scan another has as well, and how many there are."""
+    """Return how many echoes of one scan another contains, and their number."""
     here, there = _ranges(one), _ranges(other)
     turned = np.stack([np.roll(there, k) for k in range(len(there))])
     offsets = np.arange(-0.06, 0.061, 0.005)
@@ -160,6 +161,6 @@ def _pooled(counts: Sequence[tuple[int, int]]) -> float:
     return float(agreeing / echoes)
 
 
-def told(figures: Figures) -> str:
-    """Figures as a row of a table."""
+def as_row(figures: Figures) -> str:
+    """Return figures as a row of a table."""
     return f"{figures.share:.3f} {figures.roc_area:.3f} {figures.agreement:.3f}"

@@ -1,9 +1,9 @@
-"""Which place each real scan was taken at, nothing known of it: `python -m benchmarks.real.real_places [FOLDER]`.
+"""Location of real scans without prior knowledge: `python -m benchmarks.real.real_places [FOLDER]`.
 
-Takes the folder of real scans; locates each in the whole arena, heading unknown, and prints which of the arena's places
-it was, how probable that is, and the most probable pose of all. `--elsewhere` besides locates them in rooms where they
-were not taken, and with boards that they were not taken with, and prints what share of the echoes is explained there
-(some minutes). `--map` besides maps the arena from all scans and prints which of its walls are found.
+Locates each scan of the folder in the whole arena, with unknown heading, and prints the most probable of the arena's
+places, its probability, and the most probable pose. `--elsewhere` also locates the scans in other rooms and with other
+boards, and prints the share of echoes explained there (some minutes). `--map` also maps the arena from all scans and
+prints which of its walls are found.
 """
 
 import math
@@ -29,18 +29,18 @@ OTHER_BOARDS = ("hc-sr04", "polaroid-56", "polaroid-6500")
 
 
 def locate_real(scan: RealScan, board_name: str = "lego-nxt", room_name: str = "arena") -> Located:
-    """Where in a room, the arena unless said otherwise, a scan may have been taken."""
+    """Return the possible poses of a scan in a room, by default in the arena."""
     return locate_scan(scan.readings, load_room(f"rooms/{room_name}.toml"), load_board(board_name))
 
 
 def true_place(scan: RealScan) -> str:
-    """The name of the place where it was."""
+    """Return the name of the true place."""
     places = load_room("rooms/arena.toml").places
     return min(places, key=lambda name: math.dist(places[name].position, (scan.x, scan.y)))
 
 
 def main() -> None:
-    """Print a row a scan, and how many places are right."""
+    """Print a row for each scan, and the number of correct places."""
     given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
     scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
     print("scan  place  found   most probable pose           probability   from the place")
@@ -59,13 +59,13 @@ def main() -> None:
         )
     print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
     if "--elsewhere" in sys.argv:
-        tell_elsewhere(scans)
+        print_elsewhere(scans)
     if "--map" in sys.argv:
-        tell_map(scans)
+        print_map(scans)
 
 
-def tell_elsewhere(scans: Sequence[RealScan]) -> None:
-    """Print what share of the echoes the most probable pose explains, with the true room and board and with others."""
+def print_elsewhere(scans: Sequence[RealScan]) -> None:
+    """Print the share of echoes that the most probable pose explains, with the true room and board and with others."""
     print("\nroom        board          echoes within 5 cm at the best pose: least, median, most of the scans")
     others = [("arena", board) for board in OTHER_BOARDS] + [(room, "lego-nxt") for room in OTHER_ROOMS]
     for room, board in [("arena", "lego-nxt"), *others]:
@@ -73,8 +73,8 @@ def tell_elsewhere(scans: Sequence[RealScan]) -> None:
         print(f"{room:11} {board:14} {min(shares):5.0%} {median(shares):5.0%} {max(shares):5.0%}", flush=True)
 
 
-def tell_map(scans: Sequence[RealScan]) -> None:
-    """Print which walls of the arena a map of all scans shows, and how many it shows where there are none."""
+def print_map(scans: Sequence[RealScan]) -> None:
+    """Print which walls of the arena a map of all scans contains, and the number of false walls."""
     room = load_room("rooms/arena.toml")
     placed = []
     for scan in scans:
@@ -88,12 +88,12 @@ def tell_map(scans: Sequence[RealScan]) -> None:
         true = sorted({name for name in names if name})
         print(
             f"{name}: {len(true)} of {len(room.walls)} walls found ({', '.join(true)}), "
-            f"{names.count(None)} where there is none, {len(features.points)} corners and edges"
+            f"{names.count(None)} false walls, {len(features.points)} corners and edges"
         )
 
 
 def _true_wall(ends: FloatArray, room: Room) -> str | None:
-    """The wall of the room on whose line both ends (2, 2) lie within 5 cm."""
+    """Return the wall of the room with both ends (2, 2) within 5 cm of its line."""
     for name, wall in zip(room.names, room.walls.reshape(-1, 2, 2), strict=False):
         along = (wall[1] - wall[0]) / np.hypot(*(wall[1] - wall[0]))
         away = (ends - wall[0]) @ np.array([-along[1], along[0]])

@@ -1,10 +1,10 @@
-"""How much of real scans each model explains: `python -m benchmarks.real.real_scans [FOLDER]`.
+"""Comparison of models on real scans: `python -m benchmarks.real.real_scans [FOLDER]`.
 
-Takes the folder of real scans (scans.csv and a CSV a scan); imports each as a user would, lets heading, range offset
-and a position within 3 cm be found for every model alike, and prints the share of echoes within 5 cm of the prediction
-and the ROC area of silence, and how much two recordings of one place agree. `--cross-validation` besides tunes the
-board without a place or a recording and judges it there, and prints what every candidate explains (minutes;
-`benchmarks.real.tune_lego_nxt`). `--besides` prints what else was tried on it (minutes).
+Imports each scan of the folder (scans.csv and one CSV a scan) as a user would, and fits heading, range offset and a
+position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction, the ROC
+area of silence, and the agreement of two recordings at one place. `--cross-validation` also tunes the board without a
+place or a recording, tests it there, and prints the results of every candidate (minutes;
+`benchmarks.real.tune_lego_nxt`). `--besides` prints other variants that were tried (minutes).
 """
 
 import math
@@ -30,26 +30,26 @@ from benchmarks.real.judged_scans import (
     ROOM,
     UNTUNED,
     RealScan,
+    as_row,
     figures_of,
     judge,
     judged_of,
     load_scans,
     of_the_carrier,
     repeated,
-    told,
 )
-from benchmarks.real.tune_lego_nxt import tell_candidates, tell_cross_validation, try_all
+from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
 
 
 def main() -> None:
-    """Print a row a scan, the figures of all scans, what the carrier's own echoes make of them, and held-out ones."""
+    """Print a row for each scan, the figures of all scans, those without the carrier's echoes, and held-out ones."""
     given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
     scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
     board = load_board("lego-nxt")
     for title, free in (("heading and offset found", ON_THE_SPOT), ("heading, offset, position found", NEARBY)):
-        _tell_models(f"{title} for each scan and model", scans, board, free)
+        _print_models(f"{title} for each scan and model", scans, board, free)
     untuned = [judged_of(judge(scan, Model.RAY_FOLLOWING, replace(board, **UNTUNED))) for scan in scans]
-    print(f"ray following before tuning, with a gain that rises ideally: {told(figures_of(untuned))}")
+    print(f"ray following before tuning, with a gain that rises ideally: {as_row(figures_of(untuned))}")
     earlier, later = repeated(scans)
     print(
         f"of two recordings at one place the later has {earlier:.3f} of the earlier's echoes, the earlier {later:.3f}"
@@ -57,27 +57,27 @@ def main() -> None:
     by_name = {scan.name: scan for scan in scans}
     own = [by_name[name].readings[row] for name, row in of_the_carrier(scans)]
     counts = Counter(round(math.degrees(one.angle)) for one in own)
-    print("echoes that come wherever it stands, by turntable angle:", end=" ")
+    print("echoes at the same angle and range at every place, by turntable angle:", end=" ")
     print(", ".join(f"{angle}°: {count}" for angle, count in sorted(counts.items())))
     centimetres = Counter(round(100 * (one.range or math.nan)) for one in own)
     print("and by range, cm:", ", ".join(f"{range_}: {count}" for range_, count in sorted(centimetres.items())))
     if "--cross-validation" in sys.argv:
         trial = try_all(scans)
-        tell_cross_validation(trial)
-        tell_candidates(trial)
+        print_cross_validation(trial)
+        print_candidates(trial)
     if "--besides" in sys.argv:
-        _tell_besides(scans, board)
+        _print_besides(scans, board)
 
 
-def _tell_besides(scans: Sequence[RealScan], board: Board) -> None:
-    """Print what was tried besides tuning and left as it is."""
+def _print_besides(scans: Sequence[RealScan], board: Board) -> None:
+    """Print variants that were tried in addition to tuning and not used."""
     own_receiver = PredictionOptions(receiver=Receiver.BOARD)
     tried: list[tuple[str, Board, Room, PredictionOptions | None]] = [("as it is", board, ROOM, None)]
     tried += [("edges by Keller's factor", board, ROOM, PredictionOptions(edge_strength=EdgeStrength.KELLER))]
     tried += [(f"scatter {share}", board, with_material(ROOM, "board", 0.9, share), None) for share in (0.1, 0.3)]
     tried += [
         (
-            f"the board's own receiver, swelling in {cycles:g} cycles",
+            f"the board's own receiver, rise time {cycles:g} cycles",
             replace(board, rise_cycles=cycles),
             ROOM,
             own_receiver,
@@ -87,31 +87,31 @@ def _tell_besides(scans: Sequence[RealScan], board: Board) -> None:
     print("\ntried besides: share within 5 cm, ROC area and balanced accuracy of silence")
     for title, other, room, options in tried:
         judged = [judged_of(judge(scan, Model.RAY_FOLLOWING, other, NEARBY, room, options)) for scan in scans]
-        print(f"{title:50}{told(figures_of(judged))}", flush=True)
+        print(f"{title:50}{as_row(figures_of(judged))}", flush=True)
 
 
-def _tell_models(title: str, scans: Sequence[RealScan], board: Board, free: frozenset[str]) -> None:
-    print(f"\n{title}: share within 5 cm; ROC area and balanced accuracy of silence; what was found")
+def _print_models(title: str, scans: Sequence[RealScan], board: Board, free: frozenset[str]) -> None:
+    print(f"\n{title}: share within 5 cm; ROC area and balanced accuracy of silence; fitted values")
     print("scan " + "".join(f"{model.value:>42}" for model in MODELS))
     judged = {model: [judge(scan, model, board, free) for scan in scans] for model in MODELS}
     for k, scan in enumerate(scans):
         print(f"{scan.name:5}" + "".join(_cell(judged[model][k], scan) for model in MODELS))
-    totals = [told(figures_of([judged_of(one) for one in judged[model]])) for model in MODELS]
+    totals = [as_row(figures_of([judged_of(one) for one in judged[model]])) for model in MODELS]
     print("all  " + "".join(f"{total:>21}{'':21}" for total in totals))
     own = of_the_carrier(scans)
     shares = (_share_without(judged[model], scans, own) for model in MODELS)
-    print(f"without {len(own)} echoes that come wherever it stands: " + ", ".join(f"{share:.3f}" for share in shares))
+    print(f"without {len(own)} echoes repeated at every place: " + ", ".join(f"{share:.3f}" for share in shares))
 
 
 def _cell(comparison: Comparison, scan: RealScan) -> str:
     place = comparison.prediction.place.position
     moved = f"{(place[0] - scan.x) * 100:+3.0f}{(place[1] - scan.y) * 100:+3.0f}"
-    figures = told(figures_of([judged_of(comparison)]))
+    figures = as_row(figures_of([judged_of(comparison)]))
     return f"{figures:>21} {heading_text(comparison.heading):>7} {comparison.offset * 100:+4.1f}{moved} cm"
 
 
 def _share_without(judged: Sequence[Comparison], scans: Sequence[RealScan], own: set[tuple[str, int]]) -> float:
-    """The share within 5 cm of the echoes that are not `own`."""
+    """Return the share within 5 cm of the echoes that are not `own`."""
     rows = [
         row
         for scan, comparison in zip(scans, judged, strict=True)

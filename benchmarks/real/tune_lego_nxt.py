@@ -1,13 +1,12 @@
 """Tune the profile `lego-nxt` on real scans: `python -m benchmarks.real.tune_lego_nxt [FOLDER]`.
 
-Takes the folder of real scans; tries apertures and thresholds on a grid, writes the best into
-sim/sonarhw_sim/board/shipped/lego-nxt.toml
-with where it comes from, and prints what it explains, also of places and recordings that it was not tuned on.
+Tries apertures and thresholds on a grid, writes the best into sim/sonarhw_sim/board/shipped/lego-nxt.toml with its
+origin, and prints its results, also for places and recordings that were not used for tuning.
 
-Two numbers are tuned, everything else of the profile is what is known of the sensor. Of each scan only heading, range
-offset and a position within 3 cm are found. Of all candidates whose share of echoes within 5 cm lies within half a
-standard error of the best, the one is taken that best says which headings are silent (balanced accuracy). Since figures
-of a thousand readings are jagged, those of a candidate are averaged with its neighbours' on the grid.
+Two numbers are tuned; the rest of the profile is known from the sensor. For each scan, only heading, range offset and a
+position within 3 cm are fitted. Of all candidates whose share of echoes within 5 cm is within half a standard error of
+the best, the one with the best balanced accuracy for silent headings is used. As results of a thousand readings are
+noisy, those of a candidate are averaged with its neighbours on the grid.
 """
 
 import csv
@@ -35,10 +34,10 @@ from benchmarks.real.judged_scans import (
     Figures,
     Judged,
     RealScan,
+    as_row,
     figures_of,
     judged_of,
     load_scans,
-    told,
 )
 from sonarhw.readings import FloatArray
 
@@ -46,7 +45,7 @@ APERTURES = np.arange(3.0, 4.76, 0.25) / 1000  # m
 THRESHOLDS = np.arange(-22.0, -13.9, 0.5)  # dB
 PROFILE = Path("sim/sonarhw_sim/board/shipped/lego-nxt.toml")
 
-Known = Mapping[str, Sequence[tuple[Place, Paths]]]  # by spot: the places near it, and the paths of each
+Known = Mapping[str, Sequence[tuple[Place, Paths]]]  # by spot: the places near it, and their paths
 
 
 @dataclass(frozen=True)
@@ -54,14 +53,14 @@ class Trial:
     """All candidates on all scans."""
 
     scans: Sequence[RealScan]
-    judged: dict[tuple[int, int, str], Judged]  # by rows of APERTURES and THRESHOLDS, and name of the scan
+    judged: dict[tuple[int, int, str], Judged]  # by row of APERTURES, row of THRESHOLDS, and name of the scan
 
     def figures(self, candidate: tuple[int, int], names: Sequence[str]) -> Figures:
-        """What a candidate makes of some scans."""
+        """Return the figures of a candidate for some scans."""
         return figures_of([self.judged[(*candidate, name)] for name in names])
 
     def best(self, names: Sequence[str]) -> tuple[int, int]:
-        """The candidate that tells silence best, of those whose share is within half a standard error of the best."""
+        """Return the candidate that detects silence best, within half a standard error of the best share."""
         grid = range(len(APERTURES)), range(len(THRESHOLDS))
         figures = [[self.figures((a, t), names) for t in grid[1]] for a in grid[0]]
         shares = _smoothed([[found.share for found in row] for row in figures])
@@ -77,7 +76,7 @@ def _smoothed(figures: list[list[float]]) -> FloatArray:
 
 
 def try_all(scans: Sequence[RealScan], progress: Callable[[str], None] = lambda _: None) -> Trial:
-    """Every candidate on every scan; paths are found once and only weighed anew."""
+    """Try every candidate on every scan; paths are found once, and only their weights change."""
     base = load_board("lego-nxt")
     known = known_paths(scans, replace(base, threshold_db=float(THRESHOLDS.min())))
     judged = {}
@@ -91,7 +90,7 @@ def try_all(scans: Sequence[RealScan], progress: Callable[[str], None] = lambda 
 
 
 def known_paths(scans: Sequence[RealScan], board: Board) -> Known:
-    """The paths of every position near the places of the scans that `board` could hear."""
+    """Return the paths that `board` could detect at every position near the places of the scans."""
     spots = dict.fromkeys(scan.spot for scan in scans)
     options = PredictionOptions()
     return {
@@ -101,7 +100,7 @@ def known_paths(scans: Sequence[RealScan], board: Board) -> Known:
 
 
 def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str, Judged]:
-    """What one board makes of every scan, by its name, with heading, offset and position found for each."""
+    """Compare one board with every scan, with heading, offset and position fitted for each; by name of the scan."""
     tables = {
         spot: [(place, weigh_paths(ROOM, place, board, all_round(), paths).ranges) for place, paths in near]
         for spot, near in known.items()
@@ -118,31 +117,31 @@ def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str
 
 
 def held_out(trial: Trial, folds: Mapping[str, Sequence[str]]) -> dict[str, tuple[tuple[int, int], Figures]]:
-    """For every fold, scans by name, the candidate tuned on all others, and what it makes of the fold."""
+    """Return, for every fold (scans by name), the candidate tuned on all others and its figures for the fold."""
     everyone = [scan.name for scan in trial.scans]
     tuned = {fold: trial.best([name for name in everyone if name not in names]) for fold, names in folds.items()}
     return {fold: (tuned[fold], trial.figures(tuned[fold], names)) for fold, names in folds.items()}
 
 
 def places(scans: Sequence[RealScan]) -> dict[str, list[str]]:
-    """The scans of each place, by name."""
+    """Return the scans of each place, by name."""
     spots = dict.fromkeys(scan.spot for scan in scans)
     return {spot: [scan.name for scan in scans if scan.spot == spot] for spot in spots}
 
 
 def recordings(scans: Sequence[RealScan]) -> dict[str, list[str]]:
-    """Every scan by itself."""
+    """Return every scan as its own fold."""
     return {scan.name: [scan.name] for scan in scans}
 
 
 def pooled(trial: Trial, folds: Mapping[str, Sequence[str]]) -> Figures:
-    """Figures of all scans, each judged by what was tuned without its fold."""
+    """Return the figures of all scans, each with the candidate tuned without its fold."""
     tuned = held_out(trial, folds)
     return figures_of([trial.judged[(*tuned[fold][0], name)] for fold, names in folds.items() for name in names])
 
 
-def tell_candidates(trial: Trial) -> None:
-    """Print what every candidate explains, and how the best aperture tells silence."""
+def print_candidates(trial: Trial) -> None:
+    """Print the share of every candidate, and the detection of silence with the best aperture."""
     everyone = [scan.name for scan in trial.scans]
     rows = [[trial.figures((a, t), everyone) for t in range(len(THRESHOLDS))] for a in range(len(APERTURES))]
     print("\nshare within 5 cm of every candidate: thresholds across, dB, apertures down, mm")
@@ -152,18 +151,18 @@ def tell_candidates(trial: Trial) -> None:
     print("balanced " + "".join(f"{found.agreement:7.3f}" for found in rows[trial.best(everyone)[0]]))
 
 
-def tell_cross_validation(trial: Trial) -> None:
-    """Print what the board explains of places, and of recordings, that it was not tuned on."""
+def print_cross_validation(trial: Trial) -> None:
+    """Print the figures of the board for places, and for recordings, that were not used for tuning."""
     for title, folds in (("one place", places(trial.scans)), ("one recording", recordings(trial.scans))):
-        print(f"\ntuned without {title}, judged there: share within 5 cm, ROC area and balanced accuracy of silence")
+        print(f"\ntuned without {title}, tested there: share within 5 cm, ROC area and balanced accuracy of silence")
         for fold, ((a, t), found) in held_out(trial, folds).items():
             tuned = f"{APERTURES[a] * 1000:.2f} mm, {THRESHOLDS[t]:.1f} dB"
-            print(f"{fold:12} {told(found)}   {tuned}")
-        print(f"{'all':12} {told(pooled(trial, folds))}")
+            print(f"{fold:12} {as_row(found)}   {tuned}")
+        print(f"{'all':12} {as_row(pooled(trial, folds))}")
 
 
 def profile(trial: Trial, fingerprint: str, today: date) -> str:
-    """The tuned profile with where it comes from, as TOML."""
+    """Return the tuned profile with its origin, as TOML."""
     everyone = [scan.name for scan in trial.scans]
     a, t = trial.best(everyone)
     found = trial.figures((a, t), everyone)
@@ -178,10 +177,9 @@ def profile(trial: Trial, fingerprint: str, today: date) -> str:
     return f"""\
 # LEGO NXT ultrasonic sensor: 40 kHz, two small transducers, whole centimetres, and a gain that does not rise.
 # Aperture and threshold were tuned on {today} by `python -m benchmarks.real.tune_lego_nxt`, with the receiver named
-# below,
-# on {len(trial.scans)} scans of rooms/arena.toml from github.com/sacha-cs/roberto, commit e8e3ae61
+# below, on {len(trial.scans)} scans of rooms/arena.toml from github.com/sacha-cs/roberto, commit e8e3ae61
 # ({len(readings)} readings, {echoes} echoes; SHA-256 of the files begins {fingerprint}).
-# Only heading, range offset and a position within 3 cm were found for each scan.
+# For each scan, only heading, range offset and a position within 3 cm were fitted.
 # {"":34}{"within 5 cm":>12}{"silence: ROC area":>22}{"balanced accuracy":>20}
 {table}
 name = "lego-nxt"
@@ -190,16 +188,16 @@ frequency = 40000.0
 transmit_cycles = 12
 blanking = 0.0003
 max_range = 2.5
-threshold_db = {THRESHOLDS[t]:.1f}         # tuned: of the weakest echo heard, below a perfect wall 0.5 m straight ahead
+threshold_db = {THRESHOLDS[t]:.1f}  # tuned: weakest detected echo, relative to a perfect wall 0.5 m straight ahead
 fixed_gain = true
 rounding = 0.01              # m
 receiver = "first-echo"
-own_burst_db = -40.0         # its ear is a second transducer; a guess that keeps it from hearing itself
+own_burst_db = -40.0         # a second transducer receives; an assumption, low enough not to detect its own burst
 """
 
 
 def fingerprint_of(folder: Path) -> str:
-    """The first 16 digits of the SHA-256 of scans.csv and of the scans that it lists, in order of their names."""
+    """Return the first 16 digits of the SHA-256 of scans.csv and of the scans that it lists, in order of names."""
     together = hashlib.sha256()
     listed = folder / "scans.csv"
     scans = [folder / f"{row['scan']}.csv" for row in csv.DictReader(listed.read_text().splitlines())]
@@ -215,7 +213,7 @@ def main() -> None:
     text = profile(trial, fingerprint_of(folder), date.today())
     PROFILE.write_text(text, encoding="utf-8")
     print(f"\n{PROFILE}:\n{text}")
-    tell_cross_validation(trial)
+    print_cross_validation(trial)
 
 
 if __name__ == "__main__":
