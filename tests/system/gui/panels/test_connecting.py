@@ -74,7 +74,7 @@ def test_a_typed_url_is_connected_and_scans(qtbot: QtBot, open_with: OpenWith, f
     opener = fake("max")
     window = open_with(find_scanner=lambda url: ScannerTarget(url, opener))
     assert not window.commands.scan.isEnabled()
-    with_ports(window, lambda device: (False, "nobody"))
+    with_ports(window, lambda device: (False, "no scanner"))
     open_dialog(qtbot, window)
     dialog = window.connecting.dialog
     assert not dialog.connect_button.isEnabled()
