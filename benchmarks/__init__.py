@@ -1,1 +1,1 @@
-"""Benchmarks: figures that a person asks for; no test depends on them."""
+"""Benchmarks: measurements to run by hand; no test depends on their results."""

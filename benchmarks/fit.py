@@ -22,6 +22,7 @@ from sonarhw_sim.choices import Receiver
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.enclosures import inside
 from sonarhw_sim.room.model import Place, Room, load_room
+from sonarhw_sim.room.outside import wall_distances
 
 from benchmarks.cases.synthetic_scan import READINGS, THERMOMETER, synthetic_scan
 
@@ -37,19 +38,17 @@ def board_of(room: Room) -> Board:
     return replace(board, blanking_inhibit=0.9e-3) if room.name == "Simple room" else board
 
 
-def place_in(room: Room, random: np.random.Generator, apart: float = 0.12) -> Place:
-    """Return a random place inside the room, `apart` (m) from every wall and post, with a random heading."""
+def place_in(room: Room, random: np.random.Generator, clearance: float = 0.12) -> Place:
+    """Return a random place inside the room, `clearance` (m) from every wall and post, with a random heading."""
     ends = room.walls.reshape(-1, 2)
     while True:
         point = random.uniform(ends.min(axis=0), ends.max(axis=0))
-        if inside(point[None], room.walls)[0] and _clear(room, point) > apart:
+        if inside(point[None], room.walls)[0] and _clear(room, point) > clearance:
             return Place("drawn", (float(point[0]), float(point[1])), float(random.uniform(0, math.tau)))
 
 
 def _clear(room: Room, point: np.ndarray) -> float:
-    starts, along = room.walls[:, :2], room.walls[:, 2:] - room.walls[:, :2]
-    share = np.clip(((point - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    walls = np.hypot(*(starts + share[:, None] * along - point).T)
+    walls = wall_distances(point[None], room.walls)[0]
     posts = np.hypot(*(room.posts[:, :2] - point).T) - room.posts[:, 2]
     return float(np.concatenate((walls, posts)).min())
 

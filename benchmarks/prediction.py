@@ -6,9 +6,7 @@ docs/explanation/model.md.
 """
 
 import math
-import statistics
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,22 +15,13 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import predict_scan
 from sonarhw_sim.room.model import Place, Room, load_room
 
+from benchmarks.traces import seconds
 from tests.oracles.reference import range_at
 
 ROUNDS = 5
 HEADINGS = np.radians(np.arange(0, 360, 5.0))
 QUARTER = math.radians(0.25)
 FINE = math.radians(1 / 32)  # a post spreads neighbouring rays, so a quarter of a degree is too coarse
-
-
-def seconds(work: Callable[[], object], rounds: int) -> float:
-    """Return the median time of `rounds` runs, s."""
-    taken = []
-    for _ in range(rounds):
-        began = time.perf_counter()
-        work()
-        taken.append(time.perf_counter() - began)
-    return statistics.median(taken)
 
 
 def differing(scan: PredictedScan, reference: list[float | None]) -> list[str]:
@@ -52,9 +41,9 @@ def compare_place(room: Room, place: Place, board: Board) -> tuple[str, int]:
     began = time.perf_counter()
     reference = [range_at(room, place, board, float(heading), spacing=spacing) for heading in HEADINGS]
     slow = time.perf_counter() - began
-    apart = differing(scan, reference)
-    numbers = f"{len(scan.paths):6} {fast:8.3f}s {slow:9.2f}s {fast / slow:8.4f} {len(apart):4} of {len(HEADINGS)}"
-    return "\n    ".join([f"{room.name + ', ' + place.name:32}{numbers}", *apart]), len(apart)
+    lines = differing(scan, reference)
+    numbers = f"{len(scan.paths):6} {fast:8.3f}s {slow:9.2f}s {fast / slow:8.4f} {len(lines):4} of {len(HEADINGS)}"
+    return "\n    ".join([f"{room.name + ', ' + place.name:32}{numbers}", *lines]), len(lines)
 
 
 def main() -> None:

@@ -44,8 +44,8 @@ def show_largest(rows: Sequence[tuple[Difference, Difference]]) -> None:
     print(f"{len(rows)} arrivals; time error at most {max(abs(paper.cycles) for paper, _ in rows):.2f} cycles")
     print(f"{len(reflected)} reflected: within {max(abs(arrival.decibels) for arrival in reflected):.2f} dB")
     for name, column in (("paper", 0), ("Keller", 1)):
-        apart = [row[column].decibels for row in diffracted]
-        print(f"{len(diffracted)} diffracted, by {name}: {min(apart):+.2f} to {max(apart):+.2f} dB")
+        levels = [row[column].decibels for row in diffracted]
+        print(f"{len(diffracted)} diffracted, by {name}: {min(levels):+.2f} to {max(levels):+.2f} dB")
 
 
 def show_shadow() -> None:

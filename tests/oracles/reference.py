@@ -241,8 +241,8 @@ def _diffractions(setting: _Setting, arrival: Arrival) -> Iterator[Arrival]:
             continue
         loss = ray.spread * _edge_loss(setting, ray.travelled, leg)
         # sound from the edge spreads as from a source at the travelled distance behind it
-        bent = Ray(x, y, home, ray.travelled, ray.amplitude * loss, width=ray.travelled)
-        yield Arrival(bent.at(leg), _RECEIVER)
+        leaving = Ray(x, y, home, ray.travelled, ray.amplitude * loss, width=ray.travelled)
+        yield Arrival(leaving.at(leg), _RECEIVER)
 
 
 def _lies_on(room: Room, surface: int, point: tuple[float, float]) -> bool:

@@ -61,5 +61,5 @@ def loud_enough(room: Room, board: Board, paths: Paths) -> NDArray[np.intp]:
     loudest = loudest_by_separation(board.wavenumber(room.air) * board.aperture_radius)
     cosines = np.clip((paths.leaving * paths.arriving).sum(axis=1), -1, 1)
     # the next smaller separation, so that the bound is never too low
-    apart = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
-    return np.flatnonzero(strengths(room, board, paths) * loudest[apart] >= faintest_kept(board))
+    rows = (np.arccos(cosines) / math.pi * (len(loudest) - 1)).astype(np.intp)
+    return np.flatnonzero(strengths(room, board, paths) * loudest[rows] >= faintest_kept(board))

@@ -63,10 +63,10 @@ def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
     corners = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] - posts[:, 2:], posts[:, :2] + posts[:, 2:]))
     # a section of a room may be empty
     low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(2), np.zeros(2))
-    wanted = max(1, min(len(walls) + len(posts), _MOST_CELLS))
+    count = max(1, min(len(walls) + len(posts), _MOST_CELLS))
     width, height = np.maximum(high - low, 1e-3)
     # a long narrow room has a single row of square cells
-    side = max(math.sqrt(width * height / wanted), max(width, height) / wanted)
+    side = max(math.sqrt(width * height / count), max(width, height) / count)
     columns, rows = math.ceil(width / side) + 1, math.ceil(height / side) + 1
     cells = Cells(float(low[0] - side / 2), float(low[1] - side / 2), float(side), columns, rows)
     return Surfaces(walls, posts, cells, _list_surfaces(cells, walls, posts))

@@ -129,15 +129,15 @@ def _lids(view: SectionQuery, plane: Plane) -> list[Segment]:
 
 def _without_overlap(uprights: list[_Upright]) -> list[_Upright]:
     """Return the vertical lines without overlaps: of later ones, only parts outside of earlier ones are kept."""
-    apart: list[_Upright] = []
+    kept: list[_Upright] = []
     for at, span, owner in uprights:
-        flush = [(other, taken) for other, taken, _ in apart if abs(other - at) <= MEETING]
+        flush = [(other, taken) for other, taken, _ in kept if abs(other - at) <= MEETING]
         left = [span]
         for _, taken in flush:
             left = [piece for whole in left for piece in _outside(whole, taken)]
         # flush lines get exactly the same position, so that their ends meet
-        apart += [(flush[0][0] if flush else at, piece, owner) for piece in left]
-    return apart
+        kept += [(flush[0][0] if flush else at, piece, owner) for piece in left]
+    return kept
 
 
 def _outside(whole: Span, taken: Span) -> list[Span]:

@@ -85,10 +85,10 @@ def test_gain_steps_of_the_6500_follow_its_clock() -> None:
     ],
 )
 def test_wrong_receiver_is_rejected_in_one_line(wrong: str, message: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError) as caught:
         parse_board(PROFILE + wrong, "mine.toml")
-    assert re.search(f"^mine.toml: {message}", str(refused.value))
-    assert "\n" not in str(refused.value)
+    assert re.search(f"^mine.toml: {message}", str(caught.value))
+    assert "\n" not in str(caught.value)
 
 
 def test_max_range_below_the_end_of_blanking_is_rejected() -> None:

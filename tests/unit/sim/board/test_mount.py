@@ -185,7 +185,7 @@ def test_profile_contains_the_mount() -> None:
     ],
 )
 def test_impossible_mounts_are_rejected_by_key(lines: str, message: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError) as caught:
         parse_board(BOARD + lines, "mine.toml")
-    assert message in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

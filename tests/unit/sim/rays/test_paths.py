@@ -166,8 +166,8 @@ def test_edge_is_reached_by_reflection_too() -> None:
         extra='[[walls]]\nname = "fin"\npoints = [[1.0, 0.2], [1.0, -1.0]]\nmaterial = "hard"',
     )
     paths = find_paths(room, (0.0, 0.0), PathSearch(5.0, WAVELENGTH))
-    bent = [paths.lengths[k] for k in range(len(paths)) if paths.via(k, room) == ("w[0]", "fin[0]/")]
-    assert min(bent) == pytest.approx(math.hypot(1.0, 1.8) + math.hypot(1.0, 0.2))
+    reflected = [paths.lengths[k] for k in range(len(paths)) if paths.via(k, room) == ("w[0]", "fin[0]/")]
+    assert min(reflected) == pytest.approx(math.hypot(1.0, 1.8) + math.hypot(1.0, 0.2))
 
 
 def test_wall_end_on_another_wall_is_not_free() -> None:

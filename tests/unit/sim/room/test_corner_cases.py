@@ -134,7 +134,7 @@ def test_lowest_thresholds_detect_all_echoes_and_nothing_else(threshold: str) ->
         max_range = 3.0
         threshold_db = {threshold}
         """,
-        "all ears",
+        "sensitive",
     )
     room = room_of([(1.0, -0.5, 1.0, 0.5)])
     scan = predict_scan(room, Place("here", (0.0, 0.0)), board, np.radians([0.0, 20.0, 120.0, 180.0]))

@@ -109,6 +109,6 @@ def test_a_post_at_the_end_of_a_wall_does_not_change_its_edge() -> None:
     room, board = parse_room(text, "room"), load_board("paper")
     for degrees in (0, 20, 26):
         heading = math.radians(degrees)
-        wanted = reference.range_at(room, room.places["here"], board, heading)
+        slow = reference.range_at(room, room.places["here"], board, heading)
         found = one_heading.range_at(room, room.places["here"], board, heading)
-        assert found == (None if wanted is None else pytest.approx(wanted, abs=1e-9))
+        assert found == (None if slow is None else pytest.approx(slow, abs=1e-9))

@@ -143,10 +143,10 @@ def test_place_by_name_by_numbers_or_alone() -> None:
     assert room.place("0.5,0.25").position == (0.5, 0.25)
 
 
-@pytest.mark.parametrize("wanted", ["there", "1,2,3", "nan,1", "5.2,5.0"])
-def test_wrong_place_is_rejected(wanted: str) -> None:
+@pytest.mark.parametrize("place", ["there", "1,2,3", "nan,1", "5.2,5.0"])
+def test_wrong_place_is_rejected(place: str) -> None:
     with pytest.raises(InputError):
-        parse_room(GOOD, "good.toml").place(wanted)
+        parse_room(GOOD, "good.toml").place(place)
 
 
 def test_place_is_required_if_there_are_several() -> None:
