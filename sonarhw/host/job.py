@@ -10,7 +10,7 @@ from array import array
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from sonarhw.host.driver import Command
 from sonarhw.lost_steps import split_at_homings
@@ -18,9 +18,6 @@ from sonarhw.readings import FloatArray, Reading
 from sonarhw.wire.arrivals import Progress
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import Started
-
-if TYPE_CHECKING:
-    from sonarhw.host.conversation import Conversation
 
 T = TypeVar("T")
 
@@ -39,8 +36,11 @@ Script: TypeAlias = Generator[Wait, None, T]
 class Job:
     """A job of the device. When it is `done`, it has a `result` or an `error`."""
 
-    def __init__(self, script: "Callable[[Conversation, Job], Script[Any]]", readings: int = 0) -> None:
-        """`script` creates the script, again after each loss of the device. `readings` is their number in a scan."""
+    def __init__(self, script: "Callable[[Any, Job], Script[Any]]", readings: int = 0) -> None:
+        """`script` creates the script from a `Conversation`, again after each loss of the device.
+
+        `readings` is their number in a scan.
+        """
         self.script = script
         self.since = 0.0
         self.moving = False  # whether the device homes, turns or scans for this job
