@@ -64,12 +64,12 @@ CASES += [("ser2net", faults) for faults in (FAULTS[0], FAULTS[1], FAULTS[-1])] 
 
 
 @pytest.mark.parametrize(("line", "faults"), CASES)
-def test_a_scan_goes_on_over_every_line_whatever_happens_to_it(line: str, faults: str, tmp_path: Path) -> None:
+def test_a_scan_completes_over_every_line_under_every_fault(line: str, faults: str, tmp_path: Path) -> None:
     with served(line, faulty(faults), tmp_path) as (url, _), Scanner.open(url) as scanner:
         assert_scanned(scanner)
 
 
-def test_bytes_that_wait_behind_ser2net_are_read_together() -> None:
+def test_bytes_waiting_in_ser2net_are_read_together() -> None:
     said = bytes(range(256)) * 8
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -82,7 +82,7 @@ def test_bytes_that_wait_behind_ser2net_are_read_together() -> None:
 
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])
-def test_a_scanner_that_comes_back_under_another_name_is_found_there(line: str, tmp_path: Path) -> None:
+def test_a_scanner_that_returns_under_another_name_is_found(line: str, tmp_path: Path) -> None:
     with (
         served(line, faulty("move=5@r5"), tmp_path) as (url, endpoint),
         Scanner.open(url, find=lambda: endpoint.url) as scanner,
@@ -92,7 +92,7 @@ def test_a_scanner_that_comes_back_under_another_name_is_found_there(line: str, 
         assert scanner.statistics.losses >= 1
 
 
-def test_the_firmware_and_the_driver_understand_each_other_over_a_bad_line(tmp_path: Path) -> None:
+def test_firmware_and_driver_complete_a_scan_over_a_bad_line(tmp_path: Path) -> None:
     faults = read_faults("drop=1/2000,flip=1/2000,insert=1/2000")
     with emulated() as url, Link(url) as link:
         relay = Relay(link, faults)

@@ -61,7 +61,7 @@ def microstep(info: Info) -> float:
 # who it is
 
 
-def test_hello_is_answered_by_who_it_is(talk: Talk) -> None:
+def test_hello_is_answered_with_the_identity(talk: Talk) -> None:
     info = talk.greet()
     assert info.major == PROTOCOL_MAJOR
     assert info.firmware
@@ -69,12 +69,12 @@ def test_hello_is_answered_by_who_it_is(talk: Talk) -> None:
     assert info.temperature == NO_TEMPERATURE or -4000 < info.temperature < 8500
 
 
-def test_who_it_is_stays_the_same_and_it_has_not_started_anew(talk: Talk) -> None:
+def test_the_identity_and_the_boot_counter_stay_the_same(talk: Talk) -> None:
     first, second = talk.greet(), talk.greet()
     assert (first.serial, first.firmware, first.boot) == (second.serial, second.firmware, second.boot)
 
 
-def test_what_it_can_agrees_with_what_it_says_of_itself(talk: Talk) -> None:
+def test_capabilities_agree_with_the_identity(talk: Talk) -> None:
     info, can = talk.greet(), talk.capabilities()
     assert can.lowest_angle <= 0 < can.highest_angle
     assert 1 <= can.most_echoes <= MAX_ECHOES
@@ -83,7 +83,7 @@ def test_what_it_can_agrees_with_what_it_says_of_itself(talk: Talk) -> None:
     assert bool(can.features & (Feature.ENVELOPE | Feature.CARRIER)) == bool(can.fastest_trace)
 
 
-def test_statistics_count_what_was_sent(talk: Talk) -> None:
+def test_statistics_count_the_frames_sent(talk: Talk) -> None:
     before = talk.ask(AskStatistics(), Statistics)
     for _ in range(3):
         talk.ask(AskStatistics(), Statistics)
@@ -98,21 +98,21 @@ def test_statistics_count_what_was_sent(talk: Talk) -> None:
     [(480, bytes(range(64))), (1, b"\0"), (100, b"\xff\x00"), (0, b"x")],
     ids=["all", "one", "two", "none"],
 )
-def test_a_test_of_the_line_brings_back_its_bytes(talk: Talk, size: int, data: bytes) -> None:
+def test_a_line_test_returns_its_bytes(talk: Talk, size: int, data: bytes) -> None:
     assert talk.ask(TestLink(size, data), LinkTested).data == (data * size)[:size]
 
 
 # settings
 
 
-def test_settings_are_those_wished_for_where_it_can(talk: Talk) -> None:
+def test_requested_settings_are_applied_within_the_limits(talk: Talk) -> None:
     for listen in (5_000, 20_000):
         settings = talk.ask(Configure(listen, 2_380, 0, 345_678), Settings)
         assert (settings.listen_us, settings.blanking_us) == (listen, 2_380)
         assert (settings.trace, settings.speed_of_sound) == (0, 345_678)
 
 
-def test_no_device_listens_longer_than_it_can(talk: Talk) -> None:
+def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
     settings = talk.ask(Configure(10_000_000, 2_380, 0, 343_200), Settings)
     assert settings.listen_us == talk.capabilities().longest_listen_us
 
@@ -141,7 +141,7 @@ def test_no_device_listens_longer_than_it_can(talk: Talk) -> None:
     ],
     ids=short,
 )
-def test_what_makes_no_sense_is_refused_and_said_why(talk: Talk, senseless: Message) -> None:
+def test_invalid_requests_are_refused_with_their_error_code(talk: Talk, senseless: Message) -> None:
     talk.home()
     refused = talk.ask(senseless, Refused)
     assert refused.code == Refusal.OUT_OF_RANGE
@@ -161,7 +161,7 @@ def test_an_angle_beyond_the_cable_is_refused_before_anything_turns(talk: Talk) 
     assert talk.act(Turn(0))[2].outcome == Outcome.DONE
 
 
-def test_unknown_messages_are_refused_as_such_and_the_next_is_served(talk: Talk) -> None:
+def test_unknown_messages_are_refused_and_the_next_one_is_served(talk: Talk) -> None:
     for kind in (0x00, 0x7F, Info.TYPE, Heartbeat.TYPE, 0xFF):
         refused = talk.answer_to_frame(kind, b"\x01\x02\x03")
         assert isinstance(refused, Refused)
@@ -169,18 +169,18 @@ def test_unknown_messages_are_refused_as_such_and_the_next_is_served(talk: Talk)
 
 
 @pytest.mark.parametrize("kind", [Configure, Turn, StartScan, Resend, TestLink], ids=lambda kind: kind.__name__)
-def test_a_payload_that_ends_too_soon_is_malformed(talk: Talk, kind: type[Message]) -> None:
+def test_a_short_payload_is_malformed(talk: Talk, kind: type[Message]) -> None:
     refused = talk.answer_to_frame(kind.TYPE, b"\x01")
     assert isinstance(refused, Refused)
     assert refused.code == Refusal.MALFORMED
 
 
-def test_bytes_behind_the_last_known_field_are_for_a_newer_version(talk: Talk) -> None:
+def test_bytes_after_the_last_known_field_are_ignored(talk: Talk) -> None:
     wish = Configure(20_000, 2_380, 0, 343_200)
     assert isinstance(talk.answer_to_frame(Configure.TYPE, wish.pack() + b"more"), Settings)
 
 
-def test_while_it_scans_it_refuses_what_would_disturb_and_serves_the_rest(talk: Talk) -> None:
+def test_during_a_scan_conflicting_commands_are_refused_and_others_served(talk: Talk) -> None:
     talk.home()
     orders = (LONG, Turn(0), Home(), LONG, Configure(20_000, 2_380, 0, 343_200), AskStatistics(), Resend(0, 1), Stop())
     started, *refused, statistics, again, stopped = talk.answers(*orders)
@@ -194,7 +194,7 @@ def test_while_it_scans_it_refuses_what_would_disturb_and_serves_the_rest(talk: 
 # turning
 
 
-def test_home_is_the_zero_and_turns_lead_where_they_were_sent(talk: Talk) -> None:
+def test_homing_ends_at_zero_and_turns_end_at_the_requested_angle(talk: Talk) -> None:
     info = talk.greet()
     talk.home()
     for angle in (0, 40 * DEGREE, 10 * DEGREE, -20 * DEGREE, 0):
@@ -213,7 +213,7 @@ def beats(messages: list[Message]) -> bool:
     return bool(messages) and isinstance(messages[-1], Heartbeat)
 
 
-def test_a_home_that_was_stopped_leaves_it_without_its_zero(talk: Talk) -> None:
+def test_after_a_stopped_homing_the_zero_is_unknown(talk: Talk) -> None:
     talk.home()
     talk.act(Turn(90 * DEGREE))
     since = len(talk.heard)
@@ -254,7 +254,7 @@ def check_scan(order: StartScan, made: list[ReadingMessage], settings: Settings,
     ],
     ids=short,
 )
-def test_a_scan_makes_each_reading_once_at_its_angle(talk: Talk, order: StartScan) -> None:
+def test_a_scan_measures_each_reading_once_at_its_angle(talk: Talk, order: StartScan) -> None:
     info, settings = talk.greet(), talk.home()
     started, messages, finished = talk.act(order)
     made = readings(messages)
@@ -264,14 +264,14 @@ def test_a_scan_makes_each_reading_once_at_its_angle(talk: Talk, order: StartSca
     assert (finished.outcome, finished.readings) == (Outcome.DONE, made[-1].number + 1)
 
 
-def test_pings_keep_their_distance_within_a_scan_and_across_two(talk: Talk) -> None:
+def test_the_ping_period_is_kept_within_a_scan_and_between_scans(talk: Talk) -> None:
     talk.home()
     period = talk.capabilities().ping_period_us
     fired = [reading.fired_us for _ in range(2) for reading in readings(talk.act(TEN)[1])]
     assert all(later - earlier >= period for earlier, later in itertools.pairwise(fired))
 
 
-def test_a_stopped_scan_has_ended_before_the_stop_is_answered(talk: Talk) -> None:
+def test_a_stopped_scan_ends_before_stop_is_answered(talk: Talk) -> None:
     talk.home()
     since = len(talk.heard)
     number, stop = talk.send(LONG, Stop())
@@ -283,14 +283,14 @@ def test_a_stopped_scan_has_ended_before_the_stop_is_answered(talk: Talk) -> Non
     assert finished.readings == len(readings(messages))
 
 
-def test_hello_ends_what_runs_and_keeps_the_zero(talk: Talk) -> None:
+def test_hello_ends_the_running_scan_and_keeps_the_zero(talk: Talk) -> None:
     talk.home()
     talk.send(LONG)
     assert talk.greet().homed == 1
     assert talk.act(Turn(0))[2].outcome == Outcome.DONE
 
 
-def test_a_command_that_comes_twice_is_carried_out_once_and_answered_twice(talk: Talk) -> None:
+def test_a_repeated_command_is_executed_once_and_answered_twice(talk: Talk) -> None:
     talk.home()
     since = len(talk.heard)
     wire = talk.wire(TEN.TYPE, TEN.pack())
@@ -306,7 +306,7 @@ def test_a_command_that_comes_twice_is_carried_out_once_and_answered_twice(talk:
     assert talk.ask(Resend(0, 10), Accepted)
 
 
-def test_readings_are_sent_again_unchanged_and_never_made_again(talk: Talk) -> None:
+def test_readings_are_resent_unchanged_without_a_new_measurement(talk: Talk) -> None:
     talk.home()
     made = readings(talk.act(TEN)[1])
     pings = talk.ask(AskStatistics(), Statistics).pings
@@ -318,7 +318,7 @@ def test_readings_are_sent_again_unchanged_and_never_made_again(talk: Talk) -> N
     assert readings(talk.messages(since)) == made[3:7]
 
 
-def test_traces_are_whole_and_belong_to_their_readings(talk: Talk) -> None:
+def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
     if not talk.capabilities().fastest_trace:
         assert talk.home(trace=1).trace == 0
         return
@@ -345,7 +345,7 @@ def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
     assert settings.trace_bits == 8 * size
 
 
-def test_fewer_echoes_are_the_earliest_of_all(talk: Talk) -> None:
+def test_a_limit_on_echoes_keeps_the_earliest(talk: Talk) -> None:
     talk.home()
     all_of_them = readings(talk.act(TEN)[1])
     assert talk.ask(Configure(20_000, 2_380, 0, 343_200, echoes=1), Settings).echoes == 1
@@ -356,7 +356,7 @@ def test_fewer_echoes_are_the_earliest_of_all(talk: Talk) -> None:
 # time
 
 
-def test_heartbeats_come_every_quarter_of_a_second_whatever_it_does(talk: Talk) -> None:
+def test_heartbeats_come_every_quarter_second_during_every_activity(talk: Talk) -> None:
     talk.home()
     talk.act(Turn(90 * DEGREE))
     talk.act(Home())
@@ -368,7 +368,7 @@ def test_heartbeats_come_every_quarter_of_a_second_whatever_it_does(talk: Talk) 
     assert all(0.15 < later - earlier < 0.35 for earlier, later in itertools.pairwise(times))
 
 
-def test_frames_are_counted_and_its_clock_never_runs_backwards(talk: Talk) -> None:
+def test_sequence_numbers_increase_and_timestamps_never_decrease(talk: Talk) -> None:
     talk.home(trace=1)
     talk.act(TEN)
     talk.ask(Resend(0, 10), Accepted)
@@ -378,7 +378,7 @@ def test_frames_are_counted_and_its_clock_never_runs_backwards(talk: Talk) -> No
     assert talk.rejected == []
 
 
-def test_a_host_that_has_fallen_silent_is_let_go_and_refused_until_it_greets_anew(free_url: str) -> None:
+def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(free_url: str) -> None:
     with Link(free_url) as link:
         talk = Talk(link)
         talk.greet()
@@ -429,7 +429,7 @@ def noise() -> bytes:
 
 
 @pytest.mark.parametrize("rubbish", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
-def test_rubbish_is_dropped_in_silence_and_the_next_command_is_whole(talk: Talk, rubbish: Callable[[], bytes]) -> None:
+def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk, rubbish: Callable[[], bytes]) -> None:
     since = len(talk.heard)
     talk.write(rubbish())
     talk.ask(AskStatistics(), Statistics)
@@ -437,7 +437,7 @@ def test_rubbish_is_dropped_in_silence_and_the_next_command_is_whole(talk: Talk,
     assert others == []
 
 
-def test_a_client_that_went_in_the_middle_of_a_frame_does_not_spoil_the_greeting_of_the_next(free_url: str) -> None:
+def test_a_frame_cut_off_by_a_disconnect_does_not_damage_the_next_greeting(free_url: str) -> None:
     with Link(free_url) as link:
         link.write(cut_off())
     with Link(free_url) as link:

@@ -30,7 +30,7 @@ def assert_whole(readings: list[Reading], order: ScanOrder) -> None:
         assert reading.angle == pytest.approx(angle, abs=MICROSTEP)
 
 
-def test_a_scan_gives_every_reading_once_in_the_order_of_time(free_url: str) -> None:
+def test_a_scan_gives_every_reading_once_in_time_order(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         readings = list(scanner.scan(ORDER))
     assert_whole(readings, ORDER)
@@ -38,7 +38,7 @@ def test_a_scan_gives_every_reading_once_in_the_order_of_time(free_url: str) -> 
     assert times == sorted(times)
 
 
-def test_two_scans_in_a_row_are_two_scans(free_url: str) -> None:
+def test_two_successive_scans_are_both_complete(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         scanner.configure(listen=0.01, trace=bool(scanner.info.trace_rate))
         for _ in range(2):
@@ -48,7 +48,7 @@ def test_two_scans_in_a_row_are_two_scans(free_url: str) -> None:
                 assert all(reading.trace is not None for reading in readings)
 
 
-def test_a_scan_given_up_in_the_middle_leaves_the_scanner_ready_for_the_next(free_url: str) -> None:
+def test_after_an_abandoned_scan_the_next_scan_is_complete(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         for reading in scanner.scan(LONG):
             if reading.number == 3:
@@ -57,7 +57,7 @@ def test_a_scan_given_up_in_the_middle_leaves_the_scanner_ready_for_the_next(fre
         assert_whole(list(scanner.scan(ORDER)), ORDER)
 
 
-def test_a_scan_anywhere_ends_over_a_mark_that_is_in_its_place(free_url: str) -> None:
+def test_a_scan_anywhere_ends_at_a_zero_mark_in_the_expected_place(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         before = scanner.device_statistics().lost_steps
         for turns in (-1, 0, 1):
@@ -66,7 +66,7 @@ def test_a_scan_anywhere_ends_over_a_mark_that_is_in_its_place(free_url: str) ->
         assert scanner.device_statistics().lost_steps == before
 
 
-def test_stop_from_another_thread_ends_a_scan_with_the_readings_made(free_url: str) -> None:
+def test_stop_from_another_thread_ends_a_scan_and_keeps_its_readings(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         readings, stopper = [], threading.Thread(target=scanner.stop)
         for reading in scanner.scan(LONG):
@@ -78,7 +78,7 @@ def test_stop_from_another_thread_ends_a_scan_with_the_readings_made(free_url: s
     assert sorted(reading.number for reading in readings) == list(range(len(readings)))
 
 
-def test_a_host_that_went_without_a_word_in_the_middle_of_a_scan_does_not_disturb_the_next(free_url: str) -> None:
+def test_a_host_that_vanishes_during_a_scan_does_not_disturb_the_next_host(free_url: str) -> None:
     with Link(free_url) as link:
         talk = Talk(link)
         talk.greet()
@@ -89,7 +89,7 @@ def test_a_host_that_went_without_a_word_in_the_middle_of_a_scan_does_not_distur
         assert_whole(list(scanner.scan(ORDER)), ORDER)
 
 
-def test_what_was_recorded_is_what_was_shown(free_url: str, tmp_path: Path) -> None:
+def test_the_log_contains_the_delivered_readings(free_url: str, tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with Scanner.open(free_url) as scanner, LogWriter(path, METADATA) as log:
         scanner.record(log)

@@ -15,7 +15,7 @@ SHARE = 1 / 10_000
 WHOLE_TURN = StartScan(start=0, step=1_000_000, headings=360, sweeps=1, pings=1)
 
 
-def test_a_scan_over_a_bad_cable_is_complete_and_right_and_the_statistics_tell(count: Count) -> None:
+def test_a_scan_over_a_bad_cable_is_complete_and_correct_and_the_statistics_show_it(count: Count) -> None:
     for seed in range(count(2, 200)):
         joined = Joined(board=faulty(f"flip={SHARE},drop={SHARE}", seed))
         joined.greet(trace=True)

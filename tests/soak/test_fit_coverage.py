@@ -14,7 +14,7 @@ TOLD = 0.95
 
 
 @pytest.mark.timeout(36_000)
-def test_regions_hold_the_truth_as_often_as_they_say(count: Count) -> None:
+def test_credible_intervals_contain_the_truth_at_their_stated_rate(count: Count) -> None:
     draws, samples = count(4, 500), count(2000, 8000)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         drawn = list(pool.map(partial(drawn_fit, samples=samples), range(draws)))

@@ -45,7 +45,7 @@ def without_zeros(chance: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize("kind", [white, full_of_zeros, without_zeros], ids=lambda kind: kind.__name__)
-def test_random_bytes_are_no_frames_no_readings_and_no_burden(kind: Bytes, count: Count) -> None:
+def test_random_bytes_give_no_frames_and_no_readings_and_use_little_memory(kind: Bytes, count: Count) -> None:
     chance = random.Random(kind.__name__)
     decoder, driver = FrameDecoder(), greeted(kind)
     # what is slow to make is used again
@@ -75,7 +75,7 @@ def greeted(kind: Bytes) -> Driver:
     return driver
 
 
-def test_a_mutated_session_shows_no_reading_that_was_not_made(count: Count) -> None:
+def test_a_mutated_session_gives_no_invented_reading(count: Count) -> None:
     session = recorded_session()
     true = {reading.number: reading for reading in heard(session)}
     assert [*true] == [0, 1, 2, 3]

@@ -17,7 +17,7 @@ INDEX = 24  # allocated blocks of a reading in the index that closes a log, less
 
 
 @pytest.mark.parametrize("recorded", [False, True], ids=["scanning", "recording"])
-def test_memory_is_flat_but_for_the_index_of_the_log(tmp_path: Path, count: Count, recorded: bool) -> None:
+def test_memory_grows_only_by_the_index_of_the_log(tmp_path: Path, count: Count, recorded: bool) -> None:
     sweeps = count(4, 200)
     path = tmp_path / "hour.mcap"
     if recorded:

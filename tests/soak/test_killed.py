@@ -17,7 +17,7 @@ LONG = ("--step", "1", "--sweeps", "400")  # always killed before its end
 TAIL = 4096  # bytes
 
 
-def test_every_reading_shown_before_the_kill_is_in_the_log(tmp_path: Path, count: Count) -> None:
+def test_every_reading_delivered_before_the_kill_is_in_the_log(tmp_path: Path, count: Count) -> None:
     chance = random.Random(11)
     for kill in range(count(3, 200)):
         log = tmp_path / f"{kill}.mcap"

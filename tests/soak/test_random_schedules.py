@@ -22,7 +22,7 @@ def schedule(chance: random.Random) -> str:
     return ",".join({entry.partition("=")[0]: entry for entry in entries}.values())
 
 
-def test_every_mixture_of_faults_is_mended(count: Count) -> None:
+def test_a_scan_recovers_from_every_mixture_of_faults(count: Count) -> None:
     chance = random.Random(23)
     for run in range(count(15, 1500)):
         faults = schedule(chance)

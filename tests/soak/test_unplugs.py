@@ -10,7 +10,7 @@ from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_right
 WITHIN = 1.0  # s
 
 
-def test_every_pulled_cable_is_seen_within_a_second_and_every_scan_completes(count: Count) -> None:
+def test_every_pulled_cable_is_detected_within_a_second_and_every_scan_completes(count: Count) -> None:
     chance, noticed, unnoticed = random.Random(8), [0.0], [0.0]
     run = 0
     while len(noticed) + len(unnoticed) < 2 + count(12, 200):

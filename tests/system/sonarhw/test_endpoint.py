@@ -69,7 +69,7 @@ class Failing(Chatterbox):
         raise ZeroDivisionError("broken device")
 
 
-def test_a_link_leads_to_the_terminal_and_is_removed_at_the_end(tmp_path: Path) -> None:
+def test_a_link_points_to_the_terminal_and_is_removed_at_the_end(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
     with serve(FakeBoard(PlainEchoes()), pty=link) as endpoint:
         assert endpoint.url == str(link)
@@ -95,7 +95,7 @@ def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path
         pass
 
 
-def test_a_link_that_now_leads_elsewhere_is_not_removed(tmp_path: Path) -> None:
+def test_a_link_with_a_changed_target_is_not_removed(tmp_path: Path) -> None:
     link = tmp_path / "scanner"
     with serve(FakeBoard(PlainEchoes()), pty=link):
         link.unlink()
@@ -103,18 +103,18 @@ def test_a_link_that_now_leads_elsewhere_is_not_removed(tmp_path: Path) -> None:
     assert link.is_symlink()
 
 
-def test_tcp_listens_on_the_loopback_and_nowhere_else() -> None:
+def test_tcp_listens_on_the_loopback_only() -> None:
     with serve(FakeBoard(PlainEchoes()), tcp=":0") as endpoint:
         assert endpoint.url.startswith("socket://127.0.0.1:")
 
 
 @pytest.mark.parametrize("address", ["7000", "localhost", "host:port", "127.0.0.1:70000", "127.0.0.1:-1"])
-def test_a_bad_address_is_told(address: str) -> None:
+def test_an_invalid_address_is_an_error(address: str) -> None:
     with pytest.raises(InputError, match="expected HOST:PORT"), serve(FakeBoard(PlainEchoes()), tcp=address):
         pass
 
 
-def test_a_port_that_is_taken_is_told() -> None:
+def test_a_tcp_port_in_use_is_an_error() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(LinkError, match="cannot listen"), serve(FakeBoard(PlainEchoes()), tcp=address):
@@ -128,7 +128,7 @@ def test_a_pace_is_real_max_or_a_factor(pace: float) -> None:
 
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])
-def test_a_client_that_does_not_read_holds_the_device_back(line: str, tmp_path: Path) -> None:
+def test_a_client_that_does_not_read_blocks_the_device(line: str, tmp_path: Path) -> None:
     device = Chatterbox()
     where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
     with serve(device, pace="max", **where) as endpoint:  # type: ignore[arg-type]
@@ -147,7 +147,7 @@ def test_a_client_that_does_not_read_holds_the_device_back(line: str, tmp_path: 
             assert device.hung_up.wait(timeout=HANG)
 
 
-def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same() -> None:
+def test_a_device_that_always_sends_still_receives() -> None:
     device, taken = Busy(), 0
     with serve(device, tcp="127.0.0.1:0") as endpoint, Link(endpoint.url) as link:
         link.write(b"stop")
@@ -156,7 +156,7 @@ def test_a_device_that_has_always_something_to_say_hears_its_client_all_the_same
     assert device.heard == b"stop"
 
 
-def test_a_device_that_breaks_is_told_to_whoever_served_it_and_its_client_is_cut_off() -> None:
+def test_an_exception_in_the_device_reaches_the_caller_and_disconnects_the_client() -> None:
     def serve_until_it_breaks() -> None:
         with serve(Failing(), tcp="127.0.0.1:0") as endpoint:
             name = f"serve {endpoint.url}"
@@ -166,7 +166,7 @@ def test_a_device_that_breaks_is_told_to_whoever_served_it_and_its_client_is_cut
         serve_until_it_breaks()
 
 
-def test_time_runs_at_its_pace_and_stands_still_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_time_runs_at_its_pace_and_stops_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
     real = 100.0
     monkeypatch.setattr(time, "monotonic", lambda: real)
     clock = Clock(4.0)
@@ -182,7 +182,7 @@ def test_time_runs_at_its_pace_and_stands_still_while_held(monkeypatch: pytest.M
     assert clock.now < 2.0
 
 
-def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     real = 100.0
 
     def waits(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
@@ -200,7 +200,7 @@ def test_a_device_with_nothing_to_do_loses_no_time(monkeypatch: pytest.MonkeyPat
     assert endpoint._clock.now == pytest.approx(10, abs=0.5)
 
 
-def test_a_client_that_goes_takes_its_conversation_with_it() -> None:
+def test_a_disconnect_ends_the_conversation() -> None:
     board = FakeBoard(PlainEchoes())
     with serve(board, tcp="127.0.0.1:0") as endpoint:
         host, _, port = endpoint.url.removeprefix("socket://").partition(":")

@@ -28,7 +28,7 @@ def test_the_python_of_the_document_runs() -> None:
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])
 @pytest.mark.parametrize("fault", ["unplug", "move"])
-def test_a_cable_that_was_out_comes_back_under_its_name_or_another(line: str, fault: str, tmp_path: Path) -> None:
+def test_the_scan_continues_when_the_port_returns_under_any_name(line: str, fault: str, tmp_path: Path) -> None:
     with open_server_port(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as door:  # type: ignore[arg-type]
         endpoint = Endpoint(faulty(f"{fault}=5@20"), door, pace=20.0)
         before, serving = endpoint.url, threading.Thread(target=endpoint.run, name="serve")
@@ -66,6 +66,6 @@ def opened_again(endpoint: Endpoint) -> Link:
     return links[0]
 
 
-def test_another_protocol_version_is_refused_by_name() -> None:
+def test_another_protocol_version_is_refused_with_its_number() -> None:
     with serve(faulty("protocol=0.9"), tcp="127.0.0.1:0") as endpoint, pytest.raises(Incompatible, match=r"0\.9"):
         Scanner.open(endpoint.url)

@@ -56,7 +56,7 @@ def terminal() -> Iterator[str]:
     os.close(slave)
 
 
-def test_dtr_is_low_and_the_port_claimed_before_it_is_opened(spied: SpiedPort) -> None:
+def test_dtr_is_low_and_access_is_exclusive_before_the_port_is_opened(spied: SpiedPort) -> None:
     Link("/dev/ttyUSB0").close()
     names = [name for name, _ in spied.done]
     assert ("dtr", False) in spied.done
@@ -65,7 +65,7 @@ def test_dtr_is_low_and_the_port_claimed_before_it_is_opened(spied: SpiedPort) -
         assert names.index("exclusive") < names.index("open")
 
 
-def test_a_port_with_modem_lines_may_have_reset_its_board_and_a_pseudo_terminal_has_not(
+def test_only_a_port_with_modem_lines_waits_for_a_bootloader(
     spied: SpiedPort, terminal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Link("/dev/ttyUSB0") as link:
@@ -75,7 +75,7 @@ def test_a_port_with_modem_lines_may_have_reset_its_board_and_a_pseudo_terminal_
         assert link.quiet == 0.0
 
 
-def test_the_speed_is_changed_once_what_was_written_has_gone(spied: SpiedPort) -> None:
+def test_the_speed_changes_after_all_written_bytes_are_sent(spied: SpiedPort) -> None:
     with Link("/dev/ttyUSB0") as link:
         spied.done.clear()
         link.set_baud(FIRST_BAUD)
@@ -95,7 +95,7 @@ def test_the_speed_reaches_the_terminal(terminal: str) -> None:
             os.close(descriptor)
 
 
-def test_a_speed_that_cannot_be_set_any_more_is_a_lost_link(terminal: str) -> None:
+def test_a_failure_to_set_the_speed_is_a_lost_link(terminal: str) -> None:
     link = Link(terminal)
     link.close()
     os.close(os.open(terminal, os.O_RDONLY | os.O_NOCTTY))
@@ -108,7 +108,7 @@ def _gone() -> None:
     raise OSError("gone")
 
 
-def test_closing_a_port_leaves_dtr_as_it_is(terminal: str) -> None:
+def test_closing_a_port_leaves_dtr_unchanged(terminal: str) -> None:
     descriptor = os.open(terminal, os.O_RDONLY | os.O_NOCTTY)
     try:
         attributes = termios.tcgetattr(descriptor)

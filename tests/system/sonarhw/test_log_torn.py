@@ -75,7 +75,7 @@ def test_a_log_cut_anywhere_keeps_every_whole_reading(whole: Path, tmp_path: Pat
         assert_cut_keeps_whole_readings(whole, tmp_path / "torn.mcap", at)
 
 
-def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_path: Path) -> None:
+def test_a_log_cut_before_its_header_ends_gives_an_error_of_one_line(whole: Path, tmp_path: Path) -> None:
     data = whole.read_bytes()
     for at in range(1, first_record_end(data)):
         (tmp_path / "torn.mcap").write_bytes(data[:at])
@@ -84,7 +84,7 @@ def test_a_log_cut_before_it_says_what_it_is_is_one_clear_line(whole: Path, tmp_
         assert "\n" not in str(raised.value)
 
 
-def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path: Path) -> None:
+def test_zeros_at_the_end_after_a_power_cut_count_as_torn(whole: Path, tmp_path: Path) -> None:
     end, readings = chunk_ends(whole)[5]
     (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[:end] + bytes(4096))
     log = read_log(tmp_path / "torn.mcap")
@@ -92,7 +92,7 @@ def test_zeros_that_a_power_cut_left_at_the_end_are_a_tear(whole: Path, tmp_path
     assert len(log.readings) == readings
 
 
-def test_a_damaged_length_inside_a_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+def test_a_damaged_length_inside_a_chunk_loses_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     with whole.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -106,7 +106,7 @@ def test_a_damaged_length_inside_a_chunk_costs_its_own_reading_only(whole: Path,
     assert len(log.readings) == COUNT - 1
 
 
-def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
+def test_a_damaged_chunk_loses_its_own_reading_only(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     end, _ = chunk_ends(whole)[6]
     data[end - 5] ^= 0x40
@@ -117,7 +117,7 @@ def test_a_damaged_chunk_costs_its_own_reading_only(whole: Path, tmp_path: Path)
     assert len(log.readings) == COUNT - 1
 
 
-def test_however_much_is_damaged_is_told_in_a_short_line(whole: Path, tmp_path: Path) -> None:
+def test_any_amount_of_damage_is_reported_in_a_short_line(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     ends = [end for end, _ in chunk_ends(whole)][2:]
     for end in ends:
@@ -154,7 +154,7 @@ def spoilt_stretches(draw: st.DrawFn) -> tuple[float, int, bytes]:
 @example(spoilt=(0.5, 1, b""))
 @example(spoilt=(0.5, 9, b"\xff" * 9))
 @example(spoilt=(0.0, 700, bytes(700)))
-def test_damage_in_the_middle_costs_the_readings_it_touches_and_no_other(
+def test_damage_in_the_middle_loses_only_the_readings_it_touches(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, spoilt: tuple[float, int, bytes]
 ) -> None:
     content, spans = whole.read_bytes(), chunk_spans(whole)
@@ -172,7 +172,7 @@ def test_damage_in_the_middle_costs_the_readings_it_touches_and_no_other(
     assert log.torn is not None or path.read_bytes() == content
 
 
-def test_what_was_left_out_is_told_with_its_place(whole: Path, tmp_path: Path) -> None:
+def test_skipped_bytes_are_reported_with_their_position(whole: Path, tmp_path: Path) -> None:
     content, spans = whole.read_bytes(), chunk_spans(whole)
     begin, end = spans[6][0] + 20, spans[7][0] + 20
     path = tmp_path / "damaged.mcap"
@@ -183,7 +183,7 @@ def test_what_was_left_out_is_told_with_its_place(whole: Path, tmp_path: Path) -
     assert read_log(path).torn == f"bytes {spans[6][0]} to {again} are damaged and left out"
 
 
-def test_a_damaged_length_between_chunks_leads_past_none(whole: Path, tmp_path: Path) -> None:
+def test_a_damaged_length_between_chunks_skips_no_chunk(whole: Path, tmp_path: Path) -> None:
     content, spans = bytearray(whole.read_bytes()), chunk_spans(whole)
     at, inside = spans[5][1], spans[8][0] + 30  # a message index, and the middle of a later chunk
     content[at + 1 : at + 9] = (inside - at - 9).to_bytes(8, "little")
@@ -194,7 +194,7 @@ def test_a_damaged_length_between_chunks_leads_past_none(whole: Path, tmp_path: 
     assert len(log.readings) == COUNT
 
 
-def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, tmp_path: Path) -> None:
+def test_a_log_without_its_first_chunk_keeps_its_channels(whole: Path, tmp_path: Path) -> None:
     content, (first, *_) = whole.read_bytes(), chunk_spans(whole)
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content[: first[0]] + bytes(first[1] - first[0]) + content[first[1] :])
@@ -204,7 +204,7 @@ def test_a_log_whose_first_chunk_is_lost_still_knows_its_channels(whole: Path, t
 
 
 @pytest.mark.parametrize("lost", [8, 40, "up to the first chunk", "up to the first reading"])
-def test_a_log_whose_beginning_is_lost_keeps_its_readings(whole: Path, tmp_path: Path, lost: int | str) -> None:
+def test_a_log_without_its_beginning_keeps_its_readings(whole: Path, tmp_path: Path, lost: int | str) -> None:
     content, spans = whole.read_bytes(), chunk_spans(whole)
     first = next(start for start, _, reading in spans if reading)
     size = lost if isinstance(lost, int) else spans[0][0] if lost == "up to the first chunk" else first
@@ -218,7 +218,7 @@ def test_a_log_whose_beginning_is_lost_keeps_its_readings(whole: Path, tmp_path:
     assert log.metadata.made_by in ("unknown", METADATA.made_by)
 
 
-def test_ranges_outlive_the_settings_they_were_told_with(whole: Path, tmp_path: Path) -> None:
+def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path: Path) -> None:
     # Info, Settings and Started lie in chunks of their own in front of the readings
     content, spans = whole.read_bytes(), chunk_spans(whole)
     begin, end = spans[0][0], next(start for start, _, reading in spans if reading)
@@ -233,7 +233,7 @@ def test_ranges_outlive_the_settings_they_were_told_with(whole: Path, tmp_path: 
 
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
-def test_no_damage_makes_reading_fail_otherwise_than_as_no_log(
+def test_damage_raises_no_other_error_than_not_a_log(
     whole: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = bytearray(whole.read_bytes())
@@ -257,18 +257,18 @@ def test_no_damage_makes_reading_fail_otherwise_than_as_no_log(
         (b"\x89MCAP1\r\n rest", "is not an MCAP file"),
     ],
 )
-def test_what_is_no_log_is_one_clear_line(tmp_path: Path, content: bytes, told: str) -> None:
+def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(tmp_path: Path, content: bytes, told: str) -> None:
     (tmp_path / "scan.mcap").write_bytes(content)
     with pytest.raises(NotALog, match=told):
         read_log(tmp_path / "scan.mcap")
 
 
-def test_a_log_that_is_not_there_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_missing_log_gives_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(NotALog, match="cannot be read: No such file"):
         read_log(tmp_path / "scan.mcap")
 
 
-def test_another_programs_mcap_is_one_clear_line(tmp_path: Path) -> None:
+def test_an_mcap_file_of_another_program_gives_an_error_of_one_line(tmp_path: Path) -> None:
     writer = Writer(str(tmp_path / "scan.mcap"))
     writer.start("ros2")
     writer.finish()
@@ -276,7 +276,7 @@ def test_another_programs_mcap_is_one_clear_line(tmp_path: Path) -> None:
         read_log(tmp_path / "scan.mcap")
 
 
-def test_a_recovered_log_is_whole_and_holds_every_readable_reading(whole: Path, tmp_path: Path) -> None:
+def test_a_recovered_log_is_complete_and_contains_every_readable_reading(whole: Path, tmp_path: Path) -> None:
     end, readings = chunk_ends(whole)[7]
     (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[: end + 30])
     copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
@@ -305,7 +305,7 @@ for frames, reading in scan_frames():
 """
 
 
-def test_a_killed_writer_leaves_every_reading_it_had_taken(tmp_path: Path) -> None:
+def test_a_killed_writer_leaves_every_accepted_reading(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     child = subprocess.Popen([sys.executable, "-c", KILLED_WRITER, str(path)], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
@@ -353,7 +353,7 @@ except LogError as error:
 """
 
 
-def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: Path) -> None:
+def test_a_full_disk_gives_an_error_of_one_line_and_the_log_keeps_its_readings(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
     taken, line = done.stdout.strip().split("|")
@@ -365,7 +365,7 @@ def test_a_full_disk_is_one_clear_line_and_the_log_keeps_what_it_took(tmp_path: 
     assert log.torn == f"the file ends too early at byte {size}"
 
 
-def test_a_log_of_which_nothing_was_written_is_not_called_readable() -> None:
+def test_a_log_that_cannot_be_written_reports_that_nothing_is_recorded() -> None:
     with pytest.raises(LogError) as raised:
         LogWriter(Path("/dev/full"), METADATA)
     assert str(raised.value) == (

@@ -97,7 +97,7 @@ def test_a_scan_gives_every_reading_in_order(served: Serve) -> None:
         assert (books.rejected_blocks, books.missing_frames, books.resends, books.lost_readings) == (0, 0, 0, 0)
 
 
-def test_traces_come_whole(served: Serve) -> None:
+def test_traces_are_complete(served: Serve) -> None:
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.configure(trace=True)
         scanner.home()
@@ -107,7 +107,7 @@ def test_traces_come_whole(served: Serve) -> None:
             assert not (reading.trace.samples != reading.trace.samples).any()
 
 
-def test_a_scan_given_up_in_the_middle_stops_the_board_and_the_next_one_works(served: Serve) -> None:
+def test_abandoning_a_scan_stops_the_board_and_the_next_scan_works(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), seed=5)
     with served(board, pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
@@ -195,7 +195,7 @@ def test_a_second_client_is_served_after_the_first(served: Serve) -> None:
                 check_scan(list(scanner.scan(ORDER)))
 
 
-def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Serve) -> None:
+def test_a_scan_left_running_by_a_client_does_not_disturb_the_next_client(served: Serve) -> None:
     with served(pace=20.0) as endpoint:
         first = Scanner.open(endpoint.url)
         first.home()
@@ -210,7 +210,7 @@ def test_a_client_that_left_a_scan_running_does_not_disturb_the_next(served: Ser
         first.close()
 
 
-def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serve) -> None:
+def test_a_link_that_vanishes_during_a_scan_is_an_error(served: Serve) -> None:
     readings = []
     with served(pace=20.0) as endpoint:
         scanner = Scanner.open(endpoint.url, reconnect=0.5)
@@ -225,13 +225,13 @@ def test_a_link_that_vanishes_in_mid_scan_is_lost_and_nothing_hangs(served: Serv
     assert 5 <= len(readings) < LONG.readings
 
 
-def test_another_protocol_version_is_told_with_both_numbers(served: Serve) -> None:
+def test_another_protocol_version_is_an_error_with_both_versions(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(major=2, minor=4))
     with served(board) as endpoint, pytest.raises(Incompatible, match=r"2\.4.*1\.1"):
         Scanner.open(endpoint.url)
 
 
-def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
+def test_a_newer_minor_version_is_accepted(served: Serve) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(minor=9))
     with served(board) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.info.protocol == (1, 9)
@@ -239,7 +239,7 @@ def test_a_newer_minor_version_is_spoken_to(served: Serve) -> None:
         check_scan(list(scanner.scan(ORDER)))
 
 
-def test_everything_that_passes_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
+def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
     kept = Kept()
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.record(kept)
@@ -284,7 +284,7 @@ def test_a_busy_scanner_refuses_a_second_action(served: Serve) -> None:
         assert scanner.home() is Outcome.DONE
 
 
-def test_an_order_that_fits_no_message_is_refused_before_it_is_sent(served: Serve) -> None:
+def test_a_request_that_does_not_fit_a_message_is_refused_before_it_is_sent(served: Serve) -> None:
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
         scanner.home()
         with pytest.raises(InputError, match="StartScan cannot be sent"):
@@ -292,7 +292,7 @@ def test_an_order_that_fits_no_message_is_refused_before_it_is_sent(served: Serv
         check_scan(list(scanner.scan(ORDER)))
 
 
-def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_path: Path) -> None:
+def test_a_scanner_that_returns_under_another_name_continues_the_scan(tmp_path: Path) -> None:
     echoes = PlainEchoes()
     names = [tmp_path / "first", tmp_path / "second"]
 
@@ -311,7 +311,7 @@ def test_a_scanner_that_comes_back_under_another_name_goes_on_with_the_scan(tmp_
         scanner.close()
 
 
-def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Path) -> None:
+def test_a_line_with_a_settable_speed_uses_its_highest_speed(tmp_path: Path) -> None:
     board = FakeBoard(PlainEchoes(), identity=BoardIdentity(bauds=(250_000, 500_000, 1_000_000)))
     with serve(board, pty=tmp_path / "scanner", pace=20.0) as endpoint, Scanner.open(endpoint.url) as scanner:
         assert scanner.baud == board.line.baud == 1_000_000
@@ -319,7 +319,7 @@ def test_a_line_with_a_speed_of_its_own_is_made_as_fast_as_it_goes(tmp_path: Pat
         check_scan(list(scanner.scan(ORDER)))
 
 
-def test_the_ten_lines_of_the_readme_are_a_scan(served: Serve) -> None:
+def test_the_example_of_the_readme_scans(served: Serve) -> None:
     readme = (CHECKOUT / "README.md").read_text(encoding="utf-8")
     (lines,) = re.findall(r"```python\n(from sonarhw import Scanner.*?)```", readme, flags=re.DOTALL)
     kept: list[Reading] = []
@@ -338,7 +338,7 @@ def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
         assert scanner.state is Connection.READY
 
 
-def test_nobody_there_is_no_answer() -> None:
+def test_an_unanswered_greeting_is_an_error() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(NoAnswer, match="no scanner answered"):
         Scanner.open(f"socket://127.0.0.1:{mute.getsockname()[1]}", patience=0.2)
 
@@ -354,7 +354,7 @@ def test_a_closed_port_and_a_missing_file_are_named() -> None:
         Scanner.open("localhost:4000")
 
 
-def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
+def test_a_file_or_a_folder_is_not_a_serial_port(tmp_path: Path) -> None:
     file = tmp_path / "room.toml"
     file.touch()
     for no_port in (file, tmp_path):
@@ -362,7 +362,7 @@ def test_a_file_or_a_folder_is_said_to_be_no_port(tmp_path: Path) -> None:
             Scanner.open(str(no_port))
 
 
-def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
+def test_a_port_held_by_this_program_is_reported_as_busy(tmp_path: Path) -> None:
     with (
         serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint,
         Scanner.open(endpoint.url),
@@ -371,7 +371,7 @@ def test_a_port_in_use_is_busy(tmp_path: Path) -> None:
         Scanner.open(endpoint.url)
 
 
-def test_who_holds_a_busy_port_is_said(tmp_path: Path) -> None:
+def test_the_error_of_a_busy_port_names_the_other_program(tmp_path: Path) -> None:
     hold = "import sys; from sonarhw.link.serial_link import Link\n"
     hold += "x = Link(sys.argv[1]); print('held', flush=True); input()"
     with serve(FakeBoard(PlainEchoes()), pty=tmp_path / "scanner") as endpoint:

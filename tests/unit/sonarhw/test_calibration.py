@@ -41,7 +41,7 @@ def test_offset_and_home_angle_are_found(offset: float, degrees: float) -> None:
     assert found.range_spread < 0.002
 
 
-def test_finer_steps_find_the_zero_more_finely_and_the_uncertainty_says_how_fine() -> None:
+def test_finer_steps_reduce_the_error_and_the_uncertainty_of_the_zero() -> None:
     for step in (2.0, 0.5, 0.1):
         errors = []
         for degrees in np.linspace(-1.0, 1.0, 21):
@@ -51,7 +51,7 @@ def test_finer_steps_find_the_zero_more_finely_and_the_uncertainty_says_how_fine
         assert found.home_uncertainty < math.radians(step)
 
 
-def test_echoes_of_other_things_are_left_out() -> None:
+def test_echoes_of_other_objects_are_left_out() -> None:
     readings = scan(1.5, 0.0, 0.005)
     cluttered = [
         Reading(**{**vars(reading), "echo_times": tuple(sorted((*reading.echo_times, 2 * 2.5 / SPEED)))})
@@ -60,7 +60,7 @@ def test_echoes_of_other_things_are_left_out() -> None:
     assert calibrate(cluttered, 1.5, 0.0) == calibrate(readings, 1.5, 0.0)
 
 
-def test_a_plate_that_is_not_heard_or_fills_the_sector_is_refused() -> None:
+def test_a_plate_without_echoes_or_filling_the_sector_is_refused() -> None:
     with pytest.raises(NoPlate, match="detected at 0 headings"):
         calibrate(scan(1.5, 0.0, 0.0), 3.0, 0.0)
     with pytest.raises(NoPlate, match="end of the sector"):

@@ -79,7 +79,7 @@ def test_a_scan_without_lost_steps_ends_near_the_mark_without_much_delay() -> No
     assert plugged.do(turning(Turn(0))).result is Outcome.DONE
 
 
-def test_a_scan_that_is_stopped_is_not_turned_over_the_mark() -> None:
+def test_a_stopped_scan_does_not_turn_to_the_mark() -> None:
     plugged = Plugged(faulty(""))
     job = scanning(WHOLE_TURN)
     plugged.session.start(job, plugged.now)
@@ -192,5 +192,5 @@ def test_the_nearest_mark_is_within_the_limits_of_the_cable(
     assert nearest_mark(*map(math.radians, (angle, lowest, highest))) == pytest.approx(math.radians(mark))
 
 
-def test_a_table_that_reaches_no_mark_has_no_nearest_mark() -> None:
+def test_a_turntable_that_reaches_no_mark_has_no_nearest_mark() -> None:
     assert nearest_mark(1.0, 0.5, 2.0) is None

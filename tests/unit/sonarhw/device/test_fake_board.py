@@ -69,12 +69,12 @@ def homed() -> Joined:
 @pytest.mark.parametrize(
     "message", [Configure(62_500, 2380, 0, 343_200), Home(), Turn(0), StartScan(0, 1, 1, 1, 1), Stop(), Resend(0, 1)]
 )
-def test_nothing_is_done_before_hello(message: Message) -> None:
+def test_every_command_before_hello_is_refused(message: Message) -> None:
     assert refusal(Joined(), message) is Refusal.NO_HELLO
 
 
 @pytest.mark.parametrize("message", [Turn(0), StartScan(0, 1_000_000, 5, 1, 1)])
-def test_nothing_turns_before_home(greeted: Joined, message: Message) -> None:
+def test_turns_and_scans_before_homing_are_refused(greeted: Joined, message: Message) -> None:
     assert refusal(greeted, message) is Refusal.NOT_HOMED
 
 
@@ -97,11 +97,11 @@ def test_nothing_turns_before_home(greeted: Joined, message: Message) -> None:
         Resend(0, 65),
     ],
 )
-def test_what_the_board_cannot_do_is_out_of_range(homed: Joined, message: Message) -> None:
+def test_requests_beyond_the_limits_of_the_board_are_out_of_range(homed: Joined, message: Message) -> None:
     assert refusal(homed, message) is Refusal.OUT_OF_RANGE
 
 
-def test_the_ends_of_the_range_are_within_it(homed: Joined) -> None:
+def test_both_limits_of_the_angle_range_are_accepted(homed: Joined) -> None:
     assert homed.act(Turn(720_000_000)).finished is not None
     assert homed.act(Turn(-720_000_000)).finished is not None
 
@@ -109,7 +109,7 @@ def test_the_ends_of_the_range_are_within_it(homed: Joined) -> None:
 @pytest.mark.parametrize(
     "message", [Configure(62_500, 2380, 0, 343_200), Home(), Turn(0), StartScan(0, 1_000_000, 5, 1, 1)]
 )
-def test_a_busy_board_is_to_be_stopped_first(homed: Joined, message: Message) -> None:
+def test_a_busy_board_refuses_commands_until_it_is_stopped(homed: Joined, message: Message) -> None:
     homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
     running = homed.driver._action
     command = homed.driver.command(message, homed.now)
@@ -119,7 +119,7 @@ def test_a_busy_board_is_to_be_stopped_first(homed: Joined, message: Message) ->
     assert command.answer.code == Refusal.BUSY
 
 
-def test_an_unknown_type_and_a_malformed_payload_are_refused_by_name() -> None:
+def test_an_unknown_type_and_a_malformed_payload_are_named_in_the_refusal() -> None:
     board = FakeBoard(PlainEchoes())
     raw_answers(board, Hello.TYPE, Hello(1, 0).pack())
     (unknown,) = raw_answers(board, 0x55, b"")
@@ -134,7 +134,7 @@ def test_an_unknown_type_and_a_malformed_payload_are_refused_by_name() -> None:
     assert unknown.command == 9
 
 
-def test_listening_is_clamped_to_what_the_board_can_and_said_so(greeted: Joined) -> None:
+def test_the_listening_time_is_clamped_and_the_answer_reports_it(greeted: Joined) -> None:
     answer = greeted.ask(Configure(1_000_000, 2380, 1, 340_000)).answer
     assert isinstance(answer, Settings)
     assert (answer.listen_us, answer.blanking_us, answer.trace, answer.speed_of_sound) == (65_000, 2380, 1, 340_000)
@@ -154,7 +154,7 @@ def test_echoes_inside_blanking_and_beyond_listening_are_not_reported(homed: Joi
         assert all(time in (pytest.approx(first), pytest.approx(2 * first)) for time in reading.echo_times)
 
 
-def test_readings_are_kept_for_sending_again_up_to_sixty_four(homed: Joined) -> None:
+def test_the_last_sixty_four_readings_are_kept_for_resending(homed: Joined) -> None:
     homed.scan(StartScan(0, 1_000_000, 70, 1, 1))
     sent = encode_frame(Frame(Resend.TYPE, 77, 0, Resend(0, 64).pack()))
     homed.board.receive(sent, homed.now)
@@ -164,7 +164,7 @@ def test_readings_are_kept_for_sending_again_up_to_sixty_four(homed: Joined) -> 
     assert [item.number for item in answers if isinstance(item, ReadingMessage)] == list(range(6, 64))
 
 
-def test_frames_leave_one_after_another_each_when_the_line_could_have_carried_it() -> None:
+def test_frames_leave_at_the_rate_of_the_line() -> None:
     line = Line()
     line.send(Accepted(1), 2.0)
     line.send(Accepted(2), 2.0)
@@ -179,14 +179,14 @@ def test_frames_leave_one_after_another_each_when_the_line_could_have_carried_it
     assert line.waiting == 0
 
 
-def test_a_host_that_only_talks_does_not_fill_the_board() -> None:
+def test_a_host_that_never_reads_does_not_fill_the_memory_of_the_board() -> None:
     board = FakeBoard(PlainEchoes())
     for sequence in range(20_000):
         board.receive(encode_frame(Frame(Hello.TYPE, sequence, 0, Hello(1, 0).pack())), 0.0)
     assert board.line.waiting < BACKLOG + 200
 
 
-def test_after_hanging_up_the_board_is_silent_and_wants_a_hello(homed: Joined) -> None:
+def test_after_a_disconnect_the_board_is_silent_and_requires_hello(homed: Joined) -> None:
     homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
     homed.board.hang_up()
     assert not homed.board.busy
@@ -195,7 +195,7 @@ def test_after_hanging_up_the_board_is_silent_and_wants_a_hello(homed: Joined) -
     assert isinstance(raw_answers(homed.board, Stop.TYPE, b"")[0], Refused)
 
 
-def test_the_same_seed_gives_the_same_board_and_another_seed_another() -> None:
+def test_the_seed_determines_the_board() -> None:
     def homing_time(seed: int) -> float:
         joined = Joined(board=FakeBoard(PlainEchoes(), seed=seed))
         joined.ask(Hello(1, 0))
@@ -205,13 +205,13 @@ def test_the_same_seed_gives_the_same_board_and_another_seed_another() -> None:
     assert homing_time(1) == homing_time(1) != homing_time(2)
 
 
-def test_a_board_without_thermometer_says_so() -> None:
+def test_a_board_without_a_thermometer_sends_no_temperature() -> None:
     (info,) = raw_answers(FakeBoard(PlainEchoes(temperature_c=None)), Hello.TYPE, Hello(1, 0).pack())
     assert isinstance(info, Info)
     assert info.temperature == NO_TEMPERATURE
 
 
-def test_a_stop_half_way_leaves_the_turntable_where_it_is(homed: Joined) -> None:
+def test_a_stop_during_a_turn_keeps_the_angle_reached(homed: Joined) -> None:
     turn = homed.ask(Turn(180_000_000))
     end = homed.now + 0.5
     homed.until(lambda: homed.now >= end)
@@ -222,7 +222,7 @@ def test_a_stop_half_way_leaves_the_turntable_where_it_is(homed: Joined) -> None
     assert 80_000_000 < homed.driver.heartbeat.angle < 140_000_000
 
 
-def test_a_board_whose_ears_are_not_ready_homes_and_turns_and_holds_back_its_pings() -> None:
+def test_a_board_whose_receivers_are_not_ready_homes_and_turns_but_delays_its_pings() -> None:
     ready = False
     echoes = PlainEchoes()
     joined = Joined(board=FakeBoard(echoes, ready=lambda: ready))
@@ -240,7 +240,9 @@ def test_a_board_whose_ears_are_not_ready_homes_and_turns_and_holds_back_its_pin
 
 
 @pytest.mark.parametrize("degrees", [-720, -350, 0, 1, 90, 700, 720])
-def test_home_takes_less_than_three_seconds_from_any_angle_the_cable_allows(homed: Joined, degrees: int) -> None:
+def test_homing_takes_less_than_three_seconds_from_any_angle_within_the_cable_limits(
+    homed: Joined, degrees: int
+) -> None:
     homed.act(Turn(degrees * 1_000_000))
     began = homed.now
     home = homed.act(Home())
@@ -249,7 +251,7 @@ def test_home_takes_less_than_three_seconds_from_any_angle_the_cable_allows(home
     assert home.finished.outcome == Outcome.DONE
 
 
-def test_a_home_that_was_stopped_goes_on_from_where_it_stands(homed: Joined) -> None:
+def test_homing_after_a_stop_continues_from_the_angle_reached(homed: Joined) -> None:
     homed.act(Turn(720_000_000))
     homed.ask(Home())
     end = homed.now + 1.5
@@ -261,7 +263,7 @@ def test_a_home_that_was_stopped_goes_on_from_where_it_stands(homed: Joined) -> 
     assert homed.now - began < 0.6  # a quarter of the way is left
 
 
-def test_hello_keeps_zero_settings_and_readings_and_sends_nothing_old_behind_info(homed: Joined) -> None:
+def test_hello_keeps_zero_settings_and_readings_and_drops_old_messages(homed: Joined) -> None:
     homed.ask(Configure(62_500, 15_100, 0, 343_200))  # the first of two echoes is blanked
     homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
     homed.until(lambda: len(homed.readings) == 5)
@@ -284,7 +286,7 @@ def test_heartbeats_count_the_readings_of_the_last_scan_after_a_turn_too(homed: 
     assert homed.driver.heartbeat.readings == 5
 
 
-def test_a_board_without_traces_says_so_in_its_settings_and_sends_none() -> None:
+def test_a_board_without_traces_reports_it_in_its_settings_and_sends_none() -> None:
     joined = Joined(board=FakeBoard(PlainEchoes(), identity=BoardIdentity(trace_rate=0)))
     joined.greet(trace=True)
     assert joined.driver.assembler.settings is not None
@@ -293,7 +295,7 @@ def test_a_board_without_traces_says_so_in_its_settings_and_sends_none() -> None
     assert reading.trace is None
 
 
-def test_sweeps_run_to_and_fro(homed: Joined) -> None:
+def test_successive_sweeps_alternate_in_direction(homed: Joined) -> None:
     readings = homed.scan(StartScan(0, 10_000_000, 3, 3, 2))
     assert [round(math.degrees(reading.angle)) for reading in readings] == [
         *(0, 0, 10, 10, 20, 20),

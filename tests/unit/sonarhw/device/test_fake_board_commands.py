@@ -71,7 +71,7 @@ class Host:
         return said
 
 
-def test_capabilities_tell_what_the_board_keeps_to() -> None:
+def test_capabilities_report_the_limits_of_the_board() -> None:
     host = Host()
     (can,) = host.say(AskCapabilities())
     assert isinstance(can, Capabilities)
@@ -86,7 +86,7 @@ def test_capabilities_tell_what_the_board_keeps_to() -> None:
     assert settings.listen_us == can.longest_listen_us
 
 
-def test_a_host_that_falls_silent_loses_motor_and_conversation_after_two_seconds() -> None:
+def test_motor_and_conversation_end_after_two_seconds_without_the_host() -> None:
     host = Host()
     host.act(Home())
     host.say(StartScan(0, 1_000_000, 300, 1, 1))
@@ -101,7 +101,7 @@ def test_a_host_that_falls_silent_loses_motor_and_conversation_after_two_seconds
     assert refused.code == Refusal.NO_HELLO
 
 
-def test_a_sign_of_life_keeps_both() -> None:
+def test_a_keepalive_keeps_motor_and_conversation() -> None:
     host = Host()
     host.act(Home())
     for _ in range(20):
@@ -109,7 +109,7 @@ def test_a_sign_of_life_keeps_both() -> None:
     assert host.board.homed
 
 
-def test_a_host_of_version_1_0_is_not_watched() -> None:
+def test_a_host_of_version_1_0_may_be_silent() -> None:
     host = Host(minor=0)
     assert any(isinstance(message, Finished) for message in host.say(Home(), 3.0))
     beats = host.hear(10.0)
@@ -117,7 +117,7 @@ def test_a_host_of_version_1_0_is_not_watched() -> None:
     assert host.board.homed
 
 
-def test_statistics_count_frames_rubbish_and_pings() -> None:
+def test_statistics_count_frames_noise_and_pings() -> None:
     host = Host()
     host.act(Home())
     host.act(StartScan(0, 1_000_000, 5, 1, 1))
@@ -127,7 +127,7 @@ def test_statistics_count_frames_rubbish_and_pings() -> None:
 
 
 @pytest.mark.parametrize(("first", "count"), [(0, 0), (3, 0), (3, 4), (11, 1)])
-def test_a_part_of_a_scan_has_the_readings_it_has_in_the_whole(first: int, count: int) -> None:
+def test_a_part_of_a_scan_has_the_readings_of_the_whole_scan(first: int, count: int) -> None:
     host = Host()
     host.act(Home())
     whole = StartScan(10_000_000, 2_000_000, 3, 2, 2)
@@ -147,7 +147,7 @@ def test_a_part_of_a_scan_has_the_readings_it_has_in_the_whole(first: int, count
     assert finished.readings == expected.stop
 
 
-def test_the_turntable_turns_no_faster_than_told_or_than_it_can() -> None:
+def test_the_turntable_speed_is_limited_by_settings_and_motor() -> None:
     host = Host()
     host.act(Home())
     (slow,) = host.say(ConfigureTurntable(45_000_000, 0, 100_000, 1))
@@ -163,7 +163,7 @@ def test_the_turntable_turns_no_faster_than_told_or_than_it_can() -> None:
     assert fast.speed == 180_000_000
 
 
-def test_only_so_many_echoes_and_none_before_the_board_is_armed_again() -> None:
+def test_echoes_are_limited_in_number_and_spaced_by_the_rearming_time() -> None:
     host = Host()
     host.act(Home())
     heard = []
@@ -176,18 +176,18 @@ def test_only_so_many_echoes_and_none_before_the_board_is_armed_again() -> None:
     assert heard == [(first,), (first,), (first, 2 * first)]
 
 
-def test_rearming_leaves_out_what_comes_too_soon_after_what_was_heard() -> None:
+def test_rearming_drops_echoes_too_soon_after_a_detected_echo() -> None:
     assert rearmed([0.010, 0.0101, 0.0109, 0.0111, 0.03], 0.001) == [0.010, 0.0111, 0.03]
     assert rearmed([0.02, 0.01], 0.0) == [0.01, 0.02]
 
 
-def test_bytes_come_back_over_and_over() -> None:
+def test_a_line_test_repeats_its_bytes() -> None:
     (back,) = Host().say(TestLink(7, b"abc"))
     assert isinstance(back, LinkTested)
     assert back.data == b"abcabca"
 
 
-def test_a_new_speed_is_left_again_where_nothing_sound_comes_at_it() -> None:
+def test_a_new_line_speed_is_reverted_without_a_valid_frame() -> None:
     host = Host(identity=BoardIdentity(bauds=(250_000, 1_000_000)))
     host.say(SetBaud(1_000_000))
     assert host.board.line.baud == 1_000_000
@@ -202,7 +202,7 @@ def test_a_new_speed_is_left_again_where_nothing_sound_comes_at_it() -> None:
     assert host.board.line.baud == 250_000
 
 
-def test_old_firmware_refuses_what_it_does_not_know_and_says_nothing_new() -> None:
+def test_old_firmware_refuses_unknown_commands_and_sends_no_new_messages() -> None:
     host = Host(identity=BoardIdentity(minor=0))
     assert isinstance(host.info, Info)
     assert (host.info.minor, host.info.boot) == (0, 0)

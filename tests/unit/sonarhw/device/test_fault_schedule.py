@@ -28,7 +28,7 @@ def joined_with(spec: str) -> Joined:
 # the text
 
 
-def test_the_table_of_the_document_names_every_fault_and_the_size_it_has_where_none_is_said() -> None:
+def test_the_table_of_the_document_lists_every_fault_with_its_default_size() -> None:
     rows = re.findall(r"^\| `(\w+)=\w+[\w.]*` \|.*\| (.*?) ?\|$", DOCUMENT, flags=re.MULTILINE)
     assert [name for name, _ in rows] == list(KNOWN)
     for kind in FaultKind:
@@ -42,7 +42,7 @@ def test_every_example_of_the_document_is_a_schedule() -> None:
     assert all(read_faults("".join(groups)) != Faults() for groups in specs)
 
 
-def test_a_schedule_is_what_its_text_says() -> None:
+def test_a_schedule_is_parsed_from_its_text() -> None:
     assert read_faults("") == Faults()
     assert read_faults("drop=1/5000, flip=1e-4,drift=-20,protocol=0.9,reset@r20,stall=0.4@12.5,unplug=2@~30,wedge") == (
         Faults(
@@ -69,7 +69,7 @@ def test_a_schedule_is_what_its_text_says() -> None:
         *("reset@", "reset@never", "reset@-1", "reset@r", "reset@r1.5", "reset@~0", "reset@~-3"),
     ],
 )  # fmt: skip
-def test_what_is_no_schedule_is_refused_in_one_line(spec: str) -> None:
+def test_an_invalid_schedule_is_refused_with_an_error_of_one_line(spec: str) -> None:
     with pytest.raises(InputError, match="fault ") as refused:
         read_faults(spec)
     assert "\n" not in str(refused.value)
@@ -79,7 +79,7 @@ def test_what_is_no_schedule_is_refused_in_one_line(spec: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["drop", "flip", "insert"])
-def test_a_share_of_the_bytes_is_damaged_as_asked(name: str) -> None:
+def test_the_requested_share_of_bytes_is_damaged(name: str) -> None:
     sent = bytes(range(1, 251)) * 4000  # a million
     arrived = LineNoise(Faults(**{name: 1 / 1000}), seed=4).damage(sent)
     expected, spread = 1000, math.sqrt(1000)
@@ -93,7 +93,7 @@ def test_a_share_of_the_bytes_is_damaged_as_asked(name: str) -> None:
         assert all(change.bit_count() == 1 for change in flipped)
 
 
-def test_damage_is_the_same_for_the_same_seed_however_the_stream_is_cut() -> None:
+def test_damage_depends_on_the_seed_and_not_on_the_pieces_of_the_stream() -> None:
     faults, sent = Faults(drop=0.01, flip=0.02, insert=0.01), bytes(range(250)) * 20
     whole, in_pieces = LineNoise(faults, seed=9), LineNoise(faults, seed=9)
     assert whole.damage(sent) == b"".join(in_pieces.damage(sent[at : at + 7]) for at in range(0, len(sent), 7))
@@ -101,7 +101,7 @@ def test_damage_is_the_same_for_the_same_seed_however_the_stream_is_cut() -> Non
     assert LineNoise(Faults(drop=1.0), seed=0).damage(sent) == b""
 
 
-def test_a_stalled_line_loses_nothing_and_lets_all_go_at_once() -> None:
+def test_a_stalled_line_loses_nothing_and_releases_everything_at_once() -> None:
     joined = joined_with("stall=0.4@r3")
     joined.greet()
     arrivals = {}
@@ -113,7 +113,7 @@ def test_a_stalled_line_loses_nothing_and_lets_all_go_at_once() -> None:
     assert joined.driver.statistics.missing_frames == 0
 
 
-def test_a_clock_that_drifts_tells_other_times_than_the_hosts() -> None:
+def test_a_drifting_clock_gives_other_times_than_the_host() -> None:
     periods = []
     for spec in ("drift=0", "drift=500"):
         joined = joined_with(spec)
@@ -131,7 +131,7 @@ def test_a_clock_that_drifts_tells_other_times_than_the_hosts() -> None:
 # the board
 
 
-def test_a_wedged_turntable_is_not_homed_and_says_so() -> None:
+def test_homing_a_jammed_turntable_is_an_error() -> None:
     joined = joined_with("wedge=3")
     joined.ask(Hello(1, 0))
     finished = joined.act(Home()).finished
@@ -144,7 +144,7 @@ def test_a_wedged_turntable_is_not_homed_and_says_so() -> None:
     assert again.outcome == Outcome.DONE
 
 
-def test_missed_steps_are_heard_although_the_board_does_not_know_of_them_until_it_is_homed() -> None:
+def test_missed_steps_change_the_echoes_until_the_board_is_homed() -> None:
     joined = joined_with("slip=100@r5")
     joined.greet()
     readings = joined.scan(StartScan(0, 2_000_000, 10, 1, 1))
@@ -158,7 +158,7 @@ def test_missed_steps_are_heard_although_the_board_does_not_know_of_them_until_i
 
 
 @pytest.mark.parametrize("fault", ["slip=100@r5", "slip=-3@r5", "wedge=0.2@r5", "wedge@r5"])
-def test_missed_steps_are_found_at_the_zero_mark_and_the_scan_ends_there(fault: str) -> None:
+def test_missed_steps_are_detected_at_the_zero_mark_and_end_the_scan(fault: str) -> None:
     joined = joined_with(fault)
     joined.greet()
     scan = joined.ask(StartScan(-10_000_000, 2_000_000, 12, 4, 1))
@@ -176,7 +176,7 @@ def test_missed_steps_are_found_at_the_zero_mark_and_the_scan_ends_there(fault: 
     assert statistics.lost_steps > 0
 
 
-def test_a_turntable_that_comes_loose_has_missed_the_steps_it_was_given() -> None:
+def test_a_released_turntable_has_missed_the_steps_of_the_jam() -> None:
     joined = joined_with("wedge=0.5@r1")
     joined.greet()
     joined.act(Turn(90_000_000))
@@ -187,7 +187,7 @@ def test_a_turntable_that_comes_loose_has_missed_the_steps_it_was_given() -> Non
     assert reading.echo_times[0] == pytest.approx(echo_time(math.radians(90)), abs=1e-8)
 
 
-def test_after_a_reset_the_board_has_forgotten_everything() -> None:
+def test_a_reset_clears_the_state_of_the_board() -> None:
     board = faulty("reset=0.5@r3")
     joined = Joined(board=board)
     joined.greet()
@@ -204,7 +204,7 @@ def test_after_a_reset_the_board_has_forgotten_everything() -> None:
     assert (info.sequence, info.time_us < 200_000) == (0, True)
 
 
-def test_nonsense_is_never_taken_for_a_reading_nor_for_a_scanner() -> None:
+def test_random_bytes_are_never_taken_for_a_reading_or_a_scanner() -> None:
     for seed in range(20):
         joined = Joined(board=faulty("nonsense", seed))
         with pytest.raises(SonarError):

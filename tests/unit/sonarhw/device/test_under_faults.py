@@ -83,7 +83,7 @@ def assert_right(readings: Sequence[Reading]) -> None:
 @pytest.mark.parametrize("vanishes", [True, False], ids=["port vanishes", "port stays"])
 @pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
 @pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
-def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace: bool, vanishes: bool) -> None:
+def test_recoverable_faults_lose_and_repeat_no_reading(faults: str, trace: bool, vanishes: bool) -> None:
     plugged = Plugged(faulty(faults), vanishes)
     readings = plugged.scan(SECTOR, trace)
     assert sorted(reading.number for reading in readings) == list(range(80))
@@ -91,7 +91,7 @@ def test_what_can_be_mended_is_and_each_reading_is_there_once(faults: str, trace
 
 
 @pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
-def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
+def test_a_log_of_a_faulty_scan_contains_the_delivered_readings(faults: str, tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
         plugged.session.recording.use(log)
@@ -107,7 +107,7 @@ def test_a_log_of_it_holds_what_was_shown(faults: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("faults", ["deaf=4@1.7", "stall=4@1.7", "mute=4@1.7", "reset@1.7", "unplug@1.7"])
-def test_a_turn_that_was_broken_off_is_made_all_the_same(faults: str) -> None:
+def test_an_interrupted_turn_is_completed(faults: str) -> None:
     plugged = Plugged(faulty(faults))
     plugged.do(homing())
     for angle in (700_000_000, 10_000_000):  # 4 s each
@@ -118,9 +118,7 @@ def test_a_turn_that_was_broken_off_is_made_all_the_same(faults: str) -> None:
 
 
 @pytest.mark.parametrize(("faults", "told"), TOLD.items(), ids=TOLD.keys())
-def test_what_cannot_be_mended_is_told_and_nothing_more_is_shown(
-    faults: str, told: tuple[type[SonarError], str]
-) -> None:
+def test_unrecoverable_faults_give_an_error_of_one_line(faults: str, told: tuple[type[SonarError], str]) -> None:
     plugged = Plugged(faulty(faults))
     order = StartScan(-10_000_000, 2_500_000, 10, 40, 1)
     job = scanning(order)

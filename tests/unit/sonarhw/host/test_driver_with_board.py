@@ -63,7 +63,7 @@ def test_every_reading_arrives_exactly_once_at_its_angle(cable: "type[Cable]", t
 
 
 @pytest.mark.parametrize("cable", [dropping, flipping])
-def test_no_cable_that_lets_most_frames_through_loses_a_reading_or_hangs(cable: Callable[[int, float], Cable]) -> None:
+def test_a_cable_that_passes_most_frames_loses_no_reading_and_never_hangs(cable: Callable[[int, float], Cable]) -> None:
     for seed in range(15):
         joined = Joined(down=cable(seed, 1 / 400), up=cable(1000 + seed, 1 / 400))
         joined.greet(trace=seed % 3 == 0)
@@ -73,7 +73,7 @@ def test_no_cable_that_lets_most_frames_through_loses_a_reading_or_hangs(cable: 
         assert len(joined.echoes.pings) == 26
 
 
-def test_a_bad_cable_shows_in_the_statistics_and_a_sound_one_does_not() -> None:
+def test_the_statistics_show_a_bad_cable_only() -> None:
     good, bad = Joined(), Joined(up=dropping(5, 1 / 200))
     for joined in (good, bad):
         joined.greet()
@@ -87,7 +87,7 @@ def test_a_bad_cable_shows_in_the_statistics_and_a_sound_one_does_not() -> None:
     assert 0 < signs_of_life < good.now / SIGN_OF_LIFE
 
 
-def test_traces_arrive_whole_over_a_sound_cable() -> None:
+def test_traces_arrive_complete_over_a_good_cable() -> None:
     joined = Joined()
     joined.greet(trace=True)
     for reading in joined.scan(SECTOR):
@@ -96,7 +96,7 @@ def test_traces_arrive_whole_over_a_sound_cable() -> None:
         np.testing.assert_allclose(reading.trace.samples, np.linspace(0, 1, 3125), atol=0.5 / 255 + 1e-12)
 
 
-def test_a_lost_reading_sent_again_keeps_the_traces_of_its_neighbours() -> None:
+def test_a_resent_reading_keeps_the_traces_of_its_neighbours() -> None:
     # every third reading frame is lost, its trace is not
     lost = 0
 
@@ -123,7 +123,7 @@ def test_a_lost_reading_sent_again_keeps_the_traces_of_its_neighbours() -> None:
         assert not np.isnan(reading.trace.samples).any()
 
 
-def test_readings_follow_each_other_as_fast_as_turning_and_listening_allow_but_no_faster_than_ten_a_second() -> None:
+def test_the_reading_rate_is_limited_by_turning_listening_and_ten_per_second() -> None:
     # 5 degrees at 180 degrees a second and 20 ms of settling, then 62.5 ms of listening: 110.3 ms
     for step, period in ((1_000_000, 0.1), (5_000_000, 5 / 180 + 0.020 + 0.0625)):
         joined = Joined()
@@ -147,7 +147,7 @@ def test_no_two_pings_start_within_a_tenth_of_a_second(
     assert all(later - earlier > 0.1 - 1e-7 for earlier, later in itertools.pairwise(times))
 
 
-def test_a_move_between_two_pings_hides_inside_the_ping_period() -> None:
+def test_a_move_between_two_pings_fits_inside_the_ping_period() -> None:
     joined = Joined()
     joined.greet()
     joined.ask(Configure(30_000, 2_380, 0, 343_200))
@@ -156,7 +156,7 @@ def test_a_move_between_two_pings_hides_inside_the_ping_period() -> None:
     assert np.diff(times) == pytest.approx([0.1] * 19, abs=2e-6)
 
 
-def test_a_stopped_scan_keeps_the_next_one_from_pinging_too_soon() -> None:
+def test_the_ping_period_is_kept_after_a_stopped_scan() -> None:
     joined = Joined()
     joined.greet()
     joined.ask(StartScan(0, 1_000_000, 50, 1, 1))
@@ -207,7 +207,7 @@ def test_homing_takes_less_than_three_seconds_from_any_angle() -> None:
         assert joined.now - began < 3.0
 
 
-def test_a_repeated_command_is_answered_again_and_not_carried_out_again() -> None:
+def test_a_repeated_command_is_answered_again_and_not_executed_again() -> None:
     joined = Joined()
     joined.greet()
     scan = joined.ask(SECTOR)
@@ -222,7 +222,7 @@ def test_a_repeated_command_is_answered_again_and_not_carried_out_again() -> Non
     assert len(joined.echoes.pings) == 80
 
 
-def test_a_lost_finish_is_asked_for_by_repeating_the_command() -> None:
+def test_a_lost_finished_is_recovered_by_repeating_the_command() -> None:
     joined = Joined()
     joined.greet()
     joined.up = without(the_first(Finished))
@@ -232,7 +232,7 @@ def test_a_lost_finish_is_asked_for_by_repeating_the_command() -> None:
     assert joined.driver.statistics.repeated_commands == 1
 
 
-def test_an_answer_that_was_lost_is_asked_for_although_the_command_has_finished_meanwhile() -> None:
+def test_a_lost_answer_is_recovered_after_the_command_has_finished() -> None:
     joined = Joined()
     joined.greet()
     joined.up = without(the_first(Accepted))
@@ -242,7 +242,7 @@ def test_an_answer_that_was_lost_is_asked_for_although_the_command_has_finished_
     assert len(joined.scan(StartScan(0, 1_000_000, 2, 1, 1))) == 2
 
 
-def test_a_lost_start_costs_no_reading() -> None:
+def test_a_lost_started_loses_no_reading() -> None:
     joined = Joined()
     joined.greet()
     joined.scan(SECTOR)
@@ -252,7 +252,7 @@ def test_a_lost_start_costs_no_reading() -> None:
     assert joined.driver.statistics.repeated_commands == 1
 
 
-def test_a_lost_reading_is_asked_for_at_the_next_heartbeat_before_the_next_reading() -> None:
+def test_a_lost_reading_is_requested_at_the_next_heartbeat_before_the_next_reading() -> None:
     joined = Joined()
     joined.greet()
     joined.up = without(the_first(ReadingMessage))
@@ -263,7 +263,7 @@ def test_a_lost_reading_is_asked_for_at_the_next_heartbeat_before_the_next_readi
     assert len(joined.echoes.pings) == 1
 
 
-def test_a_reading_of_the_scan_before_is_not_taken_for_one_of_the_next() -> None:
+def test_a_reading_of_the_previous_scan_is_left_out_of_the_next_one() -> None:
     joined = Joined()
     joined.greet()
     late: list[bytes] = []
@@ -290,7 +290,7 @@ def test_a_reading_of_the_scan_before_is_not_taken_for_one_of_the_next() -> None
     assert angles == pytest.approx([90, 91, 92, 93, 94])
 
 
-def test_answers_to_an_earlier_conversation_are_none() -> None:
+def test_answers_to_an_earlier_conversation_are_ignored() -> None:
     joined = Joined()
     joined.greet()
     stale = Settings(command=4711, listen_us=1, blanking_us=0, trace=1, speed_of_sound=1)
@@ -300,14 +300,14 @@ def test_answers_to_an_earlier_conversation_are_none() -> None:
     assert reading.trace is None
 
 
-def test_rubbish_on_the_line_before_a_command_does_not_spoil_it() -> None:
+def test_noise_before_a_command_does_not_damage_it() -> None:
     joined = Joined()
     joined.board.receive(b"what the terminal program before us sent", 0.0)
     joined.ask(Hello(1, 1))
     assert joined.driver.statistics.repeated_commands == 0
 
 
-def test_readings_of_the_scan_before_are_not_sent_again_in_the_next() -> None:
+def test_readings_of_the_previous_scan_are_not_resent_in_the_next_one() -> None:
     joined = Joined()
     joined.greet()
     joined.scan(SECTOR)
@@ -319,7 +319,7 @@ def test_readings_of_the_scan_before_are_not_sent_again_in_the_next() -> None:
     assert joined.driver.statistics.frames_received == before + 1  # Accepted, and no reading
 
 
-def test_a_frame_passes_the_tap_as_it_was_received() -> None:
+def test_the_tap_receives_each_frame_unchanged() -> None:
     passed: list[bytes] = []
     joined = Joined(driver=Driver(first_sequence=100, tap=lambda received, time, wire: passed.append(wire)))
     joined.greet()
@@ -335,7 +335,7 @@ def unknown_frame(filling: int) -> bytes:
     return encode_frame(Frame(0xF0, 0x0101, 0x0101_0101_0101_0101, bytes([filling]) * (254 - 15)))
 
 
-def test_stop_in_the_middle_ends_the_scan_with_the_readings_made() -> None:
+def test_stop_in_the_middle_ends_the_scan_and_keeps_its_readings() -> None:
     joined = Joined()
     joined.greet()
     scan = joined.ask(SECTOR)
@@ -384,7 +384,7 @@ def test_silence_in_the_middle_of_a_scan_is_an_error_after_three_quarters_of_a_s
     assert joined.now - began == pytest.approx(SILENCE, abs=0.26)
 
 
-def test_a_silent_device_is_told_after_three_seconds_of_asking() -> None:
+def test_a_silent_device_is_an_error_after_three_seconds_of_greeting() -> None:
     joined = Joined(up=lambda data: b"")
     with pytest.raises(NoAnswer, match="no answer to Hello after 6 tries"):
         joined.ask(Hello(1, 1))
@@ -392,7 +392,7 @@ def test_a_silent_device_is_told_after_three_seconds_of_asking() -> None:
     assert joined.driver.statistics.frames_sent == TRIES
 
 
-def test_rubbish_alone_is_no_life() -> None:
+def test_noise_does_not_count_as_a_sign_of_life() -> None:
     joined = Joined()
     joined.greet()
     joined.up = lambda data: b"rubbish" * 9
@@ -402,7 +402,7 @@ def test_rubbish_alone_is_no_life() -> None:
     assert joined.now - began == pytest.approx(NOTHING_SOUND, abs=0.3)
 
 
-def test_a_command_left_unanswered_by_a_living_device_is_told_after_the_last_try() -> None:
+def test_an_unanswered_command_is_an_error_after_the_last_try() -> None:
     joined = Joined()
     joined.greet()
     joined.up = without(lambda message: isinstance(message, Accepted))

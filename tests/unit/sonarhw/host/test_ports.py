@@ -35,7 +35,7 @@ class _Sortable(SimpleNamespace):
         return bool(self.device < other.device)
 
 
-def test_only_known_usb_ends_are_taken_for_scanners(plugged: list[SimpleNamespace]) -> None:
+def test_only_known_usb_adapters_are_taken_for_scanners(plugged: list[SimpleNamespace]) -> None:
     plugged += [
         port("/dev/b", *MEGA, "1", "1-1"),
         port("/dev/a", None, None, None, ""),
@@ -48,7 +48,7 @@ def test_only_known_usb_ends_are_taken_for_scanners(plugged: list[SimpleNamespac
     ]
 
 
-def test_a_device_is_found_by_its_serial_number_wherever_it_is(plugged: list[SimpleNamespace], tmp_path: Path) -> None:
+def test_a_device_is_found_at_any_port_by_its_serial_number(plugged: list[SimpleNamespace], tmp_path: Path) -> None:
     first, second = tmp_path / "ttyUSB0", tmp_path / "ttyUSB1"
     first.touch()
     plugged.append(port(str(first), *MEGA, "74932", "1-1"))
@@ -61,7 +61,7 @@ def test_a_device_is_found_by_its_serial_number_wherever_it_is(plugged: list[Sim
     assert find() == str(second)
 
 
-def test_a_link_to_a_port_is_known_by_what_it_leads_to(plugged: list[SimpleNamespace], tmp_path: Path) -> None:
+def test_a_link_to_a_port_is_identified_by_its_target(plugged: list[SimpleNamespace], tmp_path: Path) -> None:
     real, link, moved = tmp_path / "ttyACM0", tmp_path / "sonar", tmp_path / "ttyACM1"
     real.touch()
     os.symlink(real, link)
@@ -73,7 +73,7 @@ def test_a_link_to_a_port_is_known_by_what_it_leads_to(plugged: list[SimpleNames
     assert find() == str(moved)
 
 
-def test_of_two_that_look_alike_none_is_chosen_but_by_its_socket() -> None:
+def test_identical_adapters_are_distinguished_by_their_usb_socket_only() -> None:
     usb = Usb(*MEGA, None, "1-1")
     here, there = Port("/dev/a", "", Usb(*MEGA, None, "1-1")), Port("/dev/b", "", Usb(*MEGA, None, "1-2"))
     assert find_port(usb, [here, there]) == "/dev/a"
@@ -82,5 +82,5 @@ def test_of_two_that_look_alike_none_is_chosen_but_by_its_socket() -> None:
     assert find_port(Usb(1, 2, None, "1-1"), [here, there]) is None
 
 
-def test_what_is_no_port_of_this_machine_does_not_move() -> None:
+def test_an_address_that_is_not_a_local_port_stays_unchanged() -> None:
     assert PortFinder("socket://somewhere:7000")() == "socket://somewhere:7000"

@@ -38,7 +38,7 @@ def check(readings: "list[Reading]", order: StartScan = ORDER) -> None:
         assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=2e-9)
 
 
-def test_two_hundred_unplugs_at_random_moments_cost_no_reading_and_each_is_seen_within_a_second() -> None:
+def test_two_hundred_random_unplugs_lose_no_reading_and_each_is_detected_within_a_second() -> None:
     chance = random.Random(1)
     unplugs = 0
     while unplugs < 200:
@@ -67,7 +67,7 @@ def scan_with_unplugs(world: World, chance: random.Random) -> int:
 
 @pytest.mark.parametrize("cable", [dropping, flipping])
 @pytest.mark.parametrize("trace", [False, True])
-def test_one_fault_in_ten_thousand_bytes_costs_no_reading(cable: type[object], trace: bool) -> None:
+def test_one_fault_in_ten_thousand_bytes_loses_no_reading(cable: type[object], trace: bool) -> None:
     world = World().meet()
     world.up, world.down = cable(5, 1e-4), cable(6, 1e-4)  # type: ignore[call-arg]
     world.run(configuring(Configure(62_500, 2_380, int(trace), 343_200)))
@@ -93,7 +93,7 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
     assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
 
 
-def test_a_reset_in_mid_scan_is_seen_the_settings_are_set_again_and_the_zero_is_found_again() -> None:
+def test_after_a_reset_during_a_scan_settings_and_zero_are_restored() -> None:
     world = World().meet()
     world.run(configuring(TRACES))
     world.run(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
@@ -113,7 +113,7 @@ def test_a_reset_in_mid_scan_is_seen_the_settings_are_set_again_and_the_zero_is_
     assert times == sorted(times)
 
 
-def test_time_goes_on_over_a_reset_as_the_host_saw_it() -> None:
+def test_time_after_a_reset_follows_the_clock_of_the_host() -> None:
     world = World().meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 7)
@@ -128,7 +128,7 @@ def test_time_goes_on_over_a_reset_as_the_host_saw_it() -> None:
         assert host - hosts[0] == pytest.approx(time - times[0], abs=0.05)  # type: ignore[operator]
 
 
-def test_a_short_unplug_is_no_reason_to_home_again() -> None:
+def test_a_short_unplug_needs_no_new_homing() -> None:
     world = World().meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 7)
@@ -139,7 +139,7 @@ def test_a_short_unplug_is_no_reason_to_home_again() -> None:
     check([*scan.readings])
 
 
-def test_the_motor_is_released_when_the_host_is_silent_and_held_while_it_is_there() -> None:
+def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent() -> None:
     world = World().meet()
     world.run(homing())
     start = world.now
@@ -151,7 +151,7 @@ def test_the_motor_is_released_when_the_host_is_silent_and_held_while_it_is_ther
     assert world.now - pulled == pytest.approx(2.0, abs=0.51)
 
 
-def test_a_device_of_version_1_0_is_never_taken_to_want_signs_of_life_and_scans_whole_again_after_an_unplug() -> None:
+def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug() -> None:
     world = World(BoardIdentity(serial="OLD", minor=0)).meet()
     assert world.session.device.capabilities is None
     scan = world.scan(ORDER)
@@ -164,7 +164,7 @@ def test_a_device_of_version_1_0_is_never_taken_to_want_signs_of_life_and_scans_
     assert world.session.statistics.rejected_messages == 0
 
 
-def test_another_device_in_the_same_socket_is_not_taken_for_the_one_before() -> None:
+def test_another_device_at_the_same_usb_socket_is_refused() -> None:
     world = World(reconnect=20.0).meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 5)
@@ -178,7 +178,7 @@ def test_another_device_in_the_same_socket_is_not_taken_for_the_one_before() -> 
     assert len(scan.readings) < 10
 
 
-def test_the_right_device_that_comes_back_after_another_one_goes_on() -> None:
+def test_the_scan_continues_when_the_right_device_returns_after_another_one() -> None:
     world = World().meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 5)
@@ -192,7 +192,7 @@ def test_the_right_device_that_comes_back_after_another_one_goes_on() -> None:
     check([*scan.readings])
 
 
-def test_a_device_that_does_not_come_back_is_told_of_after_the_agreed_time() -> None:
+def test_a_device_that_does_not_return_is_an_error_after_the_set_time() -> None:
     world = World(reconnect=10.0).meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 5)
@@ -204,7 +204,7 @@ def test_a_device_that_does_not_come_back_is_told_of_after_the_agreed_time() -> 
     assert world.now - pulled == pytest.approx(10.0, abs=0.5)
 
 
-def test_ten_losses_in_a_row_without_a_reading_are_an_error() -> None:
+def test_ten_losses_without_a_reading_are_an_error() -> None:
     world = World(reconnect=math.inf).meet()
     scan = world.scan(ORDER)
     while not scan.done:
@@ -216,7 +216,7 @@ def test_ten_losses_in_a_row_without_a_reading_are_an_error() -> None:
     assert "it has restarted; the scanner was lost 10 times in a row" in str(scan.error)
 
 
-def test_pauses_between_tries_grow() -> None:
+def test_pauses_between_attempts_grow() -> None:
     world = World(reconnect=60.0).meet()
     tries: list[float] = []
     fail = world.session.open_failed
@@ -229,7 +229,7 @@ def test_pauses_between_tries_grow() -> None:
     assert gaps[4:] == pytest.approx([4.0] * len(gaps[4:]))
 
 
-def test_an_idle_session_finds_its_device_again_however_long_it_was_away() -> None:
+def test_an_idle_session_reconnects_after_any_time() -> None:
     world = World(reconnect=5.0).meet()
     world.run(homing())
     world.pull(100.0, power=True)
@@ -238,7 +238,7 @@ def test_an_idle_session_finds_its_device_again_however_long_it_was_away() -> No
     assert world.run(turning(Turn(5_000_000))).result is Outcome.DONE
 
 
-def test_a_job_given_while_the_device_is_lost_is_done_when_it_is_back() -> None:
+def test_a_job_started_while_the_device_is_lost_runs_after_its_return() -> None:
     world = World().meet()
     world.pull(5.0)
     world.until(lambda: world.session.state is Connection.LOST)
@@ -246,7 +246,7 @@ def test_a_job_given_while_the_device_is_lost_is_done_when_it_is_back() -> None:
     check([*scan.readings])
 
 
-def test_a_lost_scan_that_is_stopped_has_ended() -> None:
+def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
     world = World().meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 5)
@@ -257,21 +257,21 @@ def test_a_lost_scan_that_is_stopped_has_ended() -> None:
     assert scan.result is Outcome.STOPPED
 
 
-def test_turning_and_scanning_find_the_zero_first() -> None:
+def test_turning_and_scanning_home_first() -> None:
     world = World().meet()
     assert world.run(turning(Turn(1_000_000))).result is Outcome.DONE
     other = World(seed=9).meet()
     check([*other.run(scanning(ORDER)).readings])
 
 
-def test_a_refused_order_is_an_error_and_the_next_is_served() -> None:
+def test_a_refused_request_is_an_error_and_the_next_one_is_served() -> None:
     world = World().meet()
     refused = world.run(turning(Turn(800_000_000)))
     assert isinstance(refused.error, CommandRefused)
     assert world.run(turning(Turn(80_000_000))).result is Outcome.DONE
 
 
-def test_a_turntable_that_does_not_move_is_a_fault_and_no_loss() -> None:
+def test_a_jammed_turntable_is_a_fault_and_not_a_lost_link() -> None:
     world = World().meet()
     world.board.wedge(5.0)
     home = world.run(homing())
@@ -280,7 +280,7 @@ def test_a_turntable_that_does_not_move_is_a_fault_and_no_loss() -> None:
     assert world.session.statistics.losses == 0
 
 
-def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session_goes_on() -> None:
+def test_a_turntable_jammed_after_a_reset_is_a_fault_and_the_session_continues() -> None:
     world = World().meet()
     scan = world.scan(ORDER)
     world.until(lambda: len(scan.readings) == 5)
@@ -296,7 +296,7 @@ def test_a_turntable_that_is_wedged_after_a_reset_is_a_fault_too_and_the_session
     check([*world.run(scanning(ORDER)).readings])
 
 
-def test_a_home_that_never_ends_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_homing_without_an_end_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World().meet()
     monkeypatch.setattr(world.board._turntable, "home", lambda now: now + 1e6)
     home = world.session.start(homing(), world.now)
@@ -323,7 +323,7 @@ def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
     check([*world.run(scanning(ORDER)).readings])
 
 
-def test_a_recorder_hears_of_nothing_between_jobs() -> None:
+def test_a_recorder_receives_nothing_between_jobs() -> None:
     class Counting:
         def __init__(self) -> None:
             self.frames = 0
@@ -344,7 +344,7 @@ def test_a_recorder_hears_of_nothing_between_jobs() -> None:
     assert recorder.frames == heard
 
 
-def test_nobody_there_and_another_major_version_are_told_at_once() -> None:
+def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> None:
     mute = World()
     mute.up = lambda data: b""
     assert isinstance(mute.meet().session.failed, NoAnswer)
@@ -359,7 +359,7 @@ FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
 
 
 @pytest.mark.parametrize("sound_up_to", [250_000, 500_000, 1_000_000])
-def test_the_line_runs_as_fast_as_it_carries_without_error(sound_up_to: int) -> None:
+def test_the_line_uses_the_highest_speed_without_errors(sound_up_to: int) -> None:
     world = World(FAST, bauds=True)
     world.highest_sound_baud = sound_up_to
     world.meet()
@@ -385,7 +385,7 @@ def test_a_device_left_at_a_higher_speed_is_found() -> None:
     assert world.session.state is Connection.READY
 
 
-def test_a_line_whose_speed_nobody_can_set_is_left_alone() -> None:
+def test_a_line_without_a_settable_speed_is_left_unchanged() -> None:
     world = World(FAST).meet()
     assert world.board.line.baud == 250_000
 
@@ -393,7 +393,7 @@ def test_a_line_whose_speed_nobody_can_set_is_left_alone() -> None:
 # a bootloader
 
 
-def test_nothing_is_said_to_what_may_be_a_bootloader_for_two_seconds() -> None:
+def test_a_possible_bootloader_receives_nothing_for_two_seconds() -> None:
     session = Session("the port", rng=random.Random(1))
     session.connect(0.0)
     session.opened(0.0, quiet=BOOTLOADER)
@@ -420,7 +420,7 @@ def test_a_first_greeting_tries_each_speed_of_the_line_three_times_before_it_giv
     assert isinstance(session.failed, NoAnswer)
 
 
-def test_a_device_that_speaks_already_is_greeted_at_once() -> None:
+def test_a_device_that_already_sends_is_greeted_at_once() -> None:
     session = Session("the port", rng=random.Random(1))
     session.connect(0.0)
     session.opened(0.0, quiet=BOOTLOADER)

@@ -53,7 +53,7 @@ def scans(draw: st.DrawFn) -> list[Reading]:
 
 @settings(max_examples=60, deadline=None)
 @given(written=scans())
-def test_a_scan_comes_back_from_its_log_as_it_went_in(
+def test_a_log_returns_the_scan_that_was_written(
     tmp_path_factory: pytest.TempPathFactory, written: list[Reading]
 ) -> None:
     path = tmp_path_factory.mktemp("logs") / "scan.mcap"
@@ -67,7 +67,7 @@ def test_a_scan_comes_back_from_its_log_as_it_went_in(
         assert_readings_close(got, replace(wanted, time=fired))
 
 
-def test_traces_come_back_to_eight_bits(tmp_path: Path) -> None:
+def test_traces_are_kept_to_eight_bits(tmp_path: Path) -> None:
     written = write_example(tmp_path / "scan.mcap", trace=True)
     for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
         assert_readings_close(got, wanted)
@@ -80,14 +80,14 @@ def test_readings_at_different_speeds_of_sound_keep_their_ranges(tmp_path: Path)
         assert_readings_close(got, wanted)
 
 
-def test_metadata_comes_back(tmp_path: Path) -> None:
+def test_a_log_returns_its_metadata(tmp_path: Path) -> None:
     metadata = replace(METADATA, room_text='name = "Röhre"\n# ümläut\n', place="Ω")
     with LogWriter(tmp_path / "scan.mcap", metadata):
         pass
     assert read_log(tmp_path / "scan.mcap").metadata == metadata
 
 
-def test_a_reading_that_no_frame_can_carry_leaves_no_file(tmp_path: Path) -> None:
+def test_a_reading_that_does_not_fit_a_frame_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="i32"):
         write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(0, angle=1e3)])
     assert not (tmp_path / "scan.mcap").exists()
@@ -99,7 +99,7 @@ def test_a_range_without_a_speed_of_sound_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "scan.mcap").exists()
 
 
-def test_an_existing_file_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
+def test_an_existing_file_is_kept_without_overwrite(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     path.write_text("mine")
     with pytest.raises(LogError, match="exists already"):
@@ -109,13 +109,13 @@ def test_an_existing_file_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
     assert read_log(path).metadata == METADATA
 
 
-def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_missing_folder_gives_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"gone.scan\.mcap: cannot be written: No such file") as raised:
         LogWriter(tmp_path / "gone" / "scan.mcap", METADATA)
     assert "\n" not in str(raised.value)
 
 
-def test_a_log_deleted_while_it_is_written_is_told_and_not_written_into_the_void(tmp_path: Path) -> None:
+def test_a_log_deleted_while_it_is_written_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with LogWriter(path, METADATA) as log:
         path.unlink()
@@ -134,7 +134,7 @@ def test_nothing_can_be_added_to_a_closed_log(tmp_path: Path) -> None:
 # what other tools see
 
 
-def test_other_tools_see_frames_readings_and_one_laser_scan_a_sweep(tmp_path: Path) -> None:
+def test_other_tools_read_frames_readings_and_one_laser_scan_per_sweep(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     readings = [
         example_reading(n, sweep=n // 4, angle=math.radians(10 * [0, 1, 2, 3, 3, 2, 1, 0][n])) for n in range(8)
@@ -166,7 +166,7 @@ def test_other_tools_see_frames_readings_and_one_laser_scan_a_sweep(tmp_path: Pa
         assert [*scan.ranges] == pytest.approx([math.inf if r.range is None else r.range for r in four])
 
 
-def test_each_reading_is_a_chunk_of_its_own_and_uncompressed(tmp_path: Path) -> None:
+def test_each_reading_has_its_own_uncompressed_chunk(tmp_path: Path) -> None:
     write_example(tmp_path / "scan.mcap", 5, trace=True)
     with (tmp_path / "scan.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -177,7 +177,7 @@ def test_each_reading_is_a_chunk_of_its_own_and_uncompressed(tmp_path: Path) -> 
     assert len(with_reading) == 5
 
 
-def test_a_lost_reading_sent_again_after_its_sweep_still_joins_the_laser_scan(tmp_path: Path) -> None:
+def test_a_reading_resent_after_its_sweep_is_part_of_the_laser_scan(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with LogWriter(path, METADATA) as log:
         for number in (0, 2, 3, 1):
@@ -200,7 +200,7 @@ def record(path: Path, frames: list[tuple[bool, bytes]]) -> None:
 ORDER = StartScan(0, 5_000_000, 2, 1, 1)
 
 
-def test_a_log_holds_several_scans(tmp_path: Path) -> None:
+def test_a_log_contains_several_scans(tmp_path: Path) -> None:
     frames = []
     for command, began in ((7, 1.0), (8, 2.0)):
         frames += [(False, frame_of(ORDER, command)), (True, frame_of(Started(command, 2), time=began))]
@@ -213,7 +213,7 @@ def test_a_log_holds_several_scans(tmp_path: Path) -> None:
     assert [scan.began for scan in log.scans] == [1.0, 2.0]
 
 
-def test_a_reading_of_the_scan_before_that_was_still_under_way_is_not_taken_for_one_of_the_next(
+def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
     tmp_path: Path,
 ) -> None:
     first = [(False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
@@ -225,7 +225,7 @@ def test_a_reading_of_the_scan_before_that_was_still_under_way_is_not_taken_for_
     assert [[round(r.time, 3) for r in scan.readings] for scan in scans] == [[1.0], [2.1]]
 
 
-def test_an_answer_given_twice_begins_no_second_scan(tmp_path: Path) -> None:
+def test_a_repeated_answer_does_not_begin_a_second_scan(tmp_path: Path) -> None:
     started = (True, frame_of(Started(7, 3)))
     record(
         tmp_path / "scan.mcap",
@@ -245,7 +245,7 @@ def test_an_answer_given_twice_begins_no_second_scan(tmp_path: Path) -> None:
     assert [[r.number for r in scan.readings] for scan in log.scans] == [[0, 1, 2]]
 
 
-def test_readings_before_a_started_that_was_lost_at_first_belong_to_its_scan(tmp_path: Path) -> None:
+def test_readings_before_a_delayed_started_belong_to_its_scan(tmp_path: Path) -> None:
     order, late = (False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=5.0))
     record(tmp_path / "scan.mcap", [order, (True, reading_frame(0)), order, late, (True, reading_frame(1))])
     (scan,) = read_log(tmp_path / "scan.mcap").scans
@@ -259,7 +259,7 @@ def test_the_same_command_number_after_a_new_greeting_is_a_new_scan(tmp_path: Pa
     assert len(read_log(tmp_path / "scan.mcap").scans) == 2
 
 
-def test_a_copy_is_read_as_its_original(tmp_path: Path) -> None:
+def test_a_copy_gives_the_same_data_as_its_original(tmp_path: Path) -> None:
     write_example(tmp_path / "scan.mcap", trace=True)
     original = read_log(tmp_path / "scan.mcap")
     copy_log(original, tmp_path / "copy.mcap")
@@ -271,7 +271,7 @@ def test_a_copy_is_read_as_its_original(tmp_path: Path) -> None:
         assert_readings_close(got, wanted)
 
 
-def test_every_frame_is_kept_as_it_was_on_the_wire(tmp_path: Path) -> None:
+def test_every_frame_is_kept_with_the_bytes_of_the_wire(tmp_path: Path) -> None:
     hello = frame_of(Hello(1, 0), 3)
     record(tmp_path / "scan.mcap", [(False, hello), (True, reading_frame(4))])
     frames = [*read_log(tmp_path / "scan.mcap").frames]
@@ -280,7 +280,7 @@ def test_every_frame_is_kept_as_it_was_on_the_wire(tmp_path: Path) -> None:
     assert frames[1].time == pytest.approx(STARTED + 0.01, abs=1e-6)
 
 
-def test_a_newer_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
+def test_a_newer_format_is_refused_with_advice(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "scan.mcap", LogMetadata("scan", STARTED, format_version=99)):
         pass
     with pytest.raises(NotALog, match=r"has format 99.*update"):

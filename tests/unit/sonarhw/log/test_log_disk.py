@@ -31,7 +31,7 @@ class Disk:
         return round(self.free)
 
 
-def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_come_ten_minutes_and_one_minute_before_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
     pace, lines = 1e6, []  # bytes a second
     disk = Disk(monkeypatch, 3600 * pace)
     room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
@@ -46,7 +46,7 @@ def test_a_disk_is_told_of_ten_minutes_and_one_minute_before_it_is_full(monkeypa
     assert " s of this scan; free disk space" in lines[1]
 
 
-def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_nearly_full_disk_is_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[str] = []
     Disk(monkeypatch, 20e6)
     room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
@@ -55,7 +55,7 @@ def test_a_disk_with_hardly_any_room_is_told_of_at_once(monkeypatch: pytest.Monk
     assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; free disk space"]
 
 
-def test_the_disk_is_looked_at_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_free_space_is_checked_once_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch, 1e12)
     room = DiskSpaceMonitor(Path("scan.mcap"), pytest.fail)
     for tick in range(1000):
@@ -64,12 +64,12 @@ def test_the_disk_is_looked_at_once_a_second(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("trace", [False, True])
-def test_what_a_log_will_take_is_known_to_a_third(tmp_path: Path, trace: bool) -> None:
+def test_the_predicted_size_of_a_log_is_within_a_third(tmp_path: Path, trace: bool) -> None:
     write_example(tmp_path / "scan.mcap", 200, trace=trace)
     assert log_size(200, 600 if trace else 0) == pytest.approx((tmp_path / "scan.mcap").stat().st_size, rel=0.35)
 
 
-def test_a_log_tells_while_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_warns_of_a_full_disk_while_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[str] = []
     Disk(monkeypatch, 20e6)
     with LogWriter(tmp_path / "scan.mcap", METADATA, warn=lines.append):
@@ -101,7 +101,7 @@ class Drive:
             pass
 
 
-def test_each_reading_of_a_live_log_is_pushed_to_its_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_reading_of_a_live_log_is_synchronised_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = Drive(monkeypatch, tmp_path / "scan.mcap")
     with LogWriter(tmp_path / "scan.mcap", METADATA) as log:
         drive.wait()
@@ -122,7 +122,7 @@ def record_on(log: LogWriter, drive: Drive) -> None:
         drive.wait()
 
 
-def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
+def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = Drive(monkeypatch, tmp_path / "scan.mcap")
@@ -141,7 +141,7 @@ def test_a_drive_that_is_pulled_out_is_one_clear_line_with_what_it_took(
     log.close()
 
 
-def test_a_log_is_on_its_disk_when_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_is_synchronised_to_disk_when_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = Drive(monkeypatch, tmp_path / "scan.mcap")
     log = LogWriter(tmp_path / "scan.mcap", METADATA, live=False)
     log.reading(example_reading(0))
@@ -158,7 +158,7 @@ def old_log(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def test_an_old_log_is_there_until_the_first_reading_of_the_new_one(tmp_path: Path) -> None:
+def test_an_old_log_is_kept_until_the_first_reading_of_the_new_one(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     before = old_log(path)
     path.chmod(0o640)
@@ -174,7 +174,7 @@ def test_an_old_log_is_there_until_the_first_reading_of_the_new_one(tmp_path: Pa
 
 
 @pytest.mark.parametrize("how", ["dropped", "failed"])
-def test_a_new_log_that_brought_nothing_leaves_the_old_one(tmp_path: Path, how: str) -> None:
+def test_a_new_log_without_readings_keeps_the_old_one(tmp_path: Path, how: str) -> None:
     path = tmp_path / "scan.mcap"
     before = old_log(path)
     log = LogWriter(path, METADATA, overwrite=True)
@@ -188,7 +188,7 @@ def test_a_new_log_that_brought_nothing_leaves_the_old_one(tmp_path: Path, how: 
     assert [*tmp_path.iterdir()] == [path]
 
 
-def test_a_link_to_an_old_log_stays_one(tmp_path: Path) -> None:
+def test_a_link_to_an_old_log_remains_a_link(tmp_path: Path) -> None:
     link, path = tmp_path / "link.mcap", tmp_path / "scan.mcap"
     old_log(path)
     link.symlink_to(path)
@@ -197,7 +197,7 @@ def test_a_link_to_an_old_log_stays_one(tmp_path: Path) -> None:
     assert read_log(path).readings == ()
 
 
-def test_a_dropped_log_is_gone_but_never_a_device(tmp_path: Path) -> None:
+def test_a_dropped_log_is_deleted_but_a_device_is_kept(tmp_path: Path) -> None:
     log = LogWriter(tmp_path / "scan.mcap", METADATA)
     log.drop()
     assert not (tmp_path / "scan.mcap").exists()
@@ -211,7 +211,7 @@ def test_a_dropped_log_is_gone_but_never_a_device(tmp_path: Path) -> None:
     assert null.exists()
 
 
-def test_a_log_that_cannot_be_begun_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class FullDisk(FileIO):
         def write(self, _: object) -> int:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -124,7 +124,7 @@ def assert_alike(one: Log, other: Log) -> None:
 
 
 @pytest.mark.parametrize("frames", CONVERSATIONS.values(), ids=CONVERSATIONS.keys())
-def test_the_index_says_what_the_frames_say(
+def test_the_index_and_the_frames_give_the_same_log(
     frames: Callable[[], Conversation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "scan.mcap"
@@ -133,14 +133,14 @@ def test_the_index_says_what_the_frames_say(
 
 
 @pytest.mark.usefixtures("only_by_index")
-def test_a_closed_log_is_opened_without_going_through_its_frames(tmp_path: Path) -> None:
+def test_a_closed_log_is_opened_without_reading_its_frames(tmp_path: Path) -> None:
     written = write_example(tmp_path / "scan.mcap", trace=True)
     for got, wanted in zip(read_log(tmp_path / "scan.mcap").readings, written, strict=True):
         assert_readings_close(got, wanted)
 
 
 @pytest.mark.usefixtures("only_by_index")
-def test_no_field_of_a_reading_is_forgotten_by_the_index(tmp_path: Path) -> None:
+def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
     reading = replace(example_reading(1, trace=True, sweep=3), ping=2, number=0, time=0.0)
     write_scan(tmp_path / "scan.mcap", METADATA, [reading])
     (read,) = read_log(tmp_path / "scan.mcap").readings
@@ -150,7 +150,7 @@ def test_no_field_of_a_reading_is_forgotten_by_the_index(tmp_path: Path) -> None
     assert read.host_time == pytest.approx(STARTED, abs=0.1)
 
 
-def test_a_scan_that_went_on_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
+def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
     record(tmp_path / "scan.mcap", gone_on())
     (scan,) = read_log(tmp_path / "scan.mcap").scans
     assert [reading.number for reading in scan.readings] == [0, 1, 2, 3]
@@ -160,7 +160,7 @@ def test_a_scan_that_went_on_after_a_reset_is_one_scan_on_one_clock(tmp_path: Pa
     assert scan.began == pytest.approx(5.0)
 
 
-def test_a_sweep_that_broke_and_went_on_is_one_laser_scan(tmp_path: Path) -> None:
+def test_a_sweep_continued_after_a_reset_is_one_laser_scan(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with LogWriter(path, METADATA, live=False) as log:
         for received, wire in gone_on():
@@ -172,7 +172,7 @@ def test_a_sweep_that_broke_and_went_on_is_one_laser_scan(tmp_path: Path) -> Non
     assert [len(sweep.ranges) for sweep in sweeps] == [4]
 
 
-def test_each_trace_is_the_one_that_was_recorded(tmp_path: Path) -> None:
+def test_each_trace_equals_the_recorded_trace(tmp_path: Path) -> None:
     for name, frames in CONVERSATIONS.items():
         record(tmp_path / f"{name}.mcap", frames())
         for reading in read_log(tmp_path / f"{name}.mcap").readings:
@@ -183,7 +183,7 @@ def test_each_trace_is_the_one_that_was_recorded(tmp_path: Path) -> None:
             assert (reading.trace.rate, reading.trace.start) == pytest.approx((wanted.rate, wanted.start))
 
 
-def test_a_part_of_a_trace_that_was_lost_is_a_gap(tmp_path: Path) -> None:
+def test_a_lost_part_of_a_trace_is_a_gap(tmp_path: Path) -> None:
     frames = [SETTINGS, (True, frame_of(Started(7, 2))), *reading_frames(0, leave_out=(1,)), *reading_frames(1)]
     record(tmp_path / "scan.mcap", frames)
     gappy, whole = (reading.trace for reading in read_log(tmp_path / "scan.mcap").readings)
@@ -205,7 +205,7 @@ def test_a_carrier_keeps_its_sign(tmp_path: Path) -> None:
     assert read.trace.samples == pytest.approx([-1, 0, 1, 0], abs=0.01)
 
 
-def test_a_trace_is_not_read_before_it_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_trace_is_read_on_first_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sonarhw.log.mcap_records._WINDOW", 1)
     path = tmp_path / "scan.mcap"
     write_example(path, 4, trace=True)
@@ -217,7 +217,7 @@ def test_a_trace_is_not_read_before_it_is_looked_at(tmp_path: Path, monkeypatch:
         _ = reading.trace.samples
 
 
-def test_an_open_log_does_not_see_what_takes_its_place(tmp_path: Path) -> None:
+def test_an_open_log_is_unaffected_by_a_file_that_replaces_it(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     write_example(path, 4, trace=True)
     log = read_log(path)
@@ -228,7 +228,7 @@ def test_an_open_log_does_not_see_what_takes_its_place(tmp_path: Path) -> None:
     assert len(read_log(tmp_path / "copy.mcap").readings) == 4
 
 
-def test_an_index_carried_into_another_file_is_not_believed(tmp_path: Path) -> None:
+def test_an_index_of_another_file_is_ignored(tmp_path: Path) -> None:
     write_example(tmp_path / "scan.mcap", 4, trace=True)
     with (tmp_path / "scan.mcap").open("rb") as file:
         (index,) = (record for record in StreamReader(file).records if isinstance(record, Attachment))
@@ -248,7 +248,7 @@ def test_an_index_carried_into_another_file_is_not_believed(tmp_path: Path) -> N
         assert_readings_close(got, wanted)
 
 
-def test_a_flipped_bit_anywhere_in_a_closed_log_is_told(tmp_path: Path) -> None:
+def test_any_bit_error_in_a_closed_log_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     write_example(path, 4, trace=True)
     content = path.read_bytes()
@@ -261,7 +261,7 @@ def test_a_flipped_bit_anywhere_in_a_closed_log_is_told(tmp_path: Path) -> None:
         assert len(log.readings) == 4
 
 
-def test_a_range_is_not_lost_with_the_settings(tmp_path: Path) -> None:
+def test_ranges_are_kept_when_the_settings_are_lost(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     written = [example_reading(number) for number in range(4)]
     with LogWriter(path, METADATA, live=False) as log:

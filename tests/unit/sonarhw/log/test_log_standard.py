@@ -23,7 +23,7 @@ def test_a_closed_log_is_a_healthy_mcap_file(tmp_path: Path) -> None:
             assert complaints(tmp_path / f"{name}.mcap") == [], name
 
 
-def test_scans_with_many_sweeps_copies_and_mended_logs_are_healthy_too(tmp_path: Path) -> None:
+def test_logs_with_many_sweeps_copies_and_repaired_logs_are_healthy(tmp_path: Path) -> None:
     readings = [example_reading(n, trace=True, sweep=n // 20, angle=math.radians(n % 20)) for n in range(200)]
     write_scan(tmp_path / "scan.mcap", METADATA, readings)
     (tmp_path / "torn.mcap").write_bytes((tmp_path / "scan.mcap").read_bytes()[:-20_000])
@@ -33,7 +33,7 @@ def test_scans_with_many_sweeps_copies_and_mended_logs_are_healthy_too(tmp_path:
         assert complaints(tmp_path / f"{name}.mcap") == [], name
 
 
-def test_the_doctor_sees_what_is_wrong(tmp_path: Path) -> None:
+def test_the_doctor_reports_damage(tmp_path: Path) -> None:
     write_example(tmp_path / "scan.mcap")
     content = (tmp_path / "scan.mcap").read_bytes()
     room = content.index(b"Simple")
@@ -67,7 +67,7 @@ def test_sweeps_have_the_published_schema(tmp_path: Path) -> None:
     ]
 
 
-def test_decoded_readings_have_the_shape_that_their_schema_says(tmp_path: Path) -> None:
+def test_decoded_readings_match_their_schema(tmp_path: Path) -> None:
     readings = [example_reading(number) for number in range(3)]
     readings[1] = replace(readings[1], temperature_c=None)
     with LogWriter(tmp_path / "scan.mcap", METADATA) as log:

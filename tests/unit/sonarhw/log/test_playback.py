@@ -31,14 +31,14 @@ def playing(log: Log, speed: float = 1.0) -> Playback:
     return playback
 
 
-def test_everything_is_seen_to_begin_with(log: Log) -> None:
+def test_playback_starts_with_all_readings_visible(log: Log) -> None:
     playback = Playback(log)
     assert (playback.count, playback.position) == (2 * COUNT, playback.duration)
     assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 3.0, 1000.0])
-def test_readings_come_at_their_recorded_times_by_the_speed(log: Log, speed: float) -> None:
+def test_readings_appear_at_their_recorded_times_divided_by_the_speed(log: Log, speed: float) -> None:
     for passed in (0.05, 0.15, 0.95, 1.15, 2.05, 2.15):
         playback = playing(log, speed)
         playback.advance(passed / speed)
@@ -48,14 +48,14 @@ def test_readings_come_at_their_recorded_times_by_the_speed(log: Log, speed: flo
 
 @settings(max_examples=50)
 @given(ticks=st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=60))
-def test_it_does_not_drift_however_the_clock_is_looked_at(log: Log, ticks: list[float]) -> None:
+def test_playback_does_not_drift_at_irregular_clock_reads(log: Log, ticks: list[float]) -> None:
     playback = playing(log, 0.7)
     for tick in ticks:
         playback.advance(tick)
     assert playback.position == pytest.approx(min(0.7 * math.fsum(ticks), playback.duration), abs=1e-12)
 
 
-def test_all_at_once_is_a_speed_and_none_is_not(log: Log) -> None:
+def test_an_infinite_speed_is_accepted_and_zero_is_refused(log: Log) -> None:
     playback = playing(log, math.inf)
     playback.advance(1e-3)
     assert (playback.count, playback.playing) == (2 * COUNT, False)
@@ -64,7 +64,7 @@ def test_all_at_once_is_a_speed_and_none_is_not(log: Log) -> None:
             playback.speed = speed
 
 
-def test_a_change_of_speed_goes_on_from_where_it_is(log: Log) -> None:
+def test_a_change_of_speed_keeps_the_position(log: Log) -> None:
     playback = playing(log)
     playback.advance(0.5)
     playback.speed = 2.0
@@ -72,7 +72,7 @@ def test_a_change_of_speed_goes_on_from_where_it_is(log: Log) -> None:
     assert playback.position == pytest.approx(0.9)
 
 
-def test_it_stands_still_when_paused_and_at_the_end(log: Log) -> None:
+def test_playback_stops_when_paused_and_at_the_end(log: Log) -> None:
     playback = playing(log)
     playback.advance(0.25)
     playback.pause()
@@ -95,7 +95,7 @@ def test_a_loop_starts_over_and_never_ends(log: Log) -> None:
     assert playback.count == 4
 
 
-def test_it_goes_anywhere_backwards_too(log: Log) -> None:
+def test_playback_seeks_forwards_and_backwards(log: Log) -> None:
     playback = playing(log)
     playback.advance(1.0)
     playback.seek(0.35)
@@ -108,7 +108,7 @@ def test_it_goes_anywhere_backwards_too(log: Log) -> None:
     assert playback.count == 2 * COUNT
 
 
-def test_it_goes_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
+def test_playback_seeks_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
     playback = Playback(log)
     for index in (0, 7, 2 * COUNT - 1, 3):
         playback.seek_reading(index)
@@ -124,12 +124,12 @@ def test_it_goes_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
             nowhere()
 
 
-def test_a_sweep_that_a_scan_has_not_is_nowhere(log: Log) -> None:
+def test_seeking_to_a_missing_sweep_raises_index_error(log: Log) -> None:
     with pytest.raises(IndexError):
         Playback(log).seek_sweep(0, 3)
 
 
-def test_it_steps_reading_by_reading(log: Log) -> None:
+def test_playback_steps_reading_by_reading(log: Log) -> None:
     playback = playing(log)
     playback.advance(0.55)
     playback.step(1)
@@ -145,7 +145,7 @@ def test_it_steps_reading_by_reading(log: Log) -> None:
     assert playback.count == 1
 
 
-def test_a_log_without_readings_is_played_in_no_time(log: Log) -> None:
+def test_playback_of_a_log_without_readings_ends_at_once(log: Log) -> None:
     playback = playing(replace(log, scans=()))
     playback.advance(1.0)
     playback.step(1)
@@ -159,7 +159,7 @@ def waiting(log: Log, scan: int, number: int, wait: float) -> Log:
     return replace(log, scans=(replace(log.scans[scan], readings=late),))
 
 
-def test_gaps_are_left_out_and_all_else_keeps_its_pace(log: Log) -> None:
+def test_gaps_are_skipped_and_other_intervals_are_kept(log: Log) -> None:
     playback = Playback(waiting(log, 0, 6, 60.0))
     assert playback.duration == pytest.approx(1.1 + 60.0)
     playback.seek_reading(8)
@@ -170,7 +170,7 @@ def test_gaps_are_left_out_and_all_else_keeps_its_pace(log: Log) -> None:
     assert (playback.count, playback.position) == (9, pytest.approx(60.8))
 
 
-def test_the_pause_between_scans_is_no_gap_and_a_scan_of_slow_readings_has_none(log: Log) -> None:
+def test_pauses_between_scans_and_slow_readings_are_not_gaps(log: Log) -> None:
     playback = Playback(log)
     playback.skip_gaps = True
     assert playback.duration == pytest.approx(1.1 + 1.0 + 1.1)
@@ -181,7 +181,7 @@ def test_the_pause_between_scans_is_no_gap_and_a_scan_of_slow_readings_has_none(
     assert playback.duration == pytest.approx(4.0 * (COUNT - 1))
 
 
-def test_scans_begin_where_their_first_reading_is(log: Log) -> None:
+def test_scans_begin_at_their_first_reading(log: Log) -> None:
     empty = replace(log.scans[0], readings=())
     playback = Playback(replace(log, scans=(log.scans[0], empty, log.scans[1])))
     first, second = playback.scan_starts

@@ -109,7 +109,7 @@ def log(tmp_path: Path) -> Log:
 
 @pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
 @pytest.mark.parametrize("speed", [0.5, 1.0, 7.0, math.inf])
-def test_a_replayed_scan_is_the_recorded_one(tmp_path: Path, trace: bool, speed: float) -> None:
+def test_a_replayed_scan_equals_the_recorded_scan(tmp_path: Path, trace: bool, speed: float) -> None:
     log = recorded(tmp_path, trace=trace)
     host = greeted(ReplayDevice(log, speed))
     host.say(ORDER)
@@ -122,7 +122,7 @@ def test_a_replayed_scan_is_the_recorded_one(tmp_path: Path, trace: bool, speed:
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
-def test_readings_come_and_are_stamped_on_the_recorded_schedule(log: Log, speed: float) -> None:
+def test_readings_have_the_recorded_arrival_times_and_timestamps(log: Log, speed: float) -> None:
     host = greeted(ReplayDevice(log, speed))
     begin = host.now
     host.say(ORDER)
@@ -133,7 +133,7 @@ def test_readings_come_and_are_stamped_on_the_recorded_schedule(log: Log, speed:
         assert reading.time - (begin - BORN) == pytest.approx(original.time / speed, abs=1e-6)
 
 
-def test_the_schedule_does_not_drift_where_the_clock_is_looked_at_late(log: Log) -> None:
+def test_the_schedule_does_not_drift_when_the_clock_is_read_late(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     begin = host.now - BORN
     host.say(ORDER)
@@ -145,7 +145,7 @@ def test_the_schedule_does_not_drift_where_the_clock_is_looked_at_late(log: Log)
     )
 
 
-def test_it_answers_with_the_recorded_identity_and_settings(log: Log) -> None:
+def test_a_replay_answers_with_the_recorded_identity_and_settings(log: Log) -> None:
     host = Host(ReplayDevice(log))
     hello = host.say(Hello(1, 0))
     configure = host.say(WISH)
@@ -156,7 +156,7 @@ def test_it_answers_with_the_recorded_identity_and_settings(log: Log) -> None:
     assert host.all(Settings) == [replace(log.settings, command=configure)]
 
 
-def test_homing_and_turning_are_accepted_and_done_at_once(log: Log) -> None:
+def test_homing_and_turning_end_at_once(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     home = host.say(Home())
     host.wait(0.01)
@@ -169,7 +169,7 @@ def test_homing_and_turning_are_accepted_and_done_at_once(log: Log) -> None:
     assert (beat.state, beat.angle) == (State.IDLE, 90_000_000)
 
 
-def test_it_wants_to_be_greeted_first_and_is_busy_while_it_plays(log: Log) -> None:
+def test_a_replay_requires_a_hello_and_is_busy_while_it_plays(log: Log) -> None:
     host = Host(ReplayDevice(log))
     early = host.say(ORDER)
     host.wait(0.1)
@@ -190,7 +190,7 @@ def test_a_heartbeat_comes_every_quarter_second_at_any_speed(log: Log) -> None:
     assert [beat - BORN for beat in beats] == pytest.approx([0.25 * n for n in range(1, 13)], abs=0.002)
 
 
-def test_a_command_that_comes_twice_is_carried_out_once_and_answered_twice(log: Log) -> None:
+def test_a_repeated_command_is_executed_once_and_answered_twice(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     scan = host.say(ORDER)
     host.wait(0.35)
@@ -200,7 +200,7 @@ def test_a_command_that_comes_twice_is_carried_out_once_and_answered_twice(log: 
     assert [reading.number for reading in host.readings] == [*range(COUNT)]
 
 
-def test_stop_ends_the_scan_with_the_readings_made(log: Log) -> None:
+def test_stop_ends_the_scan_and_keeps_its_readings(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     scan = host.say(ORDER)
     host.wait(0.45)
@@ -213,7 +213,7 @@ def test_stop_ends_the_scan_with_the_readings_made(log: Log) -> None:
     assert not host.device.busy
 
 
-def test_readings_are_sent_again_on_request(log: Log) -> None:
+def test_readings_are_resent_on_request(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     host.say(ORDER)
     host.wait(5.0)
@@ -223,7 +223,7 @@ def test_readings_are_sent_again_on_request(log: Log) -> None:
     assert host.all(ReadingMessage)[COUNT:] == first[3:5]
 
 
-def test_a_loop_goes_on_until_as_many_readings_came_as_were_ordered(log: Log) -> None:
+def test_a_loop_continues_until_the_requested_number_of_readings(log: Log) -> None:
     host = greeted(ReplayDevice(log, loop=True))
     scan = host.say(replace(ORDER, sweeps=3))
     host.wait(10.0)
@@ -246,7 +246,7 @@ def test_each_scan_command_plays_the_next_recorded_scan(log: Log) -> None:
     assert [one.readings for one in host.all(Started) if isinstance(one, Started)] == [COUNT, 3, COUNT]
 
 
-def test_an_order_for_a_part_plays_that_part_of_the_scan_before(log: Log) -> None:
+def test_a_request_for_a_part_replays_that_part_of_the_previous_scan(log: Log) -> None:
     other = replace(log.scans[0], readings=log.scans[0].readings[:3])
     host = greeted(ReplayDevice(replace(log, scans=(*log.scans, other))))
     host.say(ORDER)
@@ -260,7 +260,7 @@ def test_an_order_for_a_part_plays_that_part_of_the_scan_before(log: Log) -> Non
     assert [r.echo_times for r in host.readings] == [r.echo_times for r in log.readings[4:7]]
 
 
-def test_a_log_without_a_speed_of_sound_is_refused_in_one_line(log: Log) -> None:
+def test_a_log_without_a_speed_of_sound_is_refused(log: Log) -> None:
     unheard = [replace(reading, speed_of_sound=math.nan) for reading in log.readings]
     silent = replace(log, settings=None, scans=(replace(log.scans[0], settings=None, readings=tuple(unheard)),))
     with pytest.raises(InputError, match="no speed of sound"):
@@ -278,7 +278,7 @@ def test_a_log_without_settings_is_replayed_with_the_recorded_ranges(log: Log, w
         assert got.echo_ranges == pytest.approx(wanted.echo_ranges, abs=1e-6)
 
 
-def test_readings_that_the_log_lacks_leave_no_gap_in_the_numbers(log: Log) -> None:
+def test_missing_readings_leave_no_gap_in_the_numbers(log: Log) -> None:
     gappy = replace(log.scans[0], readings=log.scans[0].readings[::2])
     host = greeted(ReplayDevice(replace(log, scans=(gappy,))))
     host.say(ORDER)
@@ -287,7 +287,7 @@ def test_readings_that_the_log_lacks_leave_no_gap_in_the_numbers(log: Log) -> No
     assert [r.echo_times for r in host.readings] == [r.echo_times for r in gappy.readings]
 
 
-def test_a_new_greeting_stops_what_plays(log: Log) -> None:
+def test_a_new_hello_stops_the_replay(log: Log) -> None:
     host = greeted(ReplayDevice(log))
     host.say(ORDER)
     host.wait(0.3)
@@ -301,12 +301,12 @@ def test_a_new_greeting_stops_what_plays(log: Log) -> None:
     assert len(host.readings) == COUNT
 
 
-def test_a_speed_of_nothing_is_refused(log: Log) -> None:
+def test_a_speed_of_zero_is_refused(log: Log) -> None:
     with pytest.raises(ValueError, match="above 0"):
         ReplayDevice(log, speed=0.0)
 
 
-def test_a_stop_gets_through_however_fast_a_long_scan_with_traces_plays(tmp_path: Path) -> None:
+def test_stop_works_at_any_replay_speed(tmp_path: Path) -> None:
     write_scan(tmp_path / "scan.mcap", METADATA, [example_reading(n, trace=True, angle=0.0) for n in range(400)])
     host = greeted(ReplayDevice(read_log(tmp_path / "scan.mcap"), speed=1e6))
     host.say(ORDER)
@@ -318,7 +318,7 @@ def test_a_stop_gets_through_however_fast_a_long_scan_with_traces_plays(tmp_path
     assert finished.outcome == Outcome.STOPPED
 
 
-def test_the_driver_gets_the_whole_scan(log: Log) -> None:
+def test_the_driver_receives_the_whole_scan(log: Log) -> None:
     driver, device, now = Driver(first_sequence=5), ReplayDevice(log, speed=3.0), 0.0
     readings: list[Reading] = []
 
@@ -341,7 +341,7 @@ def test_the_driver_gets_the_whole_scan(log: Log) -> None:
     assert driver.statistics.lost_readings == 0
 
 
-def test_traces_come_in_chunks_of_their_reading(tmp_path: Path) -> None:
+def test_traces_arrive_in_chunks_of_their_reading(tmp_path: Path) -> None:
     host = greeted(ReplayDevice(recorded(tmp_path, trace=True)))
     host.say(ORDER)
     host.wait(5.0)
@@ -356,7 +356,7 @@ def replayed(device: ReplayDevice) -> World:
     return world.meet()
 
 
-def test_a_log_of_a_device_that_counts_its_starts_is_no_device_that_starts_anew_at_each_heartbeat(log: Log) -> None:
+def test_a_replayed_boot_counter_is_not_taken_for_repeated_resets(log: Log) -> None:
     assert log.info is not None
     # several heartbeats come before the first reading
     late = replace(log.scans[0], began=log.scans[0].began - 1.0)
@@ -366,7 +366,7 @@ def test_a_log_of_a_device_that_counts_its_starts_is_no_device_that_starts_anew_
     assert world.session.statistics.losses == 0
 
 
-def test_a_loss_in_one_piece_with_the_start_of_a_shorter_scan_than_ordered_is_no_matter(log: Log) -> None:
+def test_a_reset_reported_with_the_start_of_a_shorter_scan_loses_no_reading(log: Log) -> None:
     assert log.info is not None
     world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
     held = b""
