@@ -48,7 +48,7 @@ def read_text(path: Path, what: str) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
-        raise InputError(f"{path}: there is no such {what}; check the name") from error
+        raise InputError(f"{path}: no such file; give the name of a {what} (*.toml)") from error
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise InputError(f"{path}: cannot be read as a {what}: {reason}") from error
@@ -82,5 +82,5 @@ def _reason(error: object) -> str:
     if kind == "string_pattern_mismatch":
         return f"expected a name without > and /, which join names, got {got!r}"
     message = message.removeprefix("Value error, ").replace("Input should be", "expected")
-    message = message.replace("a valid tuple", "a list of numbers")
+    message = message.replace("a valid tuple", "a list of numbers").replace("a valid boolean", "true or false")
     return message if isinstance(got, dict | tuple) else f"{message}, got {got!r}"

@@ -243,7 +243,7 @@ class FakeBoard(ProtocolDevice):
             lost = round(abs(self._turntable.error(now)) * MICROSTEPS / math.tau)
             self._lost_steps += lost
             self._turntable.homed = False
-            text = f"the zero mark came {lost} microsteps out of its place; does something hold the turntable?"
+            text = f"the zero mark is {lost} microsteps from its place; check what blocks the turntable"
             raise ActionError(text, Outcome.LOST_STEPS)
 
     def _scan(self, scan: ScanOrder, numbers: range, now: float) -> Iterator[float]:

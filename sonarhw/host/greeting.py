@@ -40,9 +40,7 @@ def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
             return
         talk.driver.forget(hello)
         if talk.now >= deadline:
-            raise NoAnswer(
-                f"{device.where}: no scanner answered within {patience:g} s; is it powered, and is this its port?"
-            )
+            raise NoAnswer(f"{device.where}: no scanner answered within {patience:g} s; check its power and the port")
 
 
 def _check_identity(talk: Conversation, info: Info) -> None:

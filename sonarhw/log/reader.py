@@ -45,7 +45,7 @@ def read_log(path: Path) -> Log:
     try:
         file = OpenFile(path)
         if not file.size:
-            raise NotALog(f"{path}: is empty; expected a log of this project")
+            raise NotALog(f"{path}: the file is empty; expected a log of this project")
         if not is_mcap(file):
             raise NotALog(
                 f"{path}: is not an MCAP file; expected a log of this project; "

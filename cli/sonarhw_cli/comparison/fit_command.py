@@ -206,7 +206,8 @@ def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
     for prior in priors:
         name, _, text = prior.partition("=")
         if free and re.split("[:@]", name)[0] not in free:
-            raise InputError(f"--prior {prior}: expected NAME=… with a quantity of --free: {', '.join(free)}")
+            listed = ", ".join(free)
+            raise InputError(f"--prior {prior}: {name} is not free; add it to --free, or use one of {listed}")
         if _range_of(text) is None and _normal_of(text) is None:
             raise _malformed_prior(prior)
 

@@ -32,6 +32,9 @@ BoardOfLog = Annotated[
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; itself excluded.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="Step from one heading to the next, degrees.")]
+FromAngle = Annotated[float, typer.Option("--from", help="First turntable angle, degrees.")]
+ToAngle = Annotated[float, typer.Option("--to", help="End of the turntable angles, degrees; itself excluded.")]
+StepAngle = Annotated[float, typer.Option("--step", help="Step from one turntable angle to the next, degrees.")]
 
 EdgeStrengthChoice = Annotated[
     EdgeStrength,
@@ -74,7 +77,7 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
         headings = headings_between(start, stop, step)
     except ValueError as error:
         raise InputError(
-            f"--from, --to, --step: {error} degrees; give a step in the direction from --from to --to"
+            f"--from, --to, --step: {error} degrees; give a --step other than 0 that leads from --from to --to"
         ) from error
     if headings > MOST_HEADINGS:
         raise InputError(

@@ -207,7 +207,7 @@ def load_board(name: str) -> Board:
         return parse_board(read_text(Path(name), "board profile"), name)
     shipped = files("sonarhw_sim.board.shipped") / f"{name}.toml"
     if name not in board_names():
-        raise InputError(f"no board {name!r}; known: {', '.join(board_names())}, or a file NAME.toml")
+        raise InputError(f"unknown board {name!r}; known: {', '.join(board_names())}, or a file NAME.toml")
     return parse_board(shipped.read_text(encoding="utf-8"), shipped.name)
 
 

@@ -140,7 +140,7 @@ class RoomFile(TomlModel):
         for name, material in used:
             if material not in self.materials:
                 known = ", ".join(self.materials) or "none"
-                raise ValueError(f"material {material!r} of {name!r} is not defined; defined: {known}")
+                raise ValueError(f"unknown material {material!r} of {name!r}; defined: {known}")
 
     def _names_are_unique(self) -> None:
         names = [name for wall in self.walls for name in wall.segment_names] + [post.name for post in self.posts]

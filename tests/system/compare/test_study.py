@@ -66,9 +66,9 @@ def contents(folder: Path) -> dict[str, bytes]:
     [
         ("seed = 5", "sed = 5", "sed: unknown key"),
         ("draws = 4", "draws = 0", "draws: expected greater than or equal to 1, got 0"),
-        ("/simple.toml", "/nowhere.toml", "there is no such room file"),
+        ("/simple.toml", "/nowhere.toml", "no such file; give the name of a room file"),
         ('"anywhere"]', '"attic"]', "rooms[0].places: room 'Simple room': no place 'attic'"),
-        ('"paper",', '"papre",', "boards[0]: no board 'papre'"),
+        ('"paper",', '"papre",', "boards[0]: unknown board 'papre'"),
         ("-36.5]", "-36.5, 3.0]", "vary.board: threshold_db: expected less than or equal to 0, got 3.0"),
         ("[0.016, 0.0192]", "[0.016, 1.92]", "vary.board: aperture_radius: expected less than or equal to 1"),
         ("[0.016, 0.0192]", "[0.02, 0.01]", "vary.board.aperture_radius: expected uniform = [low, high]"),

@@ -43,7 +43,7 @@ def whole_torn_and_copied(log: Path) -> list[Path]:
 def test_steps_lost_in_a_single_sweep_are_reported_after_its_last_reading(faults: str) -> None:
     readings, message = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
     assert len(readings) == 72
-    assert "out of its place" in message
+    assert "microsteps from its place" in message
     assert "72 readings are kept; all 72 angles may be off, from 0° on" in message
     assert "\n" not in message
 

@@ -18,7 +18,7 @@ def check_given_once(scans: Sequence[PlacedScan]) -> None:
         alike = (_same(here, there) for here, there in zip(one.readings, other.readings, strict=False))
         if one.readings and other.readings and all(alike):
             names = f"{one.name or 'one scan'} and {other.name or 'another'}"
-            raise InputError(f"{names} contain the same readings: one recording given twice; give each log once")
+            raise InputError(f"{names} contain the same readings; give each log once")
 
 
 def _same(one: Reading, other: Reading) -> bool:

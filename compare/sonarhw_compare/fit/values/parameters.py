@@ -81,7 +81,8 @@ def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, 
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
     known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
     if of and of not in known:
-        raise InputError(f"--free {quantity}:{of}: room {room.name!r} has {', '.join(dict.fromkeys(known)) or 'none'}")
+        names = ", ".join(dict.fromkeys(known)) or "none"
+        raise InputError(f"--free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")
     several = [of] if of else list(dict.fromkeys(known)) or [""]
     return [Parameter(quantity, one, None, *bounds) for one in several]
 

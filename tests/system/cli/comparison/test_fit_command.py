@@ -114,7 +114,7 @@ def test_wrong_options_are_refused_before_a_log_is_read(capsys: pytest.CaptureFi
         (["--free", "wind"], "--free wind: unknown quantity; expected some of x, y"),
         (["--free", ""], "nothing is free"),
         (["--prior", "y"], "expected NAME=VALUE+-DEVIATION"),
-        (["--prior", "wind=1..2"], "a quantity of --free: x, y, heading"),
+        (["--prior", "wind=1..2"], "wind is not free; add it to --free, or use one of x, y, heading"),
         (["--prior", "x=1.5..1.2"], "LOW below HIGH"),
         (["--prior", "x=9+-1"], "a value from"),
         (["--prior", "heading=5+-0"], "heading=5+-0: expected a deviation above 0\n"),
@@ -182,7 +182,7 @@ def test_the_same_recording_in_two_files_is_refused(
     assert printed.out == ""
     *warnings, refused = printed.err.splitlines()
     assert len(warnings) == (how == "torn")
-    assert refused == f"sonarhw: p3 and {how} contain the same readings: one recording given twice; give each log once"
+    assert refused == f"sonarhw: p3 and {how} contain the same readings; give each log once"
 
 
 def test_two_scans_from_one_place_are_mapped(log: str, others: dict[str, str]) -> None:

@@ -68,7 +68,7 @@ def test_a_signal_during_a_scan_closes_window_and_log(tmp_path: Path, number: in
         ([f"fake:{ROOM}?place=nowhere"], "no place 'nowhere'"),
         ([f"fake:{ROOM}?place=figure9&pace=never"], "pace never"),
         (["/dev/ttyNONE", "--place", "figure9"], "--place needs --room"),
-        (["/dev/ttyNONE", "--board", "none"], "no board 'none'"),
+        (["/dev/ttyNONE", "--board", "none"], "unknown board 'none'"),
         (["nowhere.csv"], "nowhere.csv: cannot be read: No such file"),
         (["nowhere.toml"], "nowhere.toml"),
         (

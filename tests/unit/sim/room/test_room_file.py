@@ -43,7 +43,7 @@ material = "m"
     ("old", "new", "message"),
     [
         ('name = "w"', 'name = "w"\ncolour = "red"', "walls[0].colour: unknown key"),
-        ('material = "m"', 'material = "wood"', "material 'wood' of 'w' is not defined; defined: m"),
+        ('material = "m"', 'material = "wood"', "unknown material 'wood' of 'w'; defined: m"),
         (
             "reflectance = 0.9",
             "reflectance = 1.9",
@@ -92,7 +92,7 @@ def test_wrong_room_is_rejected_with_key_and_reason(old: str, new: str, message:
         (
             'height = 2.5\nmaterial = "m"',
             'height = 2.5\nmaterial = "tin"',
-            "material 'tin' of 'ceiling' is not defined",
+            "unknown material 'tin' of 'ceiling'",
         ),
         ("[floor]\nheight = 0.0", "[floor]\nlevel = 0.0", "floor.level: unknown key"),
         ('name = "p"', 'name = "floor"', "two surfaces are named 'floor'"),
@@ -128,7 +128,7 @@ def test_room_without_walls_is_rejected() -> None:
 
 
 def test_missing_file_is_named() -> None:
-    with pytest.raises(InputError, match=r"nowhere\.toml: there is no such room file"):
+    with pytest.raises(InputError, match=r"nowhere\.toml: no such file; give the name of a room file"):
         load_room("nowhere.toml")
 
 

@@ -167,7 +167,7 @@ def test_missed_steps_are_detected_at_the_zero_mark_and_end_the_scan(fault: str)
     # each sweep passes the mark once; what came before is known to be right up to the mark passed before that
     assert scan.finished.outcome == Outcome.LOST_STEPS
     assert scan.finished.readings <= 5 + 12
-    assert "out of its place" in scan.finished.text
+    assert "microsteps from its place" in scan.finished.text
     refused = joined.ask(Turn(0)).answer
     assert isinstance(refused, Refused)
     assert refused.code == Refusal.NOT_HOMED

@@ -57,7 +57,7 @@ MENDED = [
 TOLD = {
     "wedge": (DeviceError, "zero mark was not found"),
     "wedge@r20": (DeviceError, "zero mark"),
-    "slip=3@r20": (DeviceError, "3 microsteps out of its place"),
+    "slip=3@r20": (DeviceError, "3 microsteps from its place"),
     "protocol=0.9": (Incompatible, r"0\.9"),
     "protocol=2.0": (Incompatible, r"2\.0"),
     "nonsense": (NoAnswer, "no scanner answered"),
