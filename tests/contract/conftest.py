@@ -1,4 +1,4 @@
-"""Every test here runs against every scanner of `scanners.py`, or against the one at `--url`."""
+"""Run every test of this folder with every scanner of `scanners.py`, or with the scanner at `--url` only."""
 
 from collections.abc import Iterator
 
@@ -10,14 +10,14 @@ from tests.contract.talk import Talk
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """One run of each test a scanner."""
+    """Run each test once per scanner."""
     if "url" in metafunc.fixturenames:
         names = ["--url"] if metafunc.config.getoption("--url") else [*SCANNERS]
         metafunc.parametrize("url", names, indirect=True, scope="package")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With `--url`, only what concerns that scanner."""
+    """With `--url`, select only the tests that use the scanner."""
     if config.getoption("--url"):
         chosen = [item for item in items if isinstance(item, pytest.Function) and "url" in item.fixturenames]
         config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
@@ -26,7 +26,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="package")
 def url(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Where the scanner is."""
+    """Return the URL of the scanner."""
     if request.param == "--url":
         yield request.config.getoption("--url")
     else:
@@ -35,20 +35,20 @@ def url(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 class OpenLink:
-    """One link for many tests: opening one takes long on some lines."""
+    """One link shared by many tests, because opening is slow on some lines."""
 
     def __init__(self, url: str) -> None:
         self.url = url
         self._link: Link | None = None
 
     def link(self) -> Link:
-        """The link, open."""
+        """Return the link; open it if necessary."""
         if self._link is None:
             self._link = Link(self.url)
         return self._link
 
     def close(self) -> None:
-        """Leave the line to somebody else."""
+        """Close the link, so that another client can open the line."""
         if self._link is not None:
             self._link.close()
             self._link = None
@@ -56,7 +56,7 @@ class OpenLink:
 
 @pytest.fixture(scope="package")
 def open_link(url: str) -> Iterator[OpenLink]:
-    """The link that tests share."""
+    """Provide the shared link."""
     shared = OpenLink(url)
     yield shared
     shared.close()
@@ -64,7 +64,7 @@ def open_link(url: str) -> Iterator[OpenLink]:
 
 @pytest.fixture
 def talk(open_link: OpenLink) -> Iterator[Talk]:
-    """A conversation with the scanner, after its greeting."""
+    """Provide a conversation with the scanner, already greeted."""
     talk = Talk(open_link.link())
     talk.greet()
     yield talk
@@ -73,6 +73,6 @@ def talk(open_link: OpenLink) -> Iterator[Talk]:
 
 @pytest.fixture
 def free_url(open_link: OpenLink) -> str:
-    """Where the scanner is, with nobody on the line."""
+    """Return the URL of the scanner, with no client connected."""
     open_link.close()
     return open_link.url

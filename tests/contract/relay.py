@@ -1,4 +1,4 @@
-"""A bad line in front of any scanner: a device that hands on what another one says, damaged on the way."""
+"""A relay that damages the bytes between a host and any scanner."""
 
 import threading
 from collections import deque
@@ -7,11 +7,11 @@ from sonarhw.device.fault_schedule import Faults
 from sonarhw.device.line_noise import LineNoise
 from sonarhw.link.serial_link import Link
 
-_LOOK = 0.005  # s from one look at what has come to the next
+_POLL_PERIOD = 0.005  # s
 
 
 class Relay:
-    """A `Device` whose bytes come and go over an open link."""
+    """A `Device` that passes its bytes over an open link to another scanner."""
 
     busy = False
     speedup = 1.0
@@ -21,35 +21,35 @@ class Relay:
         self._link = link
         self._up, self._down = LineNoise(faults, seed), LineNoise(faults, seed + 1)
         self._now = 0.0
-        self._come: deque[bytes] = deque()
+        self._arrived: deque[bytes] = deque()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, name=f"relay {link.url}", daemon=True)
         self._thread.start()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Hand on what the host says."""
+        """Damage bytes of the host and send them to the scanner."""
         self._link.write(self._down.damage(data))
 
     def next_event(self) -> float:
-        """Soon."""
-        return self._now + _LOOK
+        """Return the time of the next poll."""
+        return self._now + _POLL_PERIOD
 
     def advance(self, now: float) -> bytes:
-        """What the scanner has said since the last call."""
+        """Return the bytes received from the scanner since the last call, damaged."""
         self._now, data = now, b""
-        while self._come:
-            data += self._come.popleft()
+        while self._arrived:
+            data += self._arrived.popleft()
         return self._up.damage(data)
 
     def hang_up(self) -> None:
-        """The line does not show it."""
+        """Do nothing: the scanner does not see the disconnect."""
 
     def end(self) -> None:
-        """Listen no longer."""
+        """Stop the receiving thread."""
         self._ended.set()
         self._thread.join()
 
     def _listen(self) -> None:
         while not self._ended.is_set():
             if data := self._link.read():
-                self._come.append(data)
+                self._arrived.append(data)

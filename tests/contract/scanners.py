@@ -1,6 +1,6 @@
-"""The scanners that must keep the contract, and the lines to them. Each is a context manager that yields a URL.
+"""The scanners under test, over each kind of line. Each is a context manager that yields a URL.
 
-One more is one more entry in SCANNERS.
+To test another scanner, add it to SCANNERS.
 """
 
 import socket
@@ -20,7 +20,7 @@ from tests.hang_guard import HANG, wait_until
 
 ROOM = CHECKOUT / "rooms" / "simple.toml"
 FIRMWARE = CHECKOUT / "firmware"
-PACE = "10"  # times as fast as a real one; one without any pace would never miss its host
+PACE = "10"  # times real time; a fake at pace max would never detect a silent host
 _SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 _SER2NET = """%YAML 1.1
 ---
@@ -34,48 +34,48 @@ Scanner = Callable[[], AbstractContextManager[str]]
 
 @contextmanager
 def in_this_process() -> Iterator[str]:
-    """The fake behind a `fake:` URL."""
+    """Provide the fake at a `fake:` URL, in this process."""
     with resolve(f"fake:{ROOM}?place=figure9&seed=5&pace={PACE}") as find:
         yield find()
 
 
 @contextmanager
 def on_a_pseudo_terminal() -> Iterator[str]:
-    """The fake as a process of its own, on a pseudo-terminal."""
+    """Run the fake in its own process, on a pseudo-terminal."""
     with TemporaryDirectory() as folder, _fake("--pty", f"{folder}/scanner") as url:
         yield url
 
 
 @contextmanager
 def over_tcp() -> Iterator[str]:
-    """The fake as a process of its own, at a socket:// URL."""
+    """Run the fake in its own process, at a socket:// URL."""
     with _fake("--tcp", "127.0.0.1:0") as url:
         yield url
 
 
 @contextmanager
 def behind_ser2net() -> Iterator[str]:
-    """The fake on a pseudo-terminal, which ser2net serves over the network."""
+    """Run the fake on a pseudo-terminal that ser2net serves over the network."""
     with on_a_pseudo_terminal() as device, ser2net(device) as url:
         yield url
 
 
 @contextmanager
 def ser2net(device: str) -> Iterator[str]:
-    """A serial port on the network."""
+    """Serve a serial port on the network with ser2net."""
     with TemporaryDirectory() as folder:
         port = _free_port()
         config = Path(folder) / "ser2net.yaml"
         config.write_text(_SER2NET.format(port=port, device=device))
         with _running("ser2net", "-n", "-u", "-c", str(config)):
             wait_until(lambda: _listens(port))
-            # a pseudo-terminal has no DTR, and ser2net does not answer what it cannot do
+            # a pseudo-terminal has no DTR, and ser2net does not answer requests to set it
             yield f"rfc2217://127.0.0.1:{port}?ign_set_control"
 
 
 @contextmanager
 def emulated() -> Iterator[str]:
-    """The firmware itself, on an emulated board; both are built first."""
+    """Build the firmware and the emulator, and run the firmware on the emulated board."""
     subprocess.run(["make", "-C", FIRMWARE, "all", "emulator"], check=True, stdout=subprocess.DEVNULL)
     with emulated_board(PlainEchoes(), pace=2.0) as board:
         yield board.url
@@ -91,8 +91,8 @@ SCANNERS: dict[str, Scanner] = {
 
 
 @contextmanager
-def _fake(*door: str) -> Iterator[str]:
-    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", PACE, *door) as process:
+def _fake(*options: str) -> Iterator[str]:
+    with _running(*_SONARHW, "fake", str(ROOM), "--place", "figure9", "--pace", PACE, *options) as process:
         assert process.stdout is not None
         yield process.stdout.readline().strip()
 

@@ -1,4 +1,4 @@
-"""A conversation with a scanner by hand: messages out, frames in, nothing repeated and nothing hidden."""
+"""A direct conversation with a scanner. Nothing is repeated, and every received frame is kept."""
 
 import random
 import time
@@ -29,153 +29,153 @@ from sonarhw.wire.messages import (
 )
 from tests.hang_guard import HANG
 
-HELLO_AGAIN = 0.5  # s
-SIGN_OF_LIFE = 0.5  # s from one to the next
+HELLO_PERIOD = 0.5  # s
+KEEPALIVE_PERIOD = 0.5  # s
 M = TypeVar("M", bound=Message)
 
 
 @dataclass(frozen=True)
-class Heard:
-    """One message of the scanner."""
+class ReceivedFrame:
+    """One received frame and its message; None if the type is unknown."""
 
     frame: Frame
     message: Message | None
 
 
 class Talk:
-    """Everything heard is kept, so that a test can look at all of it."""
+    """A conversation that keeps everything it receives."""
 
     def __init__(self, link: Link) -> None:
-        self.heard: list[Heard] = []
+        self.received: list[ReceivedFrame] = []
         self.rejected: list[Rejected] = []
         self._link = link
         self._decoder = FrameDecoder()
         self._sequence = random.randrange(0x10000)
-        self._alive = 0.0
+        self._kept_alive = 0.0
 
-    # out
+    # sending
 
     def send(self, *messages: Message) -> list[int]:
-        """Send messages in one piece; their sequence numbers."""
+        """Send messages in one piece; return their sequence numbers."""
         return self.send_frames(*((message.TYPE, message.pack()) for message in messages))
 
     def send_frames(self, *frames: tuple[int, bytes]) -> list[int]:
-        """Send frames of type and payload in one piece; their sequence numbers."""
+        """Send frames of type and payload in one piece; return their sequence numbers."""
         wires = [self.wire(kind, payload) for kind, payload in frames]
         self.write(DELIMITER + b"".join(wires))
         return [(self._sequence - back) % 0x10000 for back in range(len(frames) - 1, -1, -1)]
 
     def wire(self, kind: int, payload: bytes) -> bytes:
-        """A frame with the next sequence number."""
+        """Return an encoded frame with the next sequence number."""
         self._sequence = (self._sequence + 1) % 0x10000
         return encode_frame(Frame(kind, self._sequence, 0, payload))
 
     def write(self, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send bytes unchanged."""
         self._link.write(data)
 
-    # in
+    # receiving
 
     def until(self, wanted: Callable[[list[Message]], bool], since: int = 0, alive: bool = True) -> list[Message]:
-        """The messages from number `since` on, as soon as they are what is `wanted`; fails after HANG.
+        """Receive until `wanted` accepts the messages from index `since` on, and return them; fail after HANG.
 
-        Gives signs of life meanwhile, unless not `alive`; their answers are not among the messages.
+        Sends keepalive messages meanwhile if `alive`. Their answers are among the messages.
         """
         deadline = time.monotonic() + HANG
         while not wanted(messages := self.messages(since)):
-            assert time.monotonic() < deadline, f"heard {messages[-5:]}, and no more within {HANG:g} s"
-            if alive and time.monotonic() > self._alive + SIGN_OF_LIFE:
-                self._alive = time.monotonic()
+            assert time.monotonic() < deadline, f"only {messages[-5:]} received within {HANG:g} s"
+            if alive and time.monotonic() > self._kept_alive + KEEPALIVE_PERIOD:
+                self._kept_alive = time.monotonic()
                 self.send(AskStatistics())
             self.listen()
         return messages
 
     def listen(self) -> None:
-        """Take what comes within a moment."""
+        """Read the link once and keep the frames."""
         for item in self._decoder.feed(self._link.read()):
             if isinstance(item, Rejected):
                 self.rejected.append(item)
             else:
-                self.heard.append(Heard(item, unpack_message(item.type, item.payload)))
+                self.received.append(ReceivedFrame(item, unpack_message(item.type, item.payload)))
 
     def messages(self, since: int = 0) -> list[Message]:
-        """Messages from number `since` on."""
-        return [heard.message for heard in self.heard[since:] if heard.message is not None]
+        """Return the messages from index `since` on."""
+        return [item.message for item in self.received[since:] if item.message is not None]
 
-    # both
+    # commands
 
     def answer(self, message: Message) -> Message:
-        """Send a message; its answer."""
+        """Send a message and return its answer."""
         (answer,) = self.answers(message)
         return answer
 
     def answers(self, *messages: Message) -> list[Message]:
-        """Send messages in one piece; their answers."""
-        since = len(self.heard)
+        """Send messages in one piece and return their answers."""
+        since = len(self.received)
         numbers = self.send(*messages)
         return [self._answer_to(number, since) for number in numbers]
 
     def answer_to_frame(self, kind: int, payload: bytes) -> Message:
-        """Send a frame; its answer."""
-        since = len(self.heard)
+        """Send a frame and return its answer."""
+        since = len(self.received)
         (number,) = self.send_frames((kind, payload))
         return self._answer_to(number, since)
 
     def ask(self, message: Message, kind: type[M]) -> M:
-        """Send a message; its answer, which has to be of that kind."""
+        """Send a message and return its answer, which must be of that type."""
         answer = self.answer(message)
         assert isinstance(answer, kind)
         return answer
 
     def act(self, message: Message) -> tuple[Message, list[Message], Finished]:
-        """Send a home, turn or scan; its answer, all messages until it ended, and how it did."""
-        since = len(self.heard)
+        """Send Home, Turn or StartScan; return its answer, all messages until its Finished, and the Finished."""
+        since = len(self.received)
         (number,) = self.send(message)
         answer = self._answer_to(number, since)
         assert not isinstance(answer, Refused), answer
-        messages = self.until(lambda heard: any(True for _ in _finished(heard, number)), since)
+        messages = self.until(lambda messages: any(True for _ in _finished(messages, number)), since)
         return answer, messages, next(_finished(messages, number))
 
     def greet(self) -> Info:
-        """Say Hello until there is an Info. What belonged to an earlier conversation is forgotten."""
+        """Send Hello until an Info arrives. Forget the messages of earlier conversations."""
         numbers, deadline = [], time.monotonic() + HANG
         while not any(True for number in numbers for _ in _answers(self.messages(), number)):
             assert time.monotonic() < deadline, f"no Info within {HANG:g} s"
-            # a board may be starting, or still be at the speed of the line that somebody else has set
+            # a board may be starting, or still use the line speed of an earlier client
             numbers += self.send(Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR))
-            again = time.monotonic() + HELLO_AGAIN
-            while time.monotonic() < again and not any(True for _ in _answers(self.messages(), numbers[-1])):
+            next_hello = time.monotonic() + HELLO_PERIOD
+            while time.monotonic() < next_hello and not any(True for _ in _answers(self.messages(), numbers[-1])):
                 self.listen()
-        # a slow device may answer an earlier Hello late; nothing of that comes after this answer
+        # a slow device may answer an earlier Hello late, but not after it has answered this command
         self.answer(AskStatistics())
         info = [info for number in numbers for info in _answers(self.messages(), number)][-1]
         assert isinstance(info, Info)
-        # before its Info a device may still send what it had to say to somebody else
-        last = max(at for at, heard in enumerate(self.heard) if heard.message is info)
-        self.heard, self.rejected = self.heard[last:], []
+        # a device may still send messages to an earlier client before its Info
+        last = max(at for at, item in enumerate(self.received) if item.message is info)
+        self.received, self.rejected = self.received[last:], []
         return info
 
     def home(self, listen: float = 0.02, trace: int = 0) -> Settings:
-        """Configure and home; the settings in force."""
+        """Configure and home; return the active settings."""
         settings = self.ask(Configure(round(listen * 1e6), 2_380, trace, 343_200), Settings)
         assert self.act(Home())[2].outcome == 0
         return settings
 
     def stop(self) -> None:
-        """End what runs."""
+        """Stop the running action."""
         self.ask(Stop(), Accepted)
 
     def capabilities(self) -> Capabilities:
-        """What the scanner can."""
+        """Return the capabilities of the scanner."""
         return self.ask(AskCapabilities(), Capabilities)
 
     def _answer_to(self, number: int, since: int) -> Message:
-        messages = self.until(lambda heard: any(True for _ in _answers(heard, number)), since, alive=False)
+        messages = self.until(lambda messages: any(True for _ in _answers(messages, number)), since, alive=False)
         return next(_answers(messages, number))
 
 
 def readings(messages: list[Message]) -> list[ReadingMessage]:
-    """The readings among messages."""
+    """Return the readings among these messages."""
     return [message for message in messages if isinstance(message, ReadingMessage)]
 
 

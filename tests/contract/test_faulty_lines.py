@@ -1,4 +1,4 @@
-"""Faults on real lines, with real threads and real time: every scan goes on and completes."""
+"""Scans complete under faults on real lines, with real threads and real time."""
 
 import math
 import os
@@ -23,8 +23,8 @@ from tests.hang_guard import wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=20, sweeps=2)
 MICROSTEP = math.tau / 3200
-TICKS = 1e-6  # s; two of the firmware's timer
-PACE = 5.0  # the seconds of the faults are the board's
+TICKS = 1e-6  # s; two ticks of the firmware's timer
+PACE = 5.0  # times real time; the faults count the seconds of the board
 FAULTS = [
     "drop=1/1000,flip=1/1000,insert=1/1000",
     "stall=10@r5",
@@ -39,7 +39,7 @@ FAULTS = [
 
 @contextmanager
 def served(line: str, device: FaultyDevice, folder: Path) -> Iterator[tuple[str, Endpoint]]:
-    """The device on that line: its URL, and its end of the line."""
+    """Serve the device on this kind of line; yield its URL and its endpoint."""
     where = {"tcp": "127.0.0.1:0"} if line == "tcp" else {"pty": folder / "scanner"}
     with serve(device, pace=PACE, **where) as endpoint:  # type: ignore[arg-type]
         if line == "ser2net":
@@ -50,7 +50,7 @@ def served(line: str, device: FaultyDevice, folder: Path) -> Iterator[tuple[str,
 
 
 def assert_scanned(scanner: Scanner) -> None:
-    """A scan is complete, and right."""
+    """Assert that a scan is complete and correct."""
     readings = list(scanner.scan(ORDER))
     assert sorted(reading.number for reading in readings) == list(range(40))
     for reading in readings:
@@ -60,7 +60,7 @@ def assert_scanned(scanner: Scanner) -> None:
 
 
 CASES = [(line, faults) for line in ("pty", "tcp") for faults in FAULTS]
-CASES += [("ser2net", faults) for faults in (FAULTS[0], FAULTS[1], FAULTS[-1])]  # it takes long to come back
+CASES += [("ser2net", faults) for faults in (FAULTS[0], FAULTS[1], FAULTS[-1])]  # reconnecting through ser2net is slow
 
 
 @pytest.mark.parametrize(("line", "faults"), CASES)
@@ -70,13 +70,13 @@ def test_a_scan_completes_over_every_line_under_every_fault(line: str, faults: s
 
 
 def test_bytes_waiting_in_ser2net_are_read_together() -> None:
-    said = bytes(range(256)) * 8
+    sent = bytes(range(256)) * 8
     master, slave = os.openpty()
     tty.setraw(slave)
     with ser2net(os.ttyname(slave)) as url, Link(url) as link:
-        os.write(master, said)
-        wait_until(lambda: link._port.in_waiting == len(said))
-        assert link.read() == said
+        os.write(master, sent)
+        wait_until(lambda: link._port.in_waiting == len(sent))
+        assert link.read() == sent
     os.close(master)
     os.close(slave)
 

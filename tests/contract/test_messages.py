@@ -1,4 +1,4 @@
-"""What firmware_protocol.md promises of a device, message by message, whoever the device is."""
+"""The promises of firmware_protocol.md, message by message, for any device."""
 
 import itertools
 import random
@@ -49,16 +49,16 @@ LONG = StartScan(start=0, step=DEGREE, headings=90, sweeps=4, pings=1)
 
 
 def short(message: Message) -> str:
-    """A message for the name of a test."""
+    """Return a short text of a message for the name of a test."""
     return f"{type(message).__name__}{astuple(message)}"
 
 
 def microstep(info: Info) -> float:
-    """µdeg from one microstep to the next."""
+    """Return the angle of one microstep, µdeg."""
     return 360 * DEGREE / info.microsteps
 
 
-# who it is
+# identity
 
 
 def test_hello_is_answered_with_the_identity(talk: Talk) -> None:
@@ -75,12 +75,12 @@ def test_the_identity_and_the_boot_counter_stay_the_same(talk: Talk) -> None:
 
 
 def test_capabilities_agree_with_the_identity(talk: Talk) -> None:
-    info, can = talk.greet(), talk.capabilities()
-    assert can.lowest_angle <= 0 < can.highest_angle
-    assert 1 <= can.most_echoes <= MAX_ECHOES
-    assert can.readings_kept >= 1
-    assert bool(can.features & Feature.THERMOMETER) == (info.temperature != NO_TEMPERATURE)
-    assert bool(can.features & (Feature.ENVELOPE | Feature.CARRIER)) == bool(can.fastest_trace)
+    info, capabilities = talk.greet(), talk.capabilities()
+    assert capabilities.lowest_angle <= 0 < capabilities.highest_angle
+    assert 1 <= capabilities.most_echoes <= MAX_ECHOES
+    assert capabilities.readings_kept >= 1
+    assert bool(capabilities.features & Feature.THERMOMETER) == (info.temperature != NO_TEMPERATURE)
+    assert bool(capabilities.features & (Feature.ENVELOPE | Feature.CARRIER)) == bool(capabilities.fastest_trace)
 
 
 def test_statistics_count_the_frames_sent(talk: Talk) -> None:
@@ -117,11 +117,11 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
     assert settings.listen_us == talk.capabilities().longest_listen_us
 
 
-# what is refused
+# refusals
 
 
 @pytest.mark.parametrize(
-    "senseless",
+    "invalid",
     [
         Configure(0, 0, 0, 343_200),
         Configure(2_000, 2_000, 0, 343_200),
@@ -141,21 +141,21 @@ def test_the_listening_time_is_limited_to_the_capability(talk: Talk) -> None:
     ],
     ids=short,
 )
-def test_invalid_requests_are_refused_with_their_error_code(talk: Talk, senseless: Message) -> None:
+def test_invalid_requests_are_refused_with_their_error_code(talk: Talk, invalid: Message) -> None:
     talk.home()
-    refused = talk.ask(senseless, Refused)
+    refused = talk.ask(invalid, Refused)
     assert refused.code == Refusal.OUT_OF_RANGE
     assert refused.text
 
 
 def test_an_angle_beyond_the_cable_is_refused_before_anything_turns(talk: Talk) -> None:
     talk.home()
-    can = talk.capabilities()
+    capabilities = talk.capabilities()
     beyond = [
-        Turn(can.highest_angle + 1),
-        Turn(can.lowest_angle - 1),
-        StartScan(can.lowest_angle - 1, DEGREE, 2, 1, 1),
-        StartScan(can.highest_angle - DEGREE, DEGREE, 3, 1, 1),
+        Turn(capabilities.highest_angle + 1),
+        Turn(capabilities.lowest_angle - 1),
+        StartScan(capabilities.lowest_angle - 1, DEGREE, 2, 1, 1),
+        StartScan(capabilities.highest_angle - DEGREE, DEGREE, 3, 1, 1),
     ]
     assert [talk.ask(order, Refused).code for order in beyond] == [Refusal.OUT_OF_RANGE] * 4
     assert talk.act(Turn(0))[2].outcome == Outcome.DONE
@@ -176,14 +176,23 @@ def test_a_short_payload_is_malformed(talk: Talk, kind: type[Message]) -> None:
 
 
 def test_bytes_after_the_last_known_field_are_ignored(talk: Talk) -> None:
-    wish = Configure(20_000, 2_380, 0, 343_200)
-    assert isinstance(talk.answer_to_frame(Configure.TYPE, wish.pack() + b"more"), Settings)
+    request = Configure(20_000, 2_380, 0, 343_200)
+    assert isinstance(talk.answer_to_frame(Configure.TYPE, request.pack() + b"more"), Settings)
 
 
 def test_during_a_scan_conflicting_commands_are_refused_and_others_served(talk: Talk) -> None:
     talk.home()
-    orders = (LONG, Turn(0), Home(), LONG, Configure(20_000, 2_380, 0, 343_200), AskStatistics(), Resend(0, 1), Stop())
-    started, *refused, statistics, again, stopped = talk.answers(*orders)
+    commands = (
+        LONG,
+        Turn(0),
+        Home(),
+        LONG,
+        Configure(20_000, 2_380, 0, 343_200),
+        AskStatistics(),
+        Resend(0, 1),
+        Stop(),
+    )
+    started, *refused, statistics, again, stopped = talk.answers(*commands)
     assert isinstance(started, Started)
     assert [message.code for message in refused if isinstance(message, Refused)] == [Refusal.BUSY] * 4
     assert isinstance(statistics, Statistics)
@@ -201,22 +210,22 @@ def test_homing_ends_at_zero_and_turns_end_at_the_requested_angle(talk: Talk) ->
         answer, _, finished = talk.act(Turn(angle))
         assert isinstance(answer, Accepted)
         assert (finished.outcome, finished.readings, finished.text) == (Outcome.DONE, 0, "")
-        since = len(talk.heard)
-        *_, beat = talk.until(beats, since)
+        since = len(talk.received)
+        *_, beat = talk.until(ends_with_heartbeat, since)
         assert isinstance(beat, Heartbeat)
         assert abs(beat.angle - angle) <= microstep(info)
         assert (beat.state, beat.homed, beat.boot) == (State.IDLE, 1, info.boot)
 
 
-def beats(messages: list[Message]) -> bool:
-    """Whether the last message is a heartbeat."""
+def ends_with_heartbeat(messages: list[Message]) -> bool:
+    """Return whether the last message is a heartbeat."""
     return bool(messages) and isinstance(messages[-1], Heartbeat)
 
 
 def test_after_a_stopped_homing_the_zero_is_unknown(talk: Talk) -> None:
     talk.home()
     talk.act(Turn(90 * DEGREE))
-    since = len(talk.heard)
+    since = len(talk.received)
     accepted, stopped, refused = talk.answers(Home(), Stop(), Turn(0))
     assert isinstance(accepted, Accepted)
     assert isinstance(stopped, Accepted)
@@ -231,7 +240,7 @@ def test_after_a_stopped_homing_the_zero_is_unknown(talk: Talk) -> None:
 
 
 def check_scan(order: StartScan, made: list[ReadingMessage], settings: Settings, info: Info) -> None:
-    """Each reading once, in order, at its angle, with echoes that could have been heard."""
+    """Assert that each reading arrives once, in order, at its angle, with all echoes within the listening time."""
     last = order.first + order.count if order.count else order.headings * order.sweeps * order.pings
     assert [reading.number for reading in made] == list(range(order.first, last))
     plan = ScanOrder(order.start, order.step, order.headings, order.sweeps, order.pings)
@@ -273,9 +282,9 @@ def test_the_ping_period_is_kept_within_a_scan_and_between_scans(talk: Talk) -> 
 
 def test_a_stopped_scan_ends_before_stop_is_answered(talk: Talk) -> None:
     talk.home()
-    since = len(talk.heard)
+    since = len(talk.received)
     number, stop = talk.send(LONG, Stop())
-    messages = talk.until(lambda heard: any(isinstance(m, Accepted) and m.command == stop for m in heard), since)
+    messages = talk.until(lambda received: any(isinstance(m, Accepted) and m.command == stop for m in received), since)
     ends = [message for message in messages if isinstance(message, Finished | Accepted)]
     assert [(type(message), message.command) for message in ends] == [(Finished, number), (Accepted, stop)]
     (finished,) = [message for message in ends if isinstance(message, Finished)]
@@ -292,15 +301,15 @@ def test_hello_ends_the_running_scan_and_keeps_the_zero(talk: Talk) -> None:
 
 def test_a_repeated_command_is_executed_once_and_answered_twice(talk: Talk) -> None:
     talk.home()
-    since = len(talk.heard)
+    since = len(talk.received)
     wire = talk.wire(TEN.TYPE, TEN.pack())
     talk.write(wire + wire)
-    talk.until(lambda heard: sum(isinstance(message, Started) for message in heard) == 2, since)
-    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), since)
+    talk.until(lambda received: sum(isinstance(message, Started) for message in received) == 2, since)
+    messages = talk.until(lambda received: any(isinstance(message, Finished) for message in received), since)
     assert [reading.number for reading in readings(messages)] == list(range(10))
-    again = len(talk.heard)
+    again = len(talk.received)
     talk.write(wire)
-    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), again)
+    messages = talk.until(lambda received: any(isinstance(message, Finished) for message in received), again)
     assert any(isinstance(message, Started) for message in messages)
     assert readings(messages) == []
     assert talk.ask(Resend(0, 10), Accepted)
@@ -310,10 +319,10 @@ def test_readings_are_resent_unchanged_without_a_new_measurement(talk: Talk) -> 
     talk.home()
     made = readings(talk.act(TEN)[1])
     pings = talk.ask(AskStatistics(), Statistics).pings
-    since = len(talk.heard)
+    since = len(talk.received)
     talk.ask(Resend(3, 4), Accepted)
-    talk.until(lambda heard: len(readings(heard)) == 4, since)
-    talk.ask(Resend(10, 4), Accepted)  # never made
+    talk.until(lambda received: len(readings(received)) == 4, since)
+    talk.ask(Resend(10, 4), Accepted)  # of a reading that was never made
     assert talk.ask(AskStatistics(), Statistics).pings == pings
     assert readings(talk.messages(since)) == made[3:7]
 
@@ -334,7 +343,7 @@ def test_traces_are_complete_and_belong_to_their_readings(talk: Talk) -> None:
 
 
 def check_trace(chunks: list[TraceChunk], settings: Settings) -> None:
-    """Every sample once, at the rate that was promised, no longer than it listened."""
+    """Assert that every sample is present once, at the stated rate, and not later than the end of listening."""
     (total,), (period,) = {chunk.total for chunk in chunks}, {chunk.period_ns for chunk in chunks}
     (start,), (size,) = {chunk.start_ns for chunk in chunks}, {chunk.bits // 8 for chunk in chunks}
     samples = [at for chunk in chunks for at in range(chunk.offset, chunk.offset + len(chunk.samples) // size)]
@@ -361,10 +370,10 @@ def test_heartbeats_come_every_quarter_second_during_every_activity(talk: Talk) 
     talk.act(Turn(90 * DEGREE))
     talk.act(Home())
     talk.act(StartScan(0, DEGREE, 15, 1, 1))
-    since = len(talk.heard)
-    talk.until(lambda heard: sum(isinstance(message, Heartbeat) for message in heard) >= 3, since)
-    times = [heard.frame.time_us / 1e6 for heard in talk.heard if isinstance(heard.message, Heartbeat)]
-    # it says nothing while it listens
+    since = len(talk.received)
+    talk.until(lambda received: sum(isinstance(message, Heartbeat) for message in received) >= 3, since)
+    times = [item.frame.time_us / 1e6 for item in talk.received if isinstance(item.message, Heartbeat)]
+    # heartbeats may be late: the device sends nothing while it listens
     assert all(0.15 < later - earlier < 0.35 for earlier, later in itertools.pairwise(times))
 
 
@@ -372,7 +381,7 @@ def test_sequence_numbers_increase_and_timestamps_never_decrease(talk: Talk) -> 
     talk.home(trace=1)
     talk.act(TEN)
     talk.ask(Resend(0, 10), Accepted)
-    frames = [heard.frame for heard in talk.heard]
+    frames = [item.frame for item in talk.received]
     assert all((b.sequence - a.sequence) % 0x10000 == 1 for a, b in itertools.pairwise(frames))
     assert all(a.time_us <= b.time_us for a, b in itertools.pairwise(frames))
     assert talk.rejected == []
@@ -385,53 +394,53 @@ def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(free_url:
         talk.home()
         quiet = 1.0  # s
         wait_until_quiet(talk, quiet)
-        while not isinstance(answer := talk.answer(Stop()), Refused):  # it was only slow
+        while not isinstance(answer := talk.answer(Stop()), Refused):  # the device was only slow
             quiet *= 2
             wait_until_quiet(talk, quiet)
         assert answer.code == Refusal.NO_HELLO
-        # a hand may have turned it meanwhile
+        # somebody may have turned the turntable meanwhile
         assert talk.greet().homed == 0
         assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
 
 
 def wait_until_quiet(talk: Talk, quiet: float) -> None:
-    """Say nothing until the scanner has said nothing for `quiet` s."""
-    since, heard = time.monotonic(), len(talk.heard)
+    """Send nothing until nothing has been received from the scanner for `quiet` s."""
+    since, count = time.monotonic(), len(talk.received)
     while time.monotonic() < since + quiet:
         talk.listen()
-        if len(talk.heard) > heard:
-            since, heard = time.monotonic(), len(talk.heard)
+        if len(talk.received) > count:
+            since, count = time.monotonic(), len(talk.received)
 
 
 # a bad line
 
 
 def overlong() -> bytes:
-    """A block that no frame is as long as."""
+    """Return a block longer than any frame."""
     return b"\x55" * 5000
 
 
 def cut_off() -> bytes:
-    """The beginning of a frame."""
+    """Return the beginning of a frame."""
     return HELLO[:9]
 
 
 def damaged() -> bytes:
-    """A frame with one bit wrong."""
+    """Return a frame with one wrong bit."""
     wire = bytearray(HELLO)
     wire[7] ^= 0x10
     return bytes(wire)
 
 
 def noise() -> bytes:
-    """What an open input hears."""
+    """Return random bytes, as an unconnected input receives them."""
     return random.Random(3).randbytes(10_000)
 
 
-@pytest.mark.parametrize("rubbish", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
-def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk, rubbish: Callable[[], bytes]) -> None:
-    since = len(talk.heard)
-    talk.write(rubbish())
+@pytest.mark.parametrize("damage", [overlong, cut_off, damaged, noise], ids=lambda make: make.__name__)
+def test_noise_is_ignored_and_the_next_command_is_served(talk: Talk, damage: Callable[[], bytes]) -> None:
+    since = len(talk.received)
+    talk.write(damage())
     talk.ask(AskStatistics(), Statistics)
     others = [message for message in talk.messages(since) if not isinstance(message, Heartbeat | Statistics)]
     assert others == []

@@ -1,4 +1,4 @@
-"""What `sonarhw.Scanner` promises its user, over every line and with every scanner."""
+"""The promises of `sonarhw.Scanner` to its user, over every line and with every scanner."""
 
 import math
 import threading
@@ -16,13 +16,13 @@ from tests.contract.talk import Talk
 from tests.fixtures.example_logs import METADATA
 
 ORDER = ScanOrder(start=0.0, step=math.radians(2), headings=8, sweeps=2)
-LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=400)  # always stopped before its end
+LONG = ScanOrder(start=0.0, step=math.radians(1), headings=90, sweeps=400)  # always stopped early
 MICROSTEP = math.radians(0.2)
 WIRE = StartScan(start=0, step=1_000_000, headings=90, sweeps=4, pings=1)
 
 
-def assert_whole(readings: list[Reading], order: ScanOrder) -> None:
-    """Every reading of the scan, once, at its angle."""
+def assert_complete(readings: list[Reading], order: ScanOrder) -> None:
+    """Assert that every reading of the scan is present once, at its angle."""
     assert sorted(reading.number for reading in readings) == list(range(order.readings))
     for reading in readings:
         sweep, angle, ping = order.ping_at(reading.number)
@@ -33,7 +33,7 @@ def assert_whole(readings: list[Reading], order: ScanOrder) -> None:
 def test_a_scan_gives_every_reading_once_in_time_order(free_url: str) -> None:
     with Scanner.open(free_url) as scanner:
         readings = list(scanner.scan(ORDER))
-    assert_whole(readings, ORDER)
+    assert_complete(readings, ORDER)
     times = [reading.time for reading in sorted(readings, key=lambda reading: reading.number)]
     assert times == sorted(times)
 
@@ -43,7 +43,7 @@ def test_two_successive_scans_are_both_complete(free_url: str) -> None:
         scanner.configure(listen=0.01, trace=bool(scanner.info.trace_rate))
         for _ in range(2):
             readings = list(scanner.scan(ORDER))
-            assert_whole(readings, ORDER)
+            assert_complete(readings, ORDER)
             if scanner.info.trace_rate:
                 assert all(reading.trace is not None for reading in readings)
 
@@ -54,7 +54,7 @@ def test_after_an_abandoned_scan_the_next_scan_is_complete(free_url: str) -> Non
             if reading.number == 3:
                 break
         assert scanner.turn(0.1) is Outcome.DONE
-        assert_whole(list(scanner.scan(ORDER)), ORDER)
+        assert_complete(list(scanner.scan(ORDER)), ORDER)
 
 
 def test_a_scan_anywhere_ends_at_a_zero_mark_in_the_expected_place(free_url: str) -> None:
@@ -62,7 +62,7 @@ def test_a_scan_anywhere_ends_at_a_zero_mark_in_the_expected_place(free_url: str
         before = scanner.device_statistics().lost_steps
         for turns in (-1, 0, 1):
             order = replace(sector(360 * turns - 8, 360 * turns + 9, 8), sweeps=2)
-            assert_whole(list(scanner.scan(order)), order)
+            assert_complete(list(scanner.scan(order)), order)
         assert scanner.device_statistics().lost_steps == before
 
 
@@ -84,9 +84,9 @@ def test_a_host_that_vanishes_during_a_scan_does_not_disturb_the_next_host(free_
         talk.greet()
         talk.home()
         talk.send(WIRE)
-        talk.until(lambda heard: len(heard) > 10)
+        talk.until(lambda messages: len(messages) > 10)
     with Scanner.open(free_url) as scanner:
-        assert_whole(list(scanner.scan(ORDER)), ORDER)
+        assert_complete(list(scanner.scan(ORDER)), ORDER)
 
 
 def test_the_log_contains_the_delivered_readings(free_url: str, tmp_path: Path) -> None:

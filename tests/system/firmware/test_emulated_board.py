@@ -139,9 +139,11 @@ def test_pings_are_as_frequent_as_documented() -> None:
 
 def fire_times_without_host_messages(talk: Talk, order: StartScan) -> list[int]:
     """Return the times of the pings of a scan, µs. Sends nothing meanwhile, so the scan must end within 2 s."""
-    since = len(talk.heard)
+    since = len(talk.received)
     talk.send(order)
-    messages = talk.until(lambda heard: any(isinstance(message, Finished) for message in heard), since, alive=False)
+    messages = talk.until(
+        lambda messages: any(isinstance(message, Finished) for message in messages), since, alive=False
+    )
     assert [message.outcome for message in messages if isinstance(message, Finished)] == [Outcome.DONE]
     return [message.fired_us for message in readings(messages)]
 
