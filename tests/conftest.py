@@ -19,4 +19,4 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def count(request: pytest.FixtureRequest) -> Count:
     """Return a function that selects the second of two counts with --soak, and else the first."""
     soak = request.config.getoption("--soak")
-    return lambda everyday, full: full if soak else everyday
+    return lambda normal, full: full if soak else normal

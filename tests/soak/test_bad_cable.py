@@ -1,4 +1,4 @@
-"""One bit flipped and one byte lost in every 10 000: a scan completes, every reading right, and the statistics tell."""
+"""One flipped bit and one lost byte per 10 000: a scan is complete and correct, and the statistics show the damage."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Hours of scanning with traces: nothing grows. Every day a minute, with `--soak` an hour on an injected clock."""
+"""Memory during long scans with traces: a minute in a normal run, with `--soak` an hour, on a virtual clock."""
 
 import sys
 from pathlib import Path
@@ -12,8 +12,8 @@ from tests.fixtures.example_logs import METADATA
 from tests.fixtures.joined import Joined
 
 SWEEP = 180  # headings, some 18 s
-SLACK = 1000  # allocated blocks that come and go
-INDEX = 24  # allocated blocks of a reading in the index that closes a log, less than a kilobyte
+SLACK = 1000  # temporary allocated blocks
+INDEX = 24  # allocated blocks per reading in the index that closes a log, less than a kilobyte
 
 
 @pytest.mark.parametrize("recorded", [False, True], ids=["scanning", "recording"])
@@ -34,7 +34,7 @@ def test_memory_grows_only_by_the_index_of_the_log(tmp_path: Path, count: Count,
 
 
 def blocks_while_scanning(joined: Joined, sweeps: int) -> tuple[int, int]:
-    """Allocated blocks after half of the sweeps and after all but one."""
+    """Return the numbers of allocated blocks after half of the sweeps and after all but one."""
     joined.greet(trace=True)
     scan, sizes = joined.ask(StartScan(0, 1_000_000, SWEEP, sweeps, 1)), []
     for sweep in (sweeps // 2, sweeps - 1):

@@ -29,12 +29,12 @@ from sonarhw.wire.messages import (
     Stop,
     Turn,
 )
-from tests.fixtures.joined import Cable, Joined, cut_every, dropping, flipping, sound, the_first, without
+from tests.fixtures.joined import Cable, Joined, cut_every, dropping, flipping, the_first, unchanged, without
 from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 
 SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
 CABLES = {
-    "sound": lambda: sound,
+    "undamaged": lambda: unchanged,
     "one byte in 2000 dropped": lambda: dropping(1, 1 / 2000),
     "one byte in 300 dropped": lambda: dropping(2, 1 / 300),
     "one byte in 2000 flipped": lambda: flipping(3, 1 / 2000),
@@ -282,7 +282,7 @@ def test_a_reading_of_the_previous_scan_is_left_out_of_the_next_one() -> None:
     joined.up = lambda data: lost(keeping(data))
     joined.until(lambda: len(joined.readings) == 4)
     joined.ask(Stop())
-    joined.up = sound
+    joined.up = unchanged
     second = joined.driver.command(StartScan(90_000_000, 1_000_000, 5, 1, 1), joined.now)
     joined.driver.receive(b"\0".join([b"", *late]), joined.now)  # answers to a Resend that came twice
     joined.until(lambda: second.finished is not None and joined.driver.scan_complete)

@@ -17,8 +17,8 @@ from sonarhw.readings import Reading
 from sonarhw.wire.frames import Frame, encode_frame
 from sonarhw.wire.messages import Configure, ConfigureTurntable, Heartbeat, Outcome, ReadingMessage, StartScan, Turn
 from tests.fixtures.joined import dropping, flipping, without
-from tests.fixtures.lost_and_found import PLUGGED, World
 from tests.fixtures.plain_echoes import echo_time
+from tests.fixtures.pulled_cables import CONNECTED, Bench
 
 ORDER = StartScan(start=10_000_000, step=2_500_000, headings=30, sweeps=2, pings=1)
 TRACES = Configure(20_000, 2_380, 1, 343_200)
@@ -42,24 +42,24 @@ def test_two_hundred_random_unplugs_lose_no_reading_and_each_is_detected_within_
     chance = random.Random(1)
     unplugs = 0
     while unplugs < 200:
-        unplugs += scan_with_unplugs(World(seed=unplugs).meet(), chance)
+        unplugs += scan_with_unplugs(Bench(seed=unplugs).connect(), chance)
 
 
-def scan_with_unplugs(world: World, chance: random.Random) -> int:
+def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:
     """Scan, pulling the cable five times; how often that was before the scan was done."""
-    scan, unplugs = world.scan(ORDER), 0
+    scan, unplugs = bench.scan(ORDER), 0
     for _ in range(5):
-        world.until(lambda: scan.done or world.session.state is Connection.STREAMING)
+        bench.until(lambda: scan.done or bench.session.state is Connection.STREAMING)
         kind = chance.randrange(4)
         away = chance.choice((0.1, 1.0, 3.0, 9.0))
-        world.pull(away, noticed=kind < 2, power=kind % 2 == 0, after=chance.uniform(0, 1.5))
-        world.until(lambda: not world.pulls)
+        bench.pull(away, port_vanishes=kind < 2, power=kind % 2 == 0, after=chance.uniform(0, 1.5))
+        bench.until(lambda: not bench.pulls)
         if not scan.done:
             unplugs += 1
-            pulled = world.now
-            world.until(lambda: world.pulled is None or world.session.state not in PLUGGED)
-            assert world.now - pulled <= 1.0
-    world.until(lambda: scan.done)
+            pulled = bench.now
+            bench.until(lambda: bench.pulled is None or bench.session.state not in CONNECTED)
+            assert bench.now - pulled <= 1.0
+    bench.until(lambda: scan.done)
     assert scan.result is Outcome.DONE
     check([*scan.readings])
     return unplugs
@@ -68,57 +68,57 @@ def scan_with_unplugs(world: World, chance: random.Random) -> int:
 @pytest.mark.parametrize("cable", [dropping, flipping])
 @pytest.mark.parametrize("trace", [False, True])
 def test_one_fault_in_ten_thousand_bytes_loses_no_reading(cable: type[object], trace: bool) -> None:
-    world = World().meet()
-    world.up, world.down = cable(5, 1e-4), cable(6, 1e-4)  # type: ignore[call-arg]
-    world.run(configuring(Configure(62_500, 2_380, int(trace), 343_200)))
+    bench = Bench().connect()
+    bench.up, bench.down = cable(5, 1e-4), cable(6, 1e-4)  # type: ignore[call-arg]
+    bench.run(configuring(Configure(62_500, 2_380, int(trace), 343_200)))
     order = StartScan(0, 1_000_000, 360, 1, 1)
-    scan = world.run(scanning(order))
+    scan = bench.run(scanning(order))
     assert scan.error is None
     check([*scan.readings], order)
-    books = world.session.statistics
-    assert books.rejected_blocks > 0
-    assert books.lost_readings == 0
+    statistics = bench.session.statistics
+    assert statistics.rejected_blocks > 0
+    assert statistics.lost_readings == 0
 
 
 def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
     # heartbeats pass, nothing else does: the readings go out of what the device keeps
-    world.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
-    world.until(lambda: world.session.statistics.lost_readings == 3)
-    world.up = lambda data: data
-    world.until(lambda: scan.done)
+    bench.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
+    bench.until(lambda: bench.session.statistics.lost_readings == 3)
+    bench.up = lambda data: data
+    bench.until(lambda: scan.done)
     check([*scan.readings])
     assert [reading.number for reading in scan.readings][-3:] == [10, 11, 12]
 
 
 def test_after_a_reset_during_a_scan_settings_and_zero_are_restored() -> None:
-    world = World().meet()
-    world.run(configuring(TRACES))
-    world.run(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 7)
-    world.reset()
-    reset = world.now
-    world.until(lambda: world.session.state not in PLUGGED)
-    assert world.now - reset <= 1.0
-    world.until(lambda: scan.done)
+    bench = Bench().connect()
+    bench.run(configuring(TRACES))
+    bench.run(configuring_turntable(ConfigureTurntable(90_000_000, 0, 30_000, 1)))
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 7)
+    bench.reset()
+    reset = bench.now
+    bench.until(lambda: bench.session.state not in CONNECTED)
+    assert bench.now - reset <= 1.0
+    bench.until(lambda: scan.done)
     check([*scan.readings])
     assert all(reading.trace is not None for reading in scan.readings)
-    assert world.board._turntable.speed == pytest.approx(math.pi / 2)
-    books = world.session.statistics
-    assert (books.losses, books.reopened, books.resets) == (1, 0, 1)
+    assert bench.board._turntable.speed == pytest.approx(math.pi / 2)
+    statistics = bench.session.statistics
+    assert (statistics.losses, statistics.reopened, statistics.resets) == (1, 0, 1)
     times = [reading.time for reading in scan.readings]
     assert times == sorted(times)
 
 
 def test_time_after_a_reset_follows_the_clock_of_the_host() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 7)
-    world.pull(4.0, power=True)
-    world.until(lambda: scan.done)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 7)
+    bench.pull(4.0, power=True)
+    bench.until(lambda: scan.done)
     times = [reading.time for reading in scan.readings]
     gap = max(later - earlier for earlier, later in itertools.pairwise(times))
     assert 4.0 < gap < 12.0
@@ -129,49 +129,49 @@ def test_time_after_a_reset_follows_the_clock_of_the_host() -> None:
 
 
 def test_a_short_unplug_needs_no_new_homing() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 7)
-    world.pull(0.5)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 7)
+    bench.pull(0.5)
     homed = []
-    world.until(lambda: homed.append(world.board.homed) or scan.done)  # type: ignore[func-returns-value]
+    bench.until(lambda: homed.append(bench.board.homed) or scan.done)  # type: ignore[func-returns-value]
     assert all(homed)
     check([*scan.readings])
 
 
 def test_the_motor_is_held_while_the_host_sends_and_released_when_it_is_silent() -> None:
-    world = World().meet()
-    world.run(homing())
-    start = world.now
-    world.until(lambda: world.now > start + 10)
-    assert world.board.homed
-    world.pull(1e6, noticed=False)
-    pulled = world.now
-    world.until(lambda: not world.board.homed)
-    assert world.now - pulled == pytest.approx(2.0, abs=0.51)
+    bench = Bench().connect()
+    bench.run(homing())
+    start = bench.now
+    bench.until(lambda: bench.now > start + 10)
+    assert bench.board.homed
+    bench.pull(1e6, port_vanishes=False)
+    pulled = bench.now
+    bench.until(lambda: not bench.board.homed)
+    assert bench.now - pulled == pytest.approx(2.0, abs=0.51)
 
 
 def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug() -> None:
-    world = World(BoardIdentity(serial="OLD", minor=0)).meet()
-    assert world.session.device.capabilities is None
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 20)
-    world.pull(1.0, power=True)
-    world.until(lambda: scan.done)
+    bench = Bench(BoardIdentity(serial="OLD", minor=0)).connect()
+    assert bench.session.device.capabilities is None
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 20)
+    bench.pull(1.0, power=True)
+    bench.until(lambda: scan.done)
     check([*scan.readings])
     # nothing the old firmware does not know was sent to it
-    assert world.board.statistics(0).rejected == 0
-    assert world.session.statistics.rejected_messages == 0
+    assert bench.board.statistics(0).rejected == 0
+    assert bench.session.statistics.rejected_messages == 0
 
 
 def test_another_device_at_the_same_usb_socket_is_refused() -> None:
-    world = World(reconnect=20.0).meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.pull(1.0)
-    world.until(lambda: world.pulled is not None)
-    world.reset(serial="FAKE-0008")
-    world.until(lambda: scan.done)
+    bench = Bench(reconnect=20.0).connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.pull(1.0)
+    bench.until(lambda: bench.pulled is not None)
+    bench.reset(serial="FAKE-0008")
+    bench.until(lambda: scan.done)
     assert isinstance(scan.error, WrongDevice)
     assert "FAKE-0008" in str(scan.error)
     assert "FAKE-0007" in str(scan.error)
@@ -179,131 +179,131 @@ def test_another_device_at_the_same_usb_socket_is_refused() -> None:
 
 
 def test_the_scan_continues_when_the_right_device_returns_after_another_one() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.pull(1.0)
-    world.until(lambda: world.pulled is not None)
-    world.reset(serial="FAKE-0008")
-    started = world.now
-    world.until(lambda: world.now > started + 4)
-    world.reset(serial="FAKE-0007")
-    world.until(lambda: scan.done)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.pull(1.0)
+    bench.until(lambda: bench.pulled is not None)
+    bench.reset(serial="FAKE-0008")
+    started = bench.now
+    bench.until(lambda: bench.now > started + 4)
+    bench.reset(serial="FAKE-0007")
+    bench.until(lambda: scan.done)
     check([*scan.readings])
 
 
 def test_a_device_that_does_not_return_is_an_error_after_the_set_time() -> None:
-    world = World(reconnect=10.0).meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.pull(1e6)
-    pulled = world.now
-    world.until(lambda: scan.done)
+    bench = Bench(reconnect=10.0).connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.pull(1e6)
+    pulled = bench.now
+    bench.until(lambda: scan.done)
     assert isinstance(scan.error, LinkLost)
     assert "did not come back within 10 s" in str(scan.error)
-    assert world.now - pulled == pytest.approx(10.0, abs=0.5)
+    assert bench.now - pulled == pytest.approx(10.0, abs=0.5)
 
 
 def test_ten_losses_without_a_reading_are_an_error() -> None:
-    world = World(reconnect=math.inf).meet()
-    scan = world.scan(ORDER)
+    bench = Bench(reconnect=math.inf).connect()
+    scan = bench.scan(ORDER)
     while not scan.done:
-        world.until(lambda: scan.done or world.session.state is Connection.STREAMING)
-        world.reset()
-        world.until(lambda: scan.done or world.session.state is not Connection.STREAMING)
+        bench.until(lambda: scan.done or bench.session.state is Connection.STREAMING)
+        bench.reset()
+        bench.until(lambda: scan.done or bench.session.state is not Connection.STREAMING)
     assert not scan.readings
     assert isinstance(scan.error, LinkLost)
     assert "it has restarted; the scanner was lost 10 times in a row" in str(scan.error)
 
 
 def test_pauses_between_attempts_grow() -> None:
-    world = World(reconnect=60.0).meet()
+    bench = Bench(reconnect=60.0).connect()
     tries: list[float] = []
-    fail = world.session.open_failed
-    world.session.open_failed = lambda error, now: (tries.append(now), fail(error, now))[1]  # type: ignore[method-assign]
-    world.pull(1e6)
-    began = world.now
-    world.until(lambda: world.now > began + 30)
+    fail = bench.session.open_failed
+    bench.session.open_failed = lambda error, now: (tries.append(now), fail(error, now))[1]  # type: ignore[method-assign]
+    bench.pull(1e6)
+    began = bench.now
+    bench.until(lambda: bench.now > began + 30)
     gaps = [later - earlier for earlier, later in itertools.pairwise(tries)]
     assert gaps[:4] == pytest.approx([0.5, 1.0, 2.0, 4.0])
     assert gaps[4:] == pytest.approx([4.0] * len(gaps[4:]))
 
 
 def test_an_idle_session_reconnects_after_any_time() -> None:
-    world = World(reconnect=5.0).meet()
-    world.run(homing())
-    world.pull(100.0, power=True)
-    world.until(lambda: world.session.state is Connection.LOST)
-    world.until(lambda: world.session.state is Connection.READY, within=200)
-    assert world.run(turning(Turn(5_000_000))).result is Outcome.DONE
+    bench = Bench(reconnect=5.0).connect()
+    bench.run(homing())
+    bench.pull(100.0, power=True)
+    bench.until(lambda: bench.session.state is Connection.LOST)
+    bench.until(lambda: bench.session.state is Connection.READY, within=200)
+    assert bench.run(turning(Turn(5_000_000))).result is Outcome.DONE
 
 
 def test_a_job_started_while_the_device_is_lost_runs_after_its_return() -> None:
-    world = World().meet()
-    world.pull(5.0)
-    world.until(lambda: world.session.state is Connection.LOST)
-    scan = world.run(scanning(ORDER))
+    bench = Bench().connect()
+    bench.pull(5.0)
+    bench.until(lambda: bench.session.state is Connection.LOST)
+    scan = bench.run(scanning(ORDER))
     check([*scan.readings])
 
 
 def test_stopping_a_scan_while_the_link_is_lost_ends_it() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.pull(1e6)
-    world.until(lambda: world.session.state is Connection.LOST)
-    world.session.stop(scan, world.now)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.pull(1e6)
+    bench.until(lambda: bench.session.state is Connection.LOST)
+    bench.session.stop(scan, bench.now)
     assert scan.done
     assert scan.result is Outcome.STOPPED
 
 
 def test_turning_and_scanning_home_first() -> None:
-    world = World().meet()
-    assert world.run(turning(Turn(1_000_000))).result is Outcome.DONE
-    other = World(seed=9).meet()
+    bench = Bench().connect()
+    assert bench.run(turning(Turn(1_000_000))).result is Outcome.DONE
+    other = Bench(seed=9).connect()
     check([*other.run(scanning(ORDER)).readings])
 
 
 def test_a_refused_request_is_an_error_and_the_next_one_is_served() -> None:
-    world = World().meet()
-    refused = world.run(turning(Turn(800_000_000)))
+    bench = Bench().connect()
+    refused = bench.run(turning(Turn(800_000_000)))
     assert isinstance(refused.error, CommandRefused)
-    assert world.run(turning(Turn(80_000_000))).result is Outcome.DONE
+    assert bench.run(turning(Turn(80_000_000))).result is Outcome.DONE
 
 
 def test_a_jammed_turntable_is_a_fault_and_not_a_lost_link() -> None:
-    world = World().meet()
-    world.board.wedge(5.0)
-    home = world.run(homing())
+    bench = Bench().connect()
+    bench.board.wedge(5.0)
+    home = bench.run(homing())
     assert isinstance(home.error, DeviceError)
     assert "zero mark" in str(home.error)
-    assert world.session.statistics.losses == 0
+    assert bench.session.statistics.losses == 0
 
 
 def test_a_turntable_jammed_after_a_reset_is_a_fault_and_the_session_continues() -> None:
-    world = World().meet()
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.reset()
-    world.board.wedge(8.0)
-    reset = world.now
-    world.until(lambda: scan.done)
+    bench = Bench().connect()
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.reset()
+    bench.board.wedge(8.0)
+    reset = bench.now
+    bench.until(lambda: scan.done)
     assert isinstance(scan.error, DeviceError)
     assert "zero mark" in str(scan.error)
-    assert world.now - reset < 5.0
-    assert world.session.state is Connection.READY
-    world.until(lambda: world.now > reset + 9.0)
-    check([*world.run(scanning(ORDER)).readings])
+    assert bench.now - reset < 5.0
+    assert bench.session.state is Connection.READY
+    bench.until(lambda: bench.now > reset + 9.0)
+    check([*bench.run(scanning(ORDER)).readings])
 
 
 def test_homing_without_an_end_is_stopped_with_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World().meet()
-    monkeypatch.setattr(world.board._turntable, "home", lambda now: now + 1e6)
-    home = world.session.start(homing(), world.now)
-    world.until(lambda: home.done, within=MOVE_WITHIN + 5)
+    bench = Bench().connect()
+    monkeypatch.setattr(bench.board._turntable, "home", lambda now: now + 1e6)
+    home = bench.session.start(homing(), bench.now)
+    bench.until(lambda: home.done, within=MOVE_WITHIN + 5)
     assert isinstance(home.error, DeviceError)
     assert "check that the turntable can move freely" in str(home.error)
-    assert not world.board.busy
+    assert not bench.board.busy
 
 
 def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
@@ -314,13 +314,13 @@ def test_a_recorder_that_fails_ends_its_job_and_stops_the_board() -> None:
         def reading(self, reading: Reading) -> None:
             raise LogError("no space left")
 
-    world = World().meet()
-    world.session.recording.use(FullDisk())
-    scan = world.scan(ORDER)
-    world.until(lambda: scan.done)
+    bench = Bench().connect()
+    bench.session.recording.use(FullDisk())
+    scan = bench.scan(ORDER)
+    bench.until(lambda: scan.done)
     assert isinstance(scan.error, LogError)
-    world.until(lambda: not world.board.busy)
-    check([*world.run(scanning(ORDER)).readings])
+    bench.until(lambda: not bench.board.busy)
+    check([*bench.run(scanning(ORDER)).readings])
 
 
 def test_a_recorder_receives_nothing_between_jobs() -> None:
@@ -334,21 +334,21 @@ def test_a_recorder_receives_nothing_between_jobs() -> None:
         def reading(self, reading: Reading) -> None:
             pass
 
-    world, recorder = World().meet(), Counting()
-    world.session.recording.use(recorder)
+    bench, recorder = Bench().connect(), Counting()
+    bench.session.recording.use(recorder)
     assert recorder.frames == 2  # the greeting
-    world.run(homing())
-    heard, now = recorder.frames, world.now
+    bench.run(homing())
+    heard, now = recorder.frames, bench.now
     assert heard > 4
-    world.until(lambda: world.now > now + 5)
+    bench.until(lambda: bench.now > now + 5)
     assert recorder.frames == heard
 
 
 def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> None:
-    mute = World()
+    mute = Bench()
     mute.up = lambda data: b""
-    assert isinstance(mute.meet().session.failed, NoAnswer)
-    newer = World(BoardIdentity(major=2, minor=0)).meet()
+    assert isinstance(mute.connect().session.failed, NoAnswer)
+    newer = Bench(BoardIdentity(major=2, minor=0)).connect()
     assert isinstance(newer.session.failed, Incompatible)
     assert newer.session.state is Connection.DISCONNECTED
 
@@ -358,36 +358,36 @@ def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> N
 FAST = BoardIdentity(serial="FAST", bauds=(250_000, 500_000, 1_000_000))
 
 
-@pytest.mark.parametrize("sound_up_to", [250_000, 500_000, 1_000_000])
-def test_the_line_uses_the_highest_speed_without_errors(sound_up_to: int) -> None:
-    world = World(FAST, bauds=True)
-    world.highest_sound_baud = sound_up_to
-    world.meet()
-    assert world.session.device.baud == world.board.line.baud == sound_up_to
-    check([*world.run(scanning(ORDER)).readings])
+@pytest.mark.parametrize("clean_up_to", [250_000, 500_000, 1_000_000])
+def test_the_line_uses_the_highest_speed_without_errors(clean_up_to: int) -> None:
+    bench = Bench(FAST, bauds=True)
+    bench.highest_clean_baud = clean_up_to
+    bench.connect()
+    assert bench.session.device.baud == bench.board.line.baud == clean_up_to
+    check([*bench.run(scanning(ORDER)).readings])
 
 
 def test_a_device_that_was_reset_is_found_again_at_its_first_speed() -> None:
-    world = World(FAST, bauds=True).meet()
-    assert world.board.line.baud == 1_000_000
-    scan = world.scan(ORDER)
-    world.until(lambda: len(scan.readings) == 5)
-    world.reset()
-    world.until(lambda: scan.done)
+    bench = Bench(FAST, bauds=True).connect()
+    assert bench.board.line.baud == 1_000_000
+    scan = bench.scan(ORDER)
+    bench.until(lambda: len(scan.readings) == 5)
+    bench.reset()
+    bench.until(lambda: scan.done)
     check([*scan.readings])
-    assert world.board.line.baud == 1_000_000
+    assert bench.board.line.baud == 1_000_000
 
 
 def test_a_device_left_at_a_higher_speed_is_found() -> None:
-    world = World(FAST, bauds=True)
-    world.board.line.change(1_000_000)
-    world.meet()
-    assert world.session.state is Connection.READY
+    bench = Bench(FAST, bauds=True)
+    bench.board.line.change(1_000_000)
+    bench.connect()
+    assert bench.session.state is Connection.READY
 
 
 def test_a_line_without_a_settable_speed_is_left_unchanged() -> None:
-    world = World(FAST).meet()
-    assert world.board.line.baud == 250_000
+    bench = Bench(FAST).connect()
+    assert bench.board.line.baud == 250_000
 
 
 # a bootloader

@@ -37,8 +37,8 @@ from sonarhw.wire.messages import (
     unpack_message,
 )
 from tests.fixtures.example_logs import METADATA, assert_readings_close, example_reading, write_example
-from tests.fixtures.joined import sound
-from tests.fixtures.lost_and_found import World
+from tests.fixtures.joined import unchanged
+from tests.fixtures.pulled_cables import Bench
 
 COUNT = 12
 WISH = Configure(listen_us=1000, blanking_us=0, trace=0, speed_of_sound=1)
@@ -349,26 +349,26 @@ def test_traces_arrive_in_chunks_of_their_reading(tmp_path: Path) -> None:
     assert [chunk.number for chunk in chunks] == [n for n in range(COUNT) for _ in range(3)]
 
 
-def replayed(device: ReplayDevice) -> World:
+def replayed(device: ReplayDevice) -> Bench:
     """A session with that device."""
-    world = World()
-    world.board = device  # type: ignore[assignment]  # it is served as a board is
-    return world.meet()
+    bench = Bench()
+    bench.board = device  # type: ignore[assignment]  # it is served as a board is
+    return bench.connect()
 
 
 def test_a_replayed_boot_counter_is_not_taken_for_repeated_resets(log: Log) -> None:
     assert log.info is not None
     # several heartbeats come before the first reading
     late = replace(log.scans[0], began=log.scans[0].began - 1.0)
-    world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1, boot=3), scans=(late,))))
-    scan = world.run(scanning(ORDER))
+    bench = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1, boot=3), scans=(late,))))
+    scan = bench.run(scanning(ORDER))
     assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
-    assert world.session.statistics.losses == 0
+    assert bench.session.statistics.losses == 0
 
 
 def test_a_reset_reported_with_the_start_of_a_shorter_scan_loses_no_reading(log: Log) -> None:
     assert log.info is not None
-    world = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
+    bench = replayed(ReplayDevice(replace(log, info=replace(log.info, minor=1))))
     held = b""
     reset = encode_frame(Frame(Heartbeat.TYPE, 0, 2**40, Heartbeat(State.SCANNING, 0, 2, 0, boot=99).pack()))
 
@@ -381,12 +381,12 @@ def test_a_reset_reported_with_the_start_of_a_shorter_scan_loses_no_reading(log:
         data, held = held, b""
         if Started.TYPE not in types:
             return data
-        world.up = sound
+        bench.up = unchanged
         return data + reset
 
-    world.up = cable
-    scan = world.scan(replace(ORDER, headings=2 * COUNT))
-    world.until(lambda: scan.done)
+    bench.up = cable
+    scan = bench.scan(replace(ORDER, headings=2 * COUNT))
+    bench.until(lambda: scan.done)
     assert scan.error is None
     assert [reading.echo_times for reading in scan.readings] == [reading.echo_times for reading in log.readings]
-    assert world.session.statistics.losses == 1
+    assert bench.session.statistics.losses == 1
