@@ -65,13 +65,13 @@ class BScanPane:
         self.plot.layout.setColumnFixedWidth(5, _BAR + round(_FIGURES * look.scale))
         self._label()
 
-    def turn(self, polar: bool, among: int = 1, lowest: bool = True) -> None:
-        """Set the axes for a polar or a flat image. One of several panes has a title.
+    def set_axes(self, polar: bool, pane_count: int = 1, lowest: bool = True) -> None:
+        """Set the axes for a polar or a flat image. The pane has a title if there are several panes.
 
-        Of several flat panes, only the lowest labels the heading axis.
+        If there are several flat panes, only the lowest one labels the heading axis.
         """
         self._polar, self._lowest = polar, lowest
-        title = self.kind.value if among > 1 else None
+        title = self.kind.value if pane_count > 1 else None
         self.plot.setTitle(title, color=self._look.palette.ink, size=f"{10 * self._look.scale:.1f}pt")
         self.plot.setAspectLocked(polar)
         self._image.clear()
@@ -99,31 +99,33 @@ class BScanPane:
             self._draw_bar(picture.scale)
 
     def point(self, shown: Shown) -> None:
-        """Draw the chosen heading and the linked cursor."""
+        """Draw the selected heading and the linked cursor."""
         lines = np.empty((0, 2))
         if shown.chosen is not None:
             heading = shown.heading(shown.chosen)
-            lines = self._places(np.full(2, heading), np.array([0.0, self._cells.reach]))
+            lines = self._plot_points(np.full(2, heading), np.array([0.0, self._cells.reach]))
         self._chosen.setData(*lines.T)
         cursor = shown.cursor
         if cursor is None or not 0 <= cursor.range <= self._cells.reach:
             self._cursor.clear()
         else:
             colours = self._look.palette
-            ((x, y),) = self._places(np.array([cursor.heading]), np.array([cursor.range]))
+            ((x, y),) = self._plot_points(np.array([cursor.heading]), np.array([cursor.range]))
             pens = [
                 cosmetic_pen(colour, width=line)
                 for colour, (_, line) in ((colours.paper, _HALO), (colours.chosen, _RING))
             ]
             self._cursor.setData([x, x], [y, y], size=[_HALO[0], _RING[0]], pen=pens)
 
-    def place_at(self, position: QPointF) -> Cursor | None:
+    def cursor_at(self, position: QPointF) -> Cursor | None:
         """Return heading and range at a point in scene coordinates; None outside the image."""
         if not self.plot.vb.sceneBoundingRect().contains(position):
             return None
         at = self.plot.vb.mapSceneToView(position)
         if self._polar:
-            heading, away = self._arm.seen_at(np.array(at.x() - self._middle[0]), np.array(at.y() - self._middle[1]))
+            heading, away = self._arm.headings_and_ranges(
+                np.array(at.x() - self._middle[0]), np.array(at.y() - self._middle[1])
+            )
             cursor = Cursor(float(heading) % math.tau, float(away))
         else:
             cursor = Cursor(math.radians(at.x()) % math.tau, at.y())
@@ -132,16 +134,16 @@ class BScanPane:
     def _area(self, cells: RangeCells) -> tuple[float, float, float, float]:
         return polar_area(cells, self._middle, self._arm) if self._polar else flat_area(cells)
 
-    def _places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
+    def _plot_points(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
         """Return plot coordinates, (n, 2) float, of headings (rad) and ranges (m)."""
         if self._polar:
-            return self._arm.places(headings, ranges) + self._middle
+            return self._arm.points(headings, ranges) + self._middle
         return np.column_stack((np.degrees(headings) % 360, ranges))
 
     def _at_range(self, distance: float, closed: bool = False) -> FloatArray:
         """Return a line at one range, or, if `closed`, the outline of the area within it."""
         if self._polar:
-            return self._places(_ROUND, np.full(len(_ROUND), distance))
+            return self._plot_points(_ROUND, np.full(len(_ROUND), distance))
         left, _, width, _ = flat_area(self._cells)
         ends = [(left, distance), (left + width, distance)]
         return np.array([*ends, (left + width, 0.0), (left, 0.0)] if closed else ends)

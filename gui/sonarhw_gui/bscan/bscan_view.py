@@ -151,7 +151,7 @@ class BScanView(QWidget):
             pane = self.panes[kind]
             row, column = divmod(number, 2 if settings.polar else 1)
             self.canvas.addItem(pane.plot, row=row, col=column)
-            pane.turn(settings.polar, len(settings.panes), kind is settings.panes[-1])
+            pane.set_axes(settings.polar, len(settings.panes), kind is settings.panes[-1])
             pane.plot.setXLink(None if pane is first else first.plot)
             pane.plot.setYLink(None if pane is first else first.plot)
 
@@ -164,12 +164,12 @@ class BScanView(QWidget):
                 self._zoomed, self._cells = True, bscan.rows.cells
                 self._fit(initial_range(shown))
             self._drawn = bscan
-        self.note.setText(_pointed(bscan, shown) or _note(bscan, self.settings))
+        self.note.setText(_cursor_text(bscan, shown) or _note(bscan, self.settings))
         for kind in self.settings.panes:
             self.panes[kind].point(shown)
 
     def _click(self, event: MouseClickEvent) -> None:
-        place = self._place_under(event.scenePos())
+        place = self._cursor_under(event.scenePos())
         if self._shown is None or place is None:
             return
         index = reading_along(self._shown, place.heading)
@@ -179,11 +179,11 @@ class BScanView(QWidget):
 
     @Slot(object)
     def _point_at(self, position: QPointF | None) -> None:
-        self.gestures.pointed.emit(None if position is None else self._place_under(position))
+        self.gestures.pointed.emit(None if position is None else self._cursor_under(position))
 
-    def _place_under(self, position: QPointF) -> Cursor | None:
+    def _cursor_under(self, position: QPointF) -> Cursor | None:
         for kind in self.settings.panes:
-            place = self.panes[kind].place_at(position)
+            place = self.panes[kind].cursor_at(position)
             if place is not None:
                 return place
         return None
@@ -200,7 +200,7 @@ def reading_along(shown: Shown, heading: float) -> int | None:
     return int(nearest[-1])
 
 
-def _pointed(bscan: BScans | None, shown: Shown) -> str:
+def _cursor_text(bscan: BScans | None, shown: Shown) -> str:
     """Return measured and predicted level at the cursor; empty without a cursor."""
     cursor = shown.cursor
     if bscan is None or cursor is None:

@@ -28,8 +28,8 @@ class ConnectDialog(QDialog):
     """Dialog to choose a scanner."""
 
     chosen = Signal(str)  # URL
-    refreshed = Signal()  # look up the ports again
-    all_asked = Signal()
+    refreshed = Signal()  # list the ports again
+    probe_all_requested = Signal()
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -38,8 +38,8 @@ class ConnectDialog(QDialog):
         self.ports = _port_table()
         self.none = QLabel("No serial port found. Plug in the scanner and press Refresh, or enter a URL.")
         self.none.setWordWrap(True)
-        self.refresh, self.ask_all = QPushButton("Refresh"), QPushButton("Ask all ports")
-        self.ask_all.setToolTip("Opening a port may reset the device on it")
+        self.refresh, self.probe_all = QPushButton("Refresh"), QPushButton("Probe all ports")
+        self.probe_all.setToolTip("Opening a port may reset the device on it")
         self.field = QLineEdit(placeholderText=_EXAMPLES)
         self.url = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
         self.url.setToolTip(_EXAMPLES)
@@ -63,7 +63,7 @@ class ConnectDialog(QDialog):
                 self.ports.setItem(k, column, item)
         self.none.setVisible(not rows)
         self.ports.setVisible(bool(rows))
-        self.ask_all.setEnabled(any(row.answer == "not asked" for row in rows))
+        self.probe_all.setEnabled(any(row.answer == "not probed" for row in rows))
         answering = [row.device for row in rows if row.answers]
         if not chosen and len(answering) == 1:
             self.url.setEditText(answering[0])
@@ -84,7 +84,7 @@ class ConnectDialog(QDialog):
     def _lay_out(self) -> None:
         beside = QHBoxLayout()
         beside.addWidget(self.refresh)
-        beside.addWidget(self.ask_all)
+        beside.addWidget(self.probe_all)
         beside.addStretch(1)
         column = QVBoxLayout(self)
         column.addWidget(self.none)
@@ -99,7 +99,7 @@ class ConnectDialog(QDialog):
         self.ports.doubleClicked.connect(self._choose_row)
         self.url.editTextChanged.connect(self._update_button)
         self.refresh.clicked.connect(self.refreshed)
-        self.ask_all.clicked.connect(self.all_asked)
+        self.probe_all.clicked.connect(self.probe_all_requested)
         self.buttons.accepted.connect(self._choose)
         self.buttons.rejected.connect(self.close)
 

@@ -65,7 +65,7 @@ class FileCommands(QMenu):
     @Slot()
     def ask_board(self) -> None:
         """Open a dialog for a board profile."""
-        self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.take_board)
+        self._ask_file("Open board profile", "Board profiles (*.toml)", self._session.open_board)
 
     @Slot()
     def _show_recordings(self) -> None:
@@ -94,7 +94,7 @@ class FileCommands(QMenu):
 
     @Slot()
     def _ask_where_to_save_room(self) -> None:
-        room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_to_keep)
+        room, folder = self._session.shown.scene.room, self._session.documents.folder(self._session.log_file)
         dialog = self._dialog("Save room as", "Rooms (*.toml)", self._session.save_room)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setDefaultSuffix("toml")

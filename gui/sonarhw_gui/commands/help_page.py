@@ -22,9 +22,9 @@ class HelpPage(QDialog):
     """The help page."""
 
     def __init__(
-        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, most: QSize
+        self, groups: Mapping[str, Sequence[QAction]], look: Look, parent: QWidget | None, max_size: QSize
     ) -> None:
-        """`most`: the maximum size; larger content gets a scroll bar."""
+        """`max_size`: larger content gets a scroll bar."""
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowTitle("sonarhw — help")
@@ -33,7 +33,7 @@ class HelpPage(QDialog):
         bar = self.area.verticalScrollBar().sizeHint().width()
         for columns in range(_COLUMNS, 0, -1):
             page = _page(_in_columns(groups, columns), look)
-            if page.minimumSizeHint().width() + bar <= most.width():
+            if page.minimumSizeHint().width() + bar <= max_size.width():
                 break
         self.area.setWidget(page)
         layout = QVBoxLayout(self)
@@ -41,7 +41,7 @@ class HelpPage(QDialog):
         layout.addWidget(self.area)
         width = page.minimumSizeHint().width()
         whole = QSize(width, page.heightForWidth(width))
-        self.resize((whole + QSize(bar, 0)).boundedTo(most))
+        self.resize((whole + QSize(bar, 0)).boundedTo(max_size))
 
 
 def _page(columns: Sequence[Sequence[tuple[str, Sequence[QAction]]]], look: Look) -> QWidget:

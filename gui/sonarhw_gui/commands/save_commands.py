@@ -92,7 +92,7 @@ class SaveCommands(QObject):
         if self.dialog is not None:
             self.dialog.destroyed.disconnect(self._forget)
             self.dialog.close()
-        folder = self._session.documents.folder(self._session.log_to_keep)
+        folder = self._session.documents.folder(self._session.log_file)
         self.dialog = dialog = QFileDialog(self._window, f"Save {subject.name.lower()}", str(folder))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
@@ -124,7 +124,7 @@ class SaveCommands(QObject):
         self._session.documents.saved_in = path.parent
         content = self._content(path.suffix.lower())
         if content is not None:
-            self._session.saver.write(content, path, overwrite=True)  # the dialog has asked
+            self._session.saver.write(content, path, overwrite=True)  # the dialog has asked the user
 
     def _content(self, ending: str) -> Content | None:
         subject, session = self._subject, self._session

@@ -1,1 +1,1 @@
-"""The live scanner: its thread, what it can be sent to do, and how it stands. No Qt."""
+"""The live scanner: its thread, its jobs and its state. No Qt."""

@@ -18,7 +18,7 @@ from sonarhw_gui.live.scanner_jobs import ScannerJob, ScannerOpener
 from sonarhw_gui.live.scanner_state import JobState, LinkState, Phase
 
 MOST_WAITING = 1024  # readings; over half a minute of the fastest board
-_POLL_EVERY = 0.25  # s; values that change more often cannot be read
+_POLL_EVERY = 0.25  # s; a person cannot read values that change more often
 
 
 class LiveDevice:
@@ -29,7 +29,7 @@ class LiveDevice:
         self.status = JobState()
         self.link: LinkState | None = None
         self.warnings: deque[str] = deque()  # the reader removes them
-        self.leaving = False  # whether it accepts no more jobs
+        self.leaving = False  # True: no more jobs are accepted
         self._opener = opener
         self._after = after
         self._jobs: SimpleQueue[ScannerJob | None] = SimpleQueue()

@@ -12,19 +12,19 @@ from sonarhw.readings import FloatArray, Reading, Trace
 
 _FORMS = np.uint8, np.uint16  # sample formats of the wire
 _SAME = 1e-12
-_IN_STEPS: FloatArray = np.empty(0)  # used instead of the samples
+_NO_SAMPLES: FloatArray = np.empty(0)  # stored by the base class; the property computes the samples
 
 
 class PackedTrace(Trace):
     """A trace that stores the integer steps of the converter."""
 
     def __init__(self, steps: NDArray[np.unsignedinteger], like: Trace) -> None:
-        super().__init__(_IN_STEPS, like.rate, like.start, like.carrier)
+        super().__init__(_NO_SAMPLES, like.rate, like.start, like.carrier)
         self._steps = steps
 
     @property
     def samples(self) -> FloatArray:
-        """The samples as floats, as before packing."""
+        """The samples as floats, equal to those before packing."""
         levels = self._steps / np.float64(np.iinfo(self._steps.dtype).max)
         return 2 * levels - 1 if self.carrier else levels
 

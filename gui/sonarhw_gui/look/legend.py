@@ -91,7 +91,7 @@ _LINES_AND_PATCHES: tuple[tuple[Picture, str, str], ...] = (
     (
         partial(_line_picture, "predicted", _SOLID),
         "predicted",
-        "what the model predicts that the board reports; dashed in the trace view",
+        "the range or trace that the model predicts; dashed in the trace view",
     ),
     (partial(_line_picture, "threshold", _DASHED), "threshold", "detection threshold; weaker echoes are not detected"),
     (

@@ -50,7 +50,7 @@ class Palette:
     stripe: str  # alternate rows of a table
     tip_paper: str
     wall: str
-    chosen: str  # chosen reading: ring, rays, cursor
+    chosen: str  # selected reading: ring, rays, cursor
     beam: str  # opaque, because transparency takes time at every repaint
     blanking: str
     threshold: str

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 
 from sonarhw.errors import InputError
-from sonarhw_gui.panels.fit_texts import answer_line, rows, share_line, warnings
+from sonarhw_gui.panels.fit_texts import solution_line, rows, share_line, warnings
 from sonarhw_gui.panels.room_groups import short_list
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.scene.fit_scene import fitted
@@ -43,9 +43,9 @@ class FitPanel(QWidget):
         self.where = short_list()
         self.begin = QPushButton("Find pose")
         self.progress, self.cancel = QProgressBar(), QPushButton("Cancel")
-        self.answers = QComboBox()
-        ignore_wheel_without_focus(self.answers)
-        self.answers.setToolTip("Solutions that fit almost equally well, the best first")
+        self.solutions = QComboBox()
+        ignore_wheel_without_focus(self.solutions)
+        self.solutions.setToolTip("Solutions that fit almost equally well, the best first")
         self.table, self.notes = QLabel(), QLabel(wordWrap=True)
         self.accept, self.discard = QPushButton("Accept"), QPushButton("Discard")
         self._refused = QLabel(wordWrap=True)
@@ -78,7 +78,7 @@ class FitPanel(QWidget):
         fresh = state.found is not self._state.found or state.running != self._state.running
         self._state = state
         self.progress.setValue(round(100 * state.share))
-        self.progress.setFormat(f"{state.doing}  %p %")
+        self.progress.setFormat(f"{state.step}  %p %")
         if fresh:
             self._draw()
 
@@ -111,7 +111,7 @@ class FitPanel(QWidget):
         group = QGroupBox("Result")
         layout = QGridLayout(group)
         self.table.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        for row, part in enumerate((self.answers, self.table, self.notes)):
+        for row, part in enumerate((self.solutions, self.table, self.notes)):
             layout.addWidget(part, row, 0, 1, 2)
         layout.addWidget(self.accept, 3, 0)
         layout.addWidget(self.discard, 3, 1)
@@ -125,7 +125,7 @@ class FitPanel(QWidget):
         self.cancel.clicked.connect(self.cancelled)
         self.discard.clicked.connect(self.cancelled)
         self.accept.clicked.connect(self._accept)
-        self.answers.activated.connect(self._draw_answer)
+        self.solutions.activated.connect(self._draw_solution)
 
     @Slot()
     def _enable(self) -> None:
@@ -143,34 +143,34 @@ class FitPanel(QWidget):
         self._enable()
         if found is not None and self._shown is not None:
             unit = self._shown.look.unit
-            chosen = max(self.answers.currentIndex(), 0)
-            self.answers.clear()
-            self.answers.addItems([answer_line(found, k, unit) for k in range(len(found.answers))])
-            self.answers.setCurrentIndex(min(chosen, len(found.answers) - 1))
-            self.answers.setVisible(len(found.answers) > 1)
-            self._draw_answer()
+            chosen = max(self.solutions.currentIndex(), 0)
+            self.solutions.clear()
+            self.solutions.addItems([solution_line(found, k, unit) for k in range(len(found.solutions))])
+            self.solutions.setCurrentIndex(min(chosen, len(found.solutions) - 1))
+            self.solutions.setVisible(len(found.solutions) > 1)
+            self._draw_solution()
 
     @Slot()
-    def _draw_answer(self) -> None:
+    def _draw_solution(self) -> None:
         found, shown = self._state.found, self._shown
         if found is None or shown is None:
             return
-        answer = self.answers.currentIndex()
+        solution = self.solutions.currentIndex()
         lines = "".join(
             f"<tr><td>{name}&nbsp;&nbsp;</td><td align='right'>{value}</td><td>&nbsp;&nbsp;{deviation}</td></tr>"
-            for name, value, deviation in rows(found, answer, shown.look.unit)
+            for name, value, deviation in rows(found, solution, shown.look.unit)
         )
         self.table.setText(f"<table>{lines}</table>")
         warned = [f"⚠ {warning}" for warning in warnings(found)]
         count = f"{len(found.request.readings)} readings; ± is one standard deviation"
-        self.notes.setText("\n\n".join((share_line(found, answer), count, *warned)))
+        self.notes.setText("\n\n".join((share_line(found, solution), count, *warned)))
 
     @Slot()
     def _accept(self) -> None:
         found, shown = self._state.found, self._shown
         if found is None or shown is None:
             return
-        values = found.answers[self.answers.currentIndex()].values
+        values = found.solutions[self.solutions.currentIndex()].values
         try:
             scene, label = fitted(shown.scene, values, found.request.scene.board)
         except InputError as error:

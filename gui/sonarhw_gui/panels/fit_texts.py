@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 _SLIGHT = 1.0  # degrees
 
 
-def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
+def rows(found: FitFound, solution: int, unit: LengthUnit) -> list[tuple[str, str, str]]:
     """Return name, value and standard deviation in the same unit. Only the best solution has deviations."""
-    values = found.answers[answer].values
-    if answer > 0:
+    values = found.solutions[solution].values
+    if solution > 0:
         return [(_name(one), value_text(one, value, unit), "") for one, value in values.items()]
     estimates = found.result.estimates
     return [
@@ -25,24 +25,24 @@ def rows(found: FitFound, answer: int, unit: LengthUnit) -> list[tuple[str, str,
     ]
 
 
-def share_line(found: FitFound, answer: int) -> str:
+def share_line(found: FitFound, solution: int) -> str:
     """Return the shares of echoes within 5 cm before the fit and with this solution."""
-    before, after = (_percent(share) for share in (found.within_5cm, found.answers[answer].within_5cm))
+    before, after = (_percent(share) for share in (found.within_5cm, found.solutions[solution].within_5cm))
     return f"within 5 cm: {before} before, {after} after"
 
 
-def answer_line(found: FitFound, answer: int, unit: LengthUnit) -> str:
+def solution_line(found: FitFound, solution: int, unit: LengthUnit) -> str:
     """Return the pose of a solution in one line."""
-    values = found.answers[answer].values
+    values = found.solutions[solution].values
     pose = {one.quantity.name: value_text(one, value, unit) for one, value in values.items()}
     place = ", ".join(pose[name] for name in ("x", "y", "heading") if name in pose)
-    return f"{answer + 1}: {place or 'same pose'}"
+    return f"{solution + 1}: {place or 'same pose'}"
 
 
 def warnings(found: FitFound) -> list[str]:
     """Return what the scan cannot determine, and whether the fit matches worse than before."""
     texts = [*found.result.warnings]
-    before, after = found.within_5cm, found.answers[0].within_5cm
+    before, after = found.within_5cm, found.solutions[0].within_5cm
     if before is not None and after is not None and after < before:
         texts.append("fewer echoes match than before: the room differs from its file in something else")
     return texts

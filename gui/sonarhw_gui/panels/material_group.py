@@ -51,8 +51,8 @@ class MaterialGroup(Group):
             reflectance = SliderField(0, 1, 2, "", "Ratio of reflected to incident amplitude, 0 to 1")
             scatter = SliderField(0, 1, 2, "", "Diffuse share of the reflected sound: 0 mirror, 1 fully diffuse")
             self.sliders[name] = reflectance, scatter
-            reflectance.changed.connect(self._coat)
-            scatter.changed.connect(self._coat)
+            reflectance.changed.connect(self._set_share)
+            scatter.changed.connect(self._set_share)
             title = QLabel(name)
             title.setStyleSheet("font-weight: bold")
             self.rows.insertRow(3 * row, title)
@@ -67,7 +67,7 @@ class MaterialGroup(Group):
             self.name.clear()
 
     @Slot(float, object)
-    def _coat(self, value: float, gesture: object) -> None:
+    def _set_share(self, value: float, gesture: object) -> None:
         for name, sliders in self.sliders.items():
             for share, slider in zip(("reflectance", "scatter"), sliders, strict=True):
                 if slider is self.sender():

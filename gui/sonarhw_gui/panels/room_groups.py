@@ -1,4 +1,4 @@
-"""Groups of the room panel: their base class, the pose of the sensor, and the chosen wall or post."""
+"""Groups of the room panel: their base class, the pose of the sensor, and the selected wall or post."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -121,7 +121,7 @@ class SensorGroup(Group):
 
 
 class SurfaceGroup(Group):
-    """Name and material of the chosen wall or post."""
+    """Name and material of the selected wall or post."""
 
     chosen = Signal(object)  # name of a wall or post, or None
 
@@ -132,7 +132,7 @@ class SurfaceGroup(Group):
         self.remove = QPushButton("Remove")
         self.remove.setToolTip("Remove it from the room (Del)")
         self._room: Room | None = None
-        self._chosen_name = ""  # name of the chosen wall or post
+        self._chosen_name = ""  # name of the selected wall or post
         for name, field in (
             ("Name", self.surface),
             ("Material", self.material),

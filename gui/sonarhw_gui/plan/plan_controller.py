@@ -1,6 +1,6 @@
 """The controller of a plan: passes mouse and key events to the active tool, and its edits to the window.
 
-It implements `ToolContext` for the tools and uses the drawing only through `Paper`.
+It implements `ToolContext` for the tools and uses the drawing only through `DrawingContext`.
 """
 
 import math
@@ -12,7 +12,7 @@ from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent, MouseDragEvent
 from PySide6.QtCore import QPointF, Qt
 
 from sonarhw.errors import InputError
-from sonarhw_gui.plan.plan_texts import text_at
+from sonarhw_gui.plan.plan_texts import text_under_pointer
 from sonarhw_gui.plan.plan_tools import Hand, Tool
 from sonarhw_gui.scene.grips import Grip, GripPart, surface_at
 from sonarhw_gui.scene.room_edit import Point
@@ -26,7 +26,7 @@ _PAUSE = 1.0  # s: key presses with shorter pauses are one undo step
 _GRIPPED = {GripPart.SENSOR: Qt.CursorShape.OpenHandCursor, GripPart.BEAM: Qt.CursorShape.PointingHandCursor}
 
 
-class Paper(Protocol):
+class DrawingContext(Protocol):
     """The interface of the drawing for its controller."""
 
     @property
@@ -48,7 +48,7 @@ class Paper(Protocol):
         """Return the visible plan point, m, nearest to a point in scene coordinates."""
 
     def draw_room(self) -> None:
-        """Draw the room again, after a change of the chosen surface or of the tool."""
+        """Draw the room again, after a change of the selected surface or of the tool."""
 
     def draw_ruler(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
@@ -67,10 +67,10 @@ class Paper(Protocol):
 
 
 class PlanController:
-    """Holds the active tool and the chosen wall or post."""
+    """Holds the active tool and the selected wall or post."""
 
-    def __init__(self, paper: Paper, gestures: Gestures) -> None:
-        self._paper, self._gestures = paper, gestures
+    def __init__(self, drawing: DrawingContext, gestures: Gestures) -> None:
+        self._drawing, self._gestures = drawing, gestures
         self.tool: Tool = Hand(self)
         self._busy = False  # during a drag that the tool uses
         self._cancelled = False  # whether to ignore the rest of a cancelled drag
@@ -85,8 +85,8 @@ class PlanController:
     @property
     def shown(self) -> Shown:
         """What is drawn."""
-        assert self._paper.shown is not None, "nothing is shown yet"
-        return self._paper.shown
+        assert self._drawing.shown is not None, "nothing is shown yet"
+        return self._drawing.shown
 
     @property
     def scene(self) -> Scene:
@@ -98,12 +98,12 @@ class PlanController:
     @property
     def handle_at(self) -> Point | None:
         """Where the beam can be dragged, m."""
-        return self._paper.handle_at
+        return self._drawing.handle_at
 
     @property
     def pixel(self) -> float:
         """The length of a pixel, m."""
-        return self._paper.pixel
+        return self._drawing.pixel
 
     def change(self, edit: Callable[[Scene], Edit], scene: Scene, gesture: object) -> bool:
         """Apply an edit to the scene from before the gesture. A rejected edit shows its error and returns False."""
@@ -121,35 +121,35 @@ class PlanController:
         """Choose the wall or post that keys and panel act on."""
         if name != self.chosen:
             self.chosen = name
-            self._paper.draw_room()
+            self._drawing.draw_room()
             self._gestures.surface_chosen.emit(name)
 
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
-        self._paper.draw_ruler(start, end, text)
+        self._drawing.draw_ruler(start, end, text)
 
     def show_message(self, text: str) -> None:
         """Show one line of text beside the tools."""
-        self._paper.show_message(text)
+        self._drawing.show_message(text)
 
     # keys and buttons
 
     @property
     def chosen_surface(self) -> int | None:
-        """Index of the chosen wall or post, or None."""
-        room = self.scene.room if self._paper.shown else None
+        """Index of the selected wall or post, or None."""
+        room = self.scene.room if self._drawing.shown else None
         return room.names.index(self.chosen) if room and self.chosen in room.names else None
 
     def set_tool(self, tool: type[Tool]) -> None:
         """Activate another tool."""
         self.tool = tool(self)
-        self._paper.clear_ruler()
-        self._paper.draw_cursor(self.tool.shape)
-        self._paper.draw_room()
+        self._drawing.clear_ruler()
+        self._drawing.draw_cursor(self.tool.shape)
+        self._drawing.draw_room()
         self.show_message("")
 
     def remove_chosen(self) -> None:
-        """Remove the chosen wall or post."""
+        """Remove the selected wall or post."""
         surface = self.chosen_surface
         if surface is None:
             self.show_message("select a wall or a post with Edit (E) first")
@@ -157,7 +157,7 @@ class PlanController:
             self.choose_surface(None)
 
     def nudge(self, right: int, up: int) -> None:
-        """Move the sensor by steps of `NUDGE`; with a tool that edits, move the chosen wall or post."""
+        """Move the sensor by steps of `NUDGE`; with a tool that edits, move the selected wall or post."""
         surface, room = self.chosen_surface, self.scene.room
         by = right * NUDGE, up * NUDGE
         if self.tool.edits and surface is not None and room is not None:
@@ -181,14 +181,14 @@ class PlanController:
 
     def drag(self, event: MouseDragEvent) -> bool:
         """Offer a drag to the tool; return whether the tool uses it."""
-        if self._paper.shown is None:
+        if self._drawing.shown is None:
             return False
         if event.isStart():
             self._before = self.chosen
-            self._busy, self._cancelled = self.tool.press(self._paper.point_at(event.buttonDownScenePos())), False
+            self._busy, self._cancelled = self.tool.press(self._drawing.point_at(event.buttonDownScenePos())), False
         taken = self._busy
         if taken and not self._cancelled:
-            self.tool.drag(self._paper.point_at(event.scenePos()))
+            self.tool.drag(self._drawing.point_at(event.scenePos()))
         if event.isFinish():
             self._busy = False
         return taken
@@ -200,19 +200,19 @@ class PlanController:
         self._cancelled, self._last_edit = True, None
         self._gestures.cancelled.emit(self.tool.gesture)
         self.choose_surface(self._before)
-        self._paper.clear_ruler()
+        self._drawing.clear_ruler()
         self.show_message("")
         return True
 
     def click(self, event: MouseClickEvent) -> None:
         """Choose a surface with a tool that edits; otherwise choose a reading."""
-        if self._paper.shown is None:
+        if self._drawing.shown is None:
             return
         room = self.scene.room
         if room is None or not self.tool.edits:
-            self._paper.pick(event)
+            self._drawing.pick(event)
             return
-        at = self._paper.point_at(event.scenePos())
+        at = self._drawing.point_at(event.scenePos())
         surface = surface_at(room, at, self.pixel)
         if event.double() and surface is not None and surface < len(room.walls):
             self.change(lambda scene: with_corner(scene, surface, at), self.scene, None)
@@ -224,16 +224,16 @@ class PlanController:
         if position is None:
             self._leave()
             return
-        if self._paper.shown is None or self._busy:
+        if self._drawing.shown is None or self._busy:
             return
-        if not self._paper.contains(position):
+        if not self._drawing.contains(position):
             self._leave()
             return
-        at = self._paper.point_at(position)
+        at = self._drawing.point_at(position)
         grip = self.tool.grip(at)
         shape = self.tool.shape if grip is None else _GRIPPED.get(grip.part, Qt.CursorShape.SizeAllCursor)
-        self._paper.draw_cursor(shape)
-        self.show_message(text_at(self.shown, grip, at, self.pixel))
+        self._drawing.draw_cursor(shape)
+        self.show_message(text_under_pointer(self.shown, grip, at, self.pixel))
         middle = self.shown.scene.pose.position
         self._gestures.pointed.emit(Cursor(bearing(middle, at) % math.tau, math.dist(middle, at)))
 

@@ -1,4 +1,4 @@
-"""The plan: the room to scale, predicted and measured points, the beam, and the rays of the chosen reading.
+"""The plan: the room to scale, predicted and measured points, the beam, and the rays of the selected reading.
 
 `plan.plan_controller` and `plan.plan_tools` handle mouse and keys; `plan.plan_layers` draws the parts.
 """
@@ -20,7 +20,7 @@ from sonarhw_gui.look.appearance import Look
 from sonarhw_gui.plan.plan_controller import PlanController
 from sonarhw_gui.plan.plan_layers import CursorLayer, PathLayer, RoomLayer, RulerLayer, SensorLayer
 from sonarhw_gui.plots.canvas import Canvas, new_plot
-from sonarhw_gui.plots.marks import NOWHERE, Outline, ReadingMarks
+from sonarhw_gui.plots.marks import NO_POSITIONS, Outline, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
@@ -78,14 +78,14 @@ class PlanDrawing(Canvas):
         if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
             self._fit()
         if before is None or before.chosen != shown.chosen:
-            self._show_reading(self._marks.place_of(shown.chosen))
+            self._show_reading(self._marks.position_of(shown.chosen))
 
     def fit(self) -> None:
-        """Show the room, the sensor and the chosen reading with a margin; without a room, all points."""
-        self._fit(self._marks.place_of(self.shown.chosen) if self.shown else None)
+        """Show the room, the sensor and the selected reading with a margin; without a room, all points."""
+        self._fit(self._marks.position_of(self.shown.chosen) if self.shown else None)
 
     def _show_reading(self, reading: FloatArray | None) -> None:
-        """Extend the visible range to the chosen reading, unless the user has panned or zoomed."""
+        """Extend the visible range to the selected reading, unless the user has panned or zoomed."""
         seen = self._box.viewRect()
         if reading is not None and not self._zoomed_by_user and not seen.contains(QPointF(*reading)):
             self._fit(reading, besides=seen)
@@ -113,7 +113,7 @@ class PlanDrawing(Canvas):
         (left, far_right), (low, high) = self._box.viewRange()
         self._box.translateBy((right * (far_right - left) / 10, up * (high - low) / 10))
 
-    # the interface `plan_controller.Paper`
+    # the interface `plan_controller.DrawingContext`
 
     @property
     def handle_at(self) -> Point | None:
@@ -197,7 +197,7 @@ class PlanDrawing(Canvas):
 
     def _draw_predicted(self, before: Shown | None, shown: Shown) -> None:
         if before is None or before.outline is not shown.outline:
-            self._outline.draw(outline_points(shown.outline) if shown.outline else NOWHERE)
+            self._outline.draw(outline_points(shown.outline) if shown.outline else NO_POSITIONS)
         if _differ(before, shown, "scene", "compared", "readings", "chosen", "look"):
             self.path.draw(shown)
 

@@ -66,7 +66,7 @@ class RoomLayer:
 
 
 class SensorLayer:
-    """The sensor, the beam of the chosen reading, and the current direction of the turntable."""
+    """The sensor, the beam of the selected reading, and the current direction of the turntable."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self.handle_at: Point | None = None
@@ -96,7 +96,10 @@ class SensorLayer:
         self._sensor.setBrush(pg.mkBrush(colours.ink))
 
     def draw(self, shown: Shown) -> None:
-        """Draw the beam at the chosen reading's heading, and dotted the newest heading; without readings, step 0."""
+        """Draw the beam at the heading of the selected reading, and a dotted line at the newest heading.
+
+        Without readings, the beam is at step 0.
+        """
         scene, room = shown.scene, shown.scene.room
         self._sensor.setData(*np.array([scene.pose.position]).T)
         wedge, axis, turntable, self.handle_at = _NOTHING, _NOTHING, _NOTHING, None
@@ -117,7 +120,7 @@ class SensorLayer:
 
 
 class PathLayer:
-    """The path that explains the chosen reading, with the loss at each bounce."""
+    """The path that explains the selected reading, with the loss at each bounce."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._rays = pg.PlotCurveItem()
@@ -138,7 +141,7 @@ class PathLayer:
             label.setFont(text_font(look, 0.8))
 
     def draw(self, shown: Shown) -> None:
-        """Draw the path that explains the reading; if there is none, draw the predicted path dotted."""
+        """Draw the path that explains the reading as a solid line, or else the predicted path as a dotted line."""
         points, losses, explains = _chosen_path(shown)
         style = Qt.PenStyle.SolidLine if explains else Qt.PenStyle.DotLine
         self._rays.setPen(cosmetic_pen(self._colour, width=1.5, style=style))
@@ -158,7 +161,7 @@ class PathLayer:
 
 
 class CursorLayer:
-    """The position that the mouse points at in another view."""
+    """A cross at the position of the pointer in another view."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._cross = Spots(size=17, symbol="crosshair", brush=None)
@@ -215,7 +218,7 @@ class RulerLayer:
 
 
 def _chosen_path(shown: Shown) -> tuple[FloatArray, list[tuple[int, float]], bool]:
-    """Return corners and losses of the chosen reading's path, and whether it explains the reading."""
+    """Return corners and losses of the selected reading's path, and whether it explains the reading."""
     row, prediction = shown.chosen_row, shown.prediction
     if row is None or prediction is None or prediction.place.position != shown.scene.pose.position:
         return _NOTHING, [], False
@@ -233,7 +236,7 @@ def _posts_path(posts: FloatArray) -> QPainterPath:
 
 
 def _set_beside(label: pg.TextItem, at: FloatArray, taken: list[QRectF]) -> None:
-    """Put a label beside a point, towards the middle of the view and clear of the places in `taken`."""
+    """Put a label beside a point, towards the middle of the view, without overlap with the areas `taken`."""
     label.setPos(*at)
     box = label.getViewBox()
     if box is None:

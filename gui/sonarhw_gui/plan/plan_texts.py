@@ -14,8 +14,8 @@ from sonarhw_gui.scene.scene_edit import bearing
 from sonarhw_gui.shown.shown import Shown
 
 
-def text_at(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
-    """Return one line about the part that a drag at a point would move, or about the object there."""
+def text_under_pointer(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
+    """Return one line that describes a point: `grip`, which a drag from there would move, or a wall or post, or the point."""
     scene, unit = shown.scene, shown.look.unit
     place = point_text(at, unit)
     if grip is not None and grip.part is GripPart.SENSOR:

@@ -109,7 +109,7 @@ class Hand(Tool):
         if self._held is not None:
             grip, before = self._held
             if grip.part is GripPart.CORNER:
-                to = snapped(self._context, to, besides=grip.at, scene=before)
+                to = snapped(self._context, to, ignored=grip.at, scene=before)
             if self._context.change(lambda scene: dragged(scene, grip, to), before, self._held):
                 self._context.show_message(self._where(grip, to))
 
@@ -157,7 +157,7 @@ class Ruler(Tool):
     def drag(self, to: Point) -> None:
         """Set the second end."""
         end = snapped(self._context, to)
-        text = ruled(self._start, end, self._context.shown.look.unit)
+        text = ruler_text(self._start, end, self._context.shown.look.unit)
         self._context.measure(self._start, end, text)
         self._context.show_message(text)
 
@@ -194,7 +194,7 @@ class _Drawing(Tool):
         raise NotImplementedError
 
     def _size(self, end: Point) -> str:
-        return ruled(self._start, end, self._context.shown.look.unit)
+        return ruler_text(self._start, end, self._context.shown.look.unit)
 
 
 class WallPencil(_Drawing):
@@ -226,14 +226,14 @@ class PostPencil(_Drawing):
 TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 
 
-def snapped(context: ToolContext, at: Point, besides: Point | None = None, scene: Scene | None = None) -> Point:
-    """Return the corner or sensor near a point, or else the point rounded to 1 mm; the corner `besides` is ignored."""
+def snapped(context: ToolContext, at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
+    """Return the corner or sensor near a point, or else the point rounded to 1 mm. The corner `ignored` does not count."""
     scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
-    near = [point for point in known if point != besides and math.dist(point, at) <= _SNAP * context.pixel]
+    near = [point for point in known if point != ignored and math.dist(point, at) <= _SNAP * context.pixel]
     return min(near, key=lambda point: math.dist(point, at)) if near else on_grid(at)
 
 
-def ruled(start: Point, end: Point, unit: LengthUnit) -> str:
+def ruler_text(start: Point, end: Point, unit: LengthUnit) -> str:
     """Return the text of distance and direction."""
     return f"{unit.text(math.dist(start, end))} at {heading_text(bearing(start, end))}"

@@ -24,12 +24,12 @@ class SideBySide(QWidget):
         self._created = False
 
     @cached_property
-    def reality(self) -> PlanDrawing:
+    def measured(self) -> PlanDrawing:
         """The left plan. Both plans are created when first visible."""
         return PlanDrawing(self.gestures, predicted=False)
 
     @cached_property
-    def simulation(self) -> PlanDrawing:
+    def predicted(self) -> PlanDrawing:
         """The right plan."""
         return PlanDrawing(self.gestures, measured=False)
 
@@ -38,23 +38,23 @@ class SideBySide(QWidget):
         if not self._created:
             self._created = True
             self._arrange()
-        for view in (self.reality, self.simulation):
+        for view in (self.measured, self.predicted):
             view.show_state(shown)
 
     def fit(self) -> None:
         """Show the whole room in both plans."""
         if self._created:
-            self.reality.fit()
+            self.measured.fit()
 
     def picture(self) -> QWidget:
         """Return both plans."""
         return self
 
     def _arrange(self) -> None:
-        for title, view in (("Reality", self.reality), ("Simulation", self.simulation)):
+        for title, view in (("Measured", self.measured), ("Predicted", self.predicted)):
             self._row.addLayout(_titled(title, view), stretch=1)
-        self.simulation.plot.setXLink(self.reality.plot)
-        self.simulation.plot.setYLink(self.reality.plot)
+        self.predicted.plot.setXLink(self.measured.plot)
+        self.predicted.plot.setYLink(self.measured.plot)
 
 
 def _titled(title: str, view: PlanDrawing) -> QVBoxLayout:

@@ -17,14 +17,14 @@ from sonarhw_gui.shown.shown import ClassPoints
 
 _SIZE = 9
 _RING = 16
-NOWHERE = np.empty((0, 2))
+NO_POSITIONS = np.empty((0, 2))
 NO_POINTS = ClassPoints((), np.empty(0), np.empty(0))
 _MOST_MARKS = 2000  # of one class; more are drawn as dots, because each mark takes time at every repaint
 _DOT = 3  # pixels
 Placed = tuple[ClassPoints, FloatArray]
 _LOWEST = 10  # z value of the lowest of dots, scatters and ring
 ABOVE_MARKS = _LOWEST + 2 * len(MARKS) - 0.5  # z value above dots and scatters, below the ring
-NO_MARKS: Placed = (NO_POINTS, NOWHERE)
+NO_MARKS: Placed = (NO_POINTS, NO_POSITIONS)
 
 
 class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
@@ -40,10 +40,10 @@ class Outline(pg.PlotCurveItem):  # type: ignore[misc]  # pyqtgraph has no types
         self.setPen(cosmetic_pen(colours.predicted, width=1))
         self._points.setBrush(colours.predicted)
 
-    def draw(self, places: FloatArray) -> None:
-        """Draw the outline at `places`, (n, 2) float; NaN where no echo is predicted."""
-        self.setData(*places.T)
-        self._points.setData(*places[~np.isnan(places).any(axis=1)].T)
+    def draw(self, positions: FloatArray) -> None:
+        """Draw the outline at `positions`, (n, 2) float; NaN where no echo is predicted."""
+        self.setData(*positions.T)
+        self._points.setData(*positions[~np.isnan(positions).any(axis=1)].T)
 
 
 class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
@@ -62,13 +62,15 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
         self._pen = pen
         self.update()
 
-    def set_places(self, places: FloatArray) -> None:
-        """Draw dots at `places`, (n, 2) float."""
-        self.setVisible(len(places) > 0)  # an empty item still takes time at every repaint
-        if not len(places) and self._polygon.isEmpty():
+    def set_positions(self, positions: FloatArray) -> None:
+        """Draw dots at `positions`, (n, 2) float."""
+        self.setVisible(len(positions) > 0)  # an empty item still takes time at every repaint
+        if not len(positions) and self._polygon.isEmpty():
             return
         self.prepareGeometryChange()
-        self._polygon = pg.functions.arrayToQPolygonF(*np.ascontiguousarray(places.T)) if len(places) else QPolygonF()
+        self._polygon = (
+            pg.functions.arrayToQPolygonF(*np.ascontiguousarray(positions.T)) if len(positions) else QPolygonF()
+        )
         self._bounds = self._polygon.boundingRect()
         self.update()
 
@@ -91,7 +93,7 @@ class Dots(pg.GraphicsObject):  # type: ignore[misc]  # pyqtgraph has no types
 
 
 class ReadingMarks:
-    """One scatter for each class, and a ring around the chosen reading."""
+    """One scatter for each class, and a ring around the selected reading."""
 
     def __init__(self, plot: pg.PlotItem, tip: Callable[[int], str]) -> None:
         self.placed: dict[Kind | Unclassed, Placed] = {}
@@ -114,34 +116,34 @@ class ReadingMarks:
         self._ring.setPen(cosmetic_pen(colours.chosen, width=2))
 
     def draw(self, placed: dict[Kind | Unclassed, Placed]) -> None:
-        """Draw the readings of each class at their places, (n, 2) float in plot coordinates."""
+        """Draw the readings of each class at their positions, (n, 2) float in plot coordinates."""
         for kind, scatter in self.scatters.items():
-            before, (points, places) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
-            known = _unchanged_count(before, (points, places))
-            if known == len(places) == len(before[1]):
+            before, (points, positions) = self.placed.get(kind, NO_MARKS), placed.get(kind, NO_MARKS)
+            known = _unchanged_count(before, (points, positions))
+            if known == len(positions) == len(before[1]):
                 continue
-            few = 0 < len(places) <= _MOST_MARKS
-            self._dots[kind].set_places(NOWHERE if few else places)
+            few = 0 < len(positions) <= _MOST_MARKS
+            self._dots[kind].set_positions(NO_POSITIONS if few else positions)
             scatter.setVisible(few)
             if not few or not known:
                 scatter.clear()
             if few:  # draw only new points of a growing scan; each added point takes time
-                scatter.addPoints(*places[known:].T, data=points.readings[known:])
+                scatter.addPoints(*positions[known:].T, data=points.readings[known:])
         self.placed = placed
 
     def ring(self, chosen: int | None) -> None:
         """Draw the ring around one reading; remove it if the reading is not drawn."""
-        place = self.place_of(chosen)
-        if place is None:
+        position = self.position_of(chosen)
+        if position is None:
             self._ring.clear()
         else:
-            self._ring.setData(*place[:, None])
+            self._ring.setData(*position[:, None])
 
-    def place_of(self, reading: int | None) -> FloatArray | None:
-        """Return the place of a reading, (2,) float in plot coordinates; None if it is not drawn."""
-        for points, places in self.placed.values():
+    def position_of(self, reading: int | None) -> FloatArray | None:
+        """Return the position of a reading, (2,) float in plot coordinates; None if it is not drawn."""
+        for points, positions in self.placed.values():
             if reading in points.readings:
-                return np.asarray(places[points.readings.index(reading)])
+                return np.asarray(positions[points.readings.index(reading)])
         return None
 
 

@@ -19,13 +19,13 @@ def nearest_reading(
 ) -> int | None:
     """Return the reading nearest to `click` (scene coordinates); None if no reading is within `within` pixels.
 
-    `drawn` contains for every class its readings and their places, (n, 2) float in view coordinates.
+    `drawn` contains the readings of every class and their positions, (n, 2) float in view coordinates.
     """
     at = view.mapSceneToView(click)
     size = np.array([abs(length) for length in view.viewPixelSize()])
     best, nearest = None, within
-    for points, places in drawn.values():
-        away = np.hypot(*((places - (at.x(), at.y())) / size).T)
+    for points, positions in drawn.values():
+        away = np.hypot(*((positions - (at.x(), at.y())) / size).T)
         k = int(np.nanargmin(away))
         if away[k] <= nearest:
             best, nearest = points.readings[k], float(away[k])

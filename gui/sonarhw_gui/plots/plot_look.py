@@ -41,7 +41,7 @@ def style_plot(plot: pg.PlotItem, look: Look, grid: bool = True) -> None:
 
 def label_axis(axis: pg.AxisItem, text: str) -> None:
     """Set the label of an axis, without SI prefixes."""
-    # switching prefixes off computes the prefix once more, and that one would stay
+    # disabling the prefixes computes one last prefix, which would stay; without ranges there is none
     axis.setSIPrefixEnableRanges(())
     axis.enableAutoSIPrefix(False)
     axis.setLabel(text, siPrefixEnableRanges=(), **axis.labelStyle)

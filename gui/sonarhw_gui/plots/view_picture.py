@@ -38,7 +38,7 @@ def png_pixels(widget: QWidget, title: str, look: Look) -> Pixels:
 
 
 def svg_text(widget: QWidget, title: str, look: Look) -> str:
-    """Return the same as SVG with Qt's scaling: see `sonarhw_gui.parts.svg_strokes`.
+    """Return the view with title and legend as SVG. `sonarhw_gui.parts.svg_strokes` corrects Qt's line widths in it.
 
     Qt's generator does not clip, so the content of each plot is a nested SVG element.
     """
@@ -99,7 +99,7 @@ def _items(view: pg.GraphicsView, kind: type[QGraphicsItem]) -> list[Any]:
 
 @contextmanager
 def _faded(items: Sequence[QGraphicsItem]) -> Iterator[None]:
-    """Make items invisible without signals to their observers."""
+    """Make items invisible for a while, without signals to their observers."""
     before = [item.opacity() for item in items]
     for item in items:
         item.setOpacity(0.0)

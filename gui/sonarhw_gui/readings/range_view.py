@@ -16,7 +16,7 @@ from sonarhw_gui.look.palette import Unclassed
 from sonarhw_gui.look.residual_unit import residual_unit
 from sonarhw_gui.look.theme import text_font
 from sonarhw_gui.plots.canvas import Canvas, new_plot
-from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NOWHERE, Outline, Placed, ReadingMarks
+from sonarhw_gui.plots.marks import ABOVE_MARKS, NO_MARKS, NO_POSITIONS, Outline, Placed, ReadingMarks
 from sonarhw_gui.plots.pick import nearest_reading
 from sonarhw_gui.plots.plot_look import cosmetic_pen, label_axis, label_length
 from sonarhw_gui.plots.reading_tip import reading_tip
@@ -180,7 +180,7 @@ class RangeView(Canvas):
 
     def _draw_outline(self, shown: Shown) -> None:
         if shown.outline is None:
-            self._outline.draw(NOWHERE)
+            self._outline.draw(NO_POSITIONS)
             return
         headings, ranges = outline_ranges(shown.outline).T
         self._outline.draw(np.column_stack((np.degrees(headings), ranges)))

@@ -20,7 +20,7 @@ from sonarhw_gui.shown.shown import Shown
 
 Index = QModelIndex | QPersistentModelIndex
 _Role = Qt.ItemDataRole
-_ANSWERED = frozenset(
+_KNOWN_ROLES = frozenset(
     map(
         int,
         (
@@ -28,7 +28,7 @@ _ANSWERED = frozenset(
             *(_Role.TextAlignmentRole, _Role.ForegroundRole),
         ),
     )
-)  # of the seven roles that Qt requests at each paint of a cell
+)  # roles with a value; Qt requests seven roles at each paint of a cell
 _PREDICTED = frozenset((Column.PREDICTED, Column.RESIDUAL, Column.CLASS, Column.PATH, Column.SENTENCE))
 _AT_RIGHT = (Column.NUMBER, Column.HEADING, Column.MEASURED, Column.PREDICTED, Column.RESIDUAL)
 
@@ -66,7 +66,7 @@ class ReadingModel(QAbstractTableModel):
         self.query = query
         self._change(self.rows, order_of(self.rows, query))
 
-    def place_of(self, reading: int) -> int | None:
+    def row_of(self, reading: int) -> int | None:
         """Return the table row of a reading; None if it is filtered out."""
         places = np.flatnonzero(self.order == reading)
         return int(places[0]) if len(places) else None
@@ -83,7 +83,7 @@ class ReadingModel(QAbstractTableModel):
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return text, mark, alignment, tooltip or colour of a cell."""
-        if role not in _ANSWERED or not index.isValid() or self._shown is None:
+        if role not in _KNOWN_ROLES or not index.isValid() or self._shown is None:
             return None
         row, column = int(self.order[index.row()]), Column(index.column())
         match role:

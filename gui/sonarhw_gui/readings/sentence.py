@@ -1,4 +1,4 @@
-"""The sentence that explains the chosen reading. The tooltip has the full text of a sentence that does not fit."""
+"""The sentence that explains the selected reading. The tooltip has the full text of a sentence that does not fit."""
 
 from math import ceil
 
@@ -16,7 +16,7 @@ _SIZE = 1.2  # of the default text size
 
 
 class Sentence(QLabel):
-    """Explains the chosen reading."""
+    """Explains the selected reading."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class Sentence(QLabel):
         self.setMinimumWidth(1)
 
     def show_state(self, shown: Shown) -> None:
-        """Show the sentence of the chosen reading, in grey while it belongs to an older prediction."""
+        """Show the sentence of the selected reading, in grey while it belongs to an older prediction."""
         self.setForegroundRole(QPalette.ColorRole.PlaceholderText if shown.outdated else QPalette.ColorRole.WindowText)
         if self._look is None or self._look.scale != shown.look.scale:
             self._look = shown.look

@@ -39,7 +39,7 @@ _LEAST = {
     Column.SENTENCE: "0.827 m at 270.0°: three reflections",
 }
 _USUAL_PATH = "bottom>top>bottom"
-_LEFT_OUT_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
+_HIDDEN_FIRST = Column.SENTENCE, Column.PREDICTED, Column.NUMBER  # in a narrow table
 _MARK = 20  # pixels, mark of a class with the gap before the name
 _BESIDE = 12  # pixels, margins
 _ARROW = 14  # pixels, sort indicator in the header
@@ -60,7 +60,7 @@ class _Rows(QTableView):
             super().keyPressEvent(event)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the chosen row visible."""
+        """Keep the selected row visible."""
         super().resizeEvent(event)
         self.resized.emit()
         self.scrollTo(self.currentIndex())
@@ -77,7 +77,7 @@ class TableView(QWidget):
         self._shown: Shown | None = None
         self._sorted_by = Column.NUMBER
         self._path_width = 0  # pixels, while the column of sentences is visible
-        self._following = False  # whether the selection changes because the chosen reading or the rows changed
+        self._following = False  # whether the selection changes because the selected reading or the rows changed
         self.model = ReadingModel(self)
         self.view = self._made_view()
         self.words = QLineEdit(clearButtonEnabled=True, placeholderText="wall, heading or class (Ctrl+F)")
@@ -108,8 +108,8 @@ class TableView(QWidget):
         self._following = False
         if before is None or not shown.same_readings(before):
             self._count(shown)
-        if before is None or _to_be_read(before) != _to_be_read(shown):
-            self._make_room(shown)
+        if before is None or _width_inputs(before) != _width_inputs(shown):
+            self._widen_columns(shown)
         if before is None or (before.outdated, before.look) != (shown.outdated, shown.look):
             self._fade_counts(shown)
         self._follow(shown.chosen)
@@ -182,7 +182,7 @@ class TableView(QWidget):
                 button.setIcon(QIcon(mark_picture(kind, look.palette, self.devicePixelRatioF())))
             button.setFixedSize(button.sizeHint())
 
-    def _make_room(self, shown: Shown) -> None:
+    def _widen_columns(self, shown: Shown) -> None:
         """Widen the columns for longer numbers and class names."""
         for column in (Column.NUMBER, Column.CLASS):
             self.view.setColumnWidth(column, max(self._needed(shown, column), self.view.columnWidth(column)))
@@ -204,7 +204,7 @@ class TableView(QWidget):
         if self._shown is None:
             return
         needed = {column: self._needed(self._shown, column) for column in Column}
-        for column in _LEFT_OUT_FIRST:
+        for column in _HIDDEN_FIRST:
             if sum(needed.values()) > self.view.viewport().width():
                 del needed[column]
         for column in Column:
@@ -244,13 +244,13 @@ class TableView(QWidget):
         self._following = False
         self._follow_again()
 
-    # selection and chosen reading
+    # selection and selected reading
 
     def _follow(self, chosen: int | None) -> None:
-        """Select the row of the chosen reading if it is listed."""
-        place = None if chosen is None else self.model.place_of(chosen)
+        """Select the row of the selected reading if it is listed."""
+        place = None if chosen is None else self.model.row_of(chosen)
         current, selection = self.view.currentIndex(), self.view.selectionModel()
-        # if the chosen row was removed, Qt makes its neighbour current without selecting it
+        # if the selected row was removed, Qt makes its neighbour current without selecting it
         if place is None or (place == current.row() and selection.hasSelection()):
             return
         self._following = True
@@ -275,7 +275,7 @@ class TableView(QWidget):
             self.gestures.picked.emit(int(self.model.order[index.row()]))
 
 
-def _to_be_read(shown: Shown) -> tuple[Look, int, bool]:
+def _width_inputs(shown: Shown) -> tuple[Look, int, bool]:
     """Return the values that the column widths depend on."""
     return shown.look, _digits(shown), shown.scene.room is None
 

@@ -25,7 +25,7 @@ _X, _Y, _HEADING = "x", "y", "heading"
 
 
 def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> Edit:
-    """Return the scene with the fitted values; offsets count from `board`, the board of the fit.
+    """Return the scene with the fitted values; offsets are relative to `board`, the board of the fit.
 
     Raises InputError if the room cannot have these values.
     """
@@ -36,12 +36,12 @@ def fitted(scene: Scene, values: "Mapping[Parameter, float]", board: Board) -> E
     return _at_fitted_place(changed, {parameter.quantity.name: value for parameter, value in values.items()}), FITTED
 
 
-def _at_fitted_place(scene: Scene, of: Mapping[str, float]) -> Scene:
+def _at_fitted_place(scene: Scene, values: Mapping[str, float]) -> Scene:
     _, place = room_and_place(scene)
-    if not of.keys() & {_X, _Y, _HEADING}:
+    if not values.keys() & {_X, _Y, _HEADING}:
         return scene
-    x, y = (round(of.get(kind, before), _DIGITS) for kind, before in zip((_X, _Y), place.position, strict=True))
-    degrees = round(math.degrees(of.get(_HEADING, place.heading)), _DIGITS_DEG)
+    x, y = (round(values.get(kind, before), _DIGITS) for kind, before in zip((_X, _Y), place.position, strict=True))
+    degrees = round(math.degrees(values.get(_HEADING, place.heading)), _DIGITS_DEG)
     return with_sensor_at(scene, (x, y), math.radians(degrees % 360))
 
 

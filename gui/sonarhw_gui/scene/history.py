@@ -9,7 +9,7 @@ _MOST_STEPS = 200
 
 @dataclass(frozen=True)
 class EditStep:
-    """A scene, and the label of the edit that was made, or undone, there."""
+    """A scene before an edit, or after an edit that was undone, with the label of the edit."""
 
     scene: Scene
     label: str
@@ -26,7 +26,7 @@ class History:
 
     @property
     def undo_label(self) -> str:
-        """The label of the edit that undo takes back; empty if there is none."""
+        """The label of the edit that undo reverts; empty if there is none."""
         return self._done[-1].label if self._done else ""
 
     @property

@@ -75,8 +75,8 @@ def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -
 def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float]]:
     """Return the losses along a path: number of the corner, and loss in dB.
 
-    A wall costs what its reflectance says. The losses at posts and edges are only known as a sum, which the last of
-    them gets.
+    The loss at a wall follows from its reflectance. Only the sum of the losses at posts and edges is known; it is returned
+    for the last of them.
     """
     paths, room = prediction.paths, prediction.room
     surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]
@@ -87,7 +87,7 @@ def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float
         events.insert(bend, None)
     losses, bent, rest = [], 0, _decibels(float(paths.gains[path]))
     if len(events) == 1:
-        return [(1, rest)]  # a rough wall scatters straight back less than it reflects
+        return [(1, rest)]  # the path's own loss: a rough wall scatters less sound straight back than it reflects
     for corner, surface in enumerate(events, start=1):
         if surface is None or flat <= surface < room.levels.start:
             bent = corner
@@ -102,7 +102,7 @@ def _decibels(amplitude: float) -> float:
 
 
 def decibels_text(level: float) -> str:
-    """Format a level, with a minus sign (U+2212), and none at 0.0."""
+    """Format a level with a minus sign (U+2212). A level of 0.0 has no sign."""
     return f"{level:.1f} dB".replace("-0.0 ", "0.0 ").replace("-", "−")
 
 

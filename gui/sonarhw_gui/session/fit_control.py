@@ -18,7 +18,7 @@ class FitState:
 
     running: bool = False
     share: float = 0.0
-    doing: str = ""
+    step: str = ""
     found: FitFound | None = None
 
 
@@ -41,7 +41,7 @@ class FitControl(QObject):
             self._worker = Worker("fit")
         self._progress = FitProgress()
         self._worker.submit(FitRequest(scene, readings[-_MOST_READINGS:], settings, self._progress))
-        self._set_state(FitState(running=True, doing=self._progress.doing))
+        self._set_state(FitState(running=True, step=self._progress.step))
 
     @Slot()
     def forget(self) -> None:
@@ -58,7 +58,7 @@ class FitControl(QObject):
         for answer in self._worker.take():
             self._accept(answer)
         if self._progress is not None:
-            self._set_state(FitState(running=True, share=self._progress.share, doing=self._progress.doing))
+            self._set_state(FitState(running=True, share=self._progress.share, step=self._progress.step))
 
     def close(self) -> None:
         """End the thread."""

@@ -40,11 +40,11 @@ class ReadingSource:
         self._rate = RateMeter()
         self._opened: ReplayedLog | None = None
         self._played: tuple[Reading, ...] = ()
-        self.scanned_in: Scene | None = None  # at the start of the last live scan
+        self.scan_scene: Scene | None = None  # the scene at the start of the last live scan
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """The readings made so far; the same object until one is added."""
+        """The readings of the log up to the position of the replay, or of the scanner; the same object until this changes."""
         return self._up_to_now() if self.replay.loaded else self.live.readings
 
     @property
@@ -81,7 +81,7 @@ class ReadingSource:
         """Start a live scan; a log is closed."""
         self.begin()
         self.replay.unload()
-        self.scanned_in = scene
+        self.scan_scene = scene
         self.live.start(scene)
 
     def load(self, log: Log, name: str, path: Path | None = None) -> None:
@@ -105,7 +105,7 @@ class ReadingSource:
         """Return the status; `room` is the name of the room that is shown."""
         live, replayed = self.live.status, self.replayed
         readings = self.readings
-        same_room = self.scanned_in is not None and room == room_name(self.scanned_in)
+        same_room = self.scan_scene is not None and room == room_name(self.scan_scene)
         return Status(
             source=Source.REPLAY if replayed else Source.LIVE if self.live.phase else Source.NONE,
             phase=self.live.phase,

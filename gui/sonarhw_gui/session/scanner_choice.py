@@ -68,17 +68,17 @@ class ScannerChoice(QObject):
         self.url, self.urls = target.url, with_newest(self.urls, target.url)
 
     @Slot()
-    def look(self) -> None:
-        """Look up the ports of this computer."""
+    def list_ports(self) -> None:
+        """List the ports of this computer."""
         if self._ports is None:
             self._ports = self._make_ports()
-        self._ports.look(self.url)
+        self._ports.list_ports(self.url)
 
     @Slot()
-    def ask_all(self) -> None:
-        """Ask at every port whether a scanner answers."""
+    def probe_all(self) -> None:
+        """Probe every port: open it and check whether a scanner answers."""
         if self._ports is not None:
-            self._ports.ask_all()
+            self._ports.probe_all()
 
     def tick(self) -> None:
         """Emit changes of the ports."""
@@ -91,6 +91,6 @@ class ScannerChoice(QObject):
         self._ports.failures.clear()
 
     def close(self) -> None:
-        """End the thread that asks the ports."""
+        """End the thread that probes the ports."""
         if self._ports is not None:
             self._ports.close()

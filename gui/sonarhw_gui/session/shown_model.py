@@ -48,7 +48,7 @@ class ShownModel(QObject):
 
     @Slot()
     def undo(self) -> None:
-        """Take back the last edit."""
+        """Undo the last edit."""
         before = self.history.undo(self.shown.scene)
         if before is not None:
             self._change(before)

@@ -1,6 +1,6 @@
 """The selected trace and the B-scan, computed in threads.
 
-Only the newest of several requests is answered; answers for another scan are dropped.
+A new request replaces a waiting one. Answers for another scan are dropped.
 """
 
 import time

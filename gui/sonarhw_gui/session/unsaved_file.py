@@ -32,18 +32,18 @@ class UnsavedRoom(BaseModel):
         board_as_it_was = self.changed.board_text in (self.opened.board_text, scene.board.text)
         return board_as_it_was and self.room_text == room_text(scene)
 
-    def onto(self, here: Scene) -> Scene:
+    def applied_to(self, here: Scene) -> Scene:
         """Return the scene `here` with the changes: the room, a moved sensor, a fitted board.
 
         Raises InputError if the stored scene is invalid.
         """
-        then = self.changed.scene()
-        if then.room is None or here.place is None:
-            return then
-        moved = then.written_room is not then.room
-        place = then.place if moved else then.room.places.get(here.place.name, here.place)
-        board = then.board if then.board.name == here.board.name else here.board
-        return replace(here, room=then.room, place=place, board=board)
+        restored = self.changed.scene()
+        if restored.room is None or here.place is None:
+            return restored
+        moved = restored.written_room is not restored.room
+        place = restored.place if moved else restored.room.places.get(here.place.name, here.place)
+        board = restored.board if restored.board.name == here.board.name else here.board
+        return replace(here, room=restored.room, place=place, board=board)
 
 
 def is_changed(opened: Scene, now: Scene) -> bool:

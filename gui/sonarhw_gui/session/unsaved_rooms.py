@@ -95,7 +95,7 @@ class UnsavedRooms:
 
     def restored(self, request: RestoreRoom, here: Scene) -> Scene:
         """Return the scene `here` with the unsaved changes. Raises InputError if their file is missing or invalid."""
-        return read_unsaved(request.path).onto(here)
+        return read_unsaved(request.path).applied_to(here)
 
     def discard(self, request: DiscardRoom) -> None:
         """Remove the file of an unsaved room. Raises OutputError."""
@@ -103,7 +103,7 @@ class UnsavedRooms:
             request.path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(
-                f"{request.path}: cannot be removed: {error.strerror}; the question will come again"
+                f"{request.path}: cannot be removed: {error.strerror}; the window will ask again"
             ) from error
 
     def _unsaved(self) -> list[tuple[Path, UnsavedRoom]]:

@@ -57,7 +57,7 @@ class WindowSession(QObject):
         self._source = ReadingSource(opener, scan_settings, self)
         self.replay, self.live = self._source.replay, self._source.live
         self._before_replay: Scene | None = None
-        self._scanner_in = scene  # the last confirmed position of the scanner
+        self._scanner_scene = scene  # contains the last confirmed position of the scanner
         self.showing = ShownModel(scene, look or Look(), self._source, self)
         self.unsaved = UnsavedRooms(unsaved)
         self.unsaved.open(scene)
@@ -130,7 +130,7 @@ class WindowSession(QObject):
         self._update_status()
 
     @Slot(object)
-    def find_place(self, settings: FitSettings) -> None:
+    def find_pose(self, settings: FitSettings) -> None:
         """Fit the pose of the scanner to the readings shown."""
         self.fitting.start(settings, self.shown.scene, self.shown.readings)
 
@@ -140,8 +140,8 @@ class WindowSession(QObject):
         self.documents.open(Path(path), self.shown.scene.board)
 
     @Slot(str)
-    def take_board(self, path: str) -> None:
-        """Predict with another board profile; an invalid profile is reported and changes nothing."""
+    def open_board(self, path: str) -> None:
+        """Predict with the board profile in a file. An invalid profile is reported and changes nothing."""
         try:
             self.showing.edit(*with_board(self.shown.scene, load_board(path)))
         except InputError as error:
@@ -168,7 +168,7 @@ class WindowSession(QObject):
 
     @Slot(str)
     def save_room(self, path: str) -> None:
-        """Save the room with the sensor's place. Overwrites: the dialog has asked."""
+        """Save the room with the sensor's place. An existing file is overwritten: the dialog has asked the user."""
         if self.documents.save_room(self.shown.scene.written_room, Path(path)):
             self.showing.name_room(Path(path).name)
             self.unsaved.saved(self.shown.scene)
@@ -183,7 +183,7 @@ class WindowSession(QObject):
         self.live.use(target.opener)
         if target.scene is not None:
             self.set_scene(target.scene)
-        self._scanner_in = self.shown.scene
+        self._scanner_scene = self.shown.scene
         self.live.connect()
 
     @property
@@ -192,8 +192,8 @@ class WindowSession(QObject):
         return self._source.recorded
 
     @property
-    def log_to_keep(self) -> str:
-        """The log to open next time: the one that is shown, or the recording of the last scan."""
+    def log_file(self) -> str:
+        """The file of the readings shown: the replayed log, or the recording of the last scan. Empty if there is none."""
         return self._source.log_file
 
     def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:
@@ -216,7 +216,7 @@ class WindowSession(QObject):
 
     @Slot()
     def tick(self) -> None:
-        """Fetch the results since the last tick, and report them."""
+        """Fetch the results of all threads since the last tick, and emit the changes."""
         now = time.monotonic()
         elapsed, self._last_tick = min(now - self._last_tick, _LONGEST_TICK), now
         for part in (self.scanners, self.fitting, self.saver):
@@ -247,11 +247,11 @@ class WindowSession(QObject):
     def _take_opened(self, opened: Opened) -> None:
         self.recent_changed.emit(self.documents.recent)
         if self.live.running:
-            return  # requested before the scan began; would change the room of the scan
+            return  # requested before the scan began; it would change the room of the scan
         if isinstance(opened, RoomOpened):
             self._warn_if_other_room(opened.scene)
             self.set_scene(opened.scene)
-            self._scanner_in = opened.scene
+            self._scanner_scene = opened.scene
             return
         here, metadata = self.shown.scene, opened.log.metadata
         if not self.replay.loaded:
@@ -259,27 +259,27 @@ class WindowSession(QObject):
         board = opened.scene.board if metadata.board or metadata.board_text else here.board
         self.set_scene(opened.scene if opened.scene.room else replace(here, board=board))
         self.show_log(opened.log, opened.path.name, opened.path)
-        if opened.doubt is not None:
-            self.offered.emit(opened.doubt)
+        if opened.question is not None:
+            self.offered.emit(opened.question)
 
     def _warn_if_other_room(self, opened: Scene) -> None:
-        replayed, scanned_in = self._source.replayed, self._source.scanned_in
+        replayed, scan_scene = self._source.replayed, self._source.scan_scene
         if replayed is not None:
             text, name = replayed.log.metadata.room_text, replayed.log.metadata.room_file
-        elif scanned_in is not None and scanned_in.room is not None:
-            text, name = scanned_in.room.text, scanned_in.room_file
+        elif scan_scene is not None and scan_scene.room is not None:
+            text, name = scan_scene.room.text, scan_scene.room_file
         else:
             return
         if self._source.all_readings and text and opened.room and text != opened.room.text:
-            recorded_in = f"{'an earlier version of ' if name == opened.room_file else ''}{name or 'another room'}"
+            other_room = f"{'an earlier version of ' if name == opened.room_file else ''}{name or 'another room'}"
             now = opened.room_file
-            self.warned.emit(f"these readings were recorded in {recorded_in}; they are now compared with {now}")
+            self.warned.emit(f"these readings were recorded in {other_room}; they are now compared with {now}")
 
     def _warn_if_moved(self) -> None:
-        was, now = self._scanner_in.pose, self.shown.scene.pose
+        was, now = self._scanner_scene.pose, self.shown.scene.pose
         if (was.position, was.heading) != (now.position, now.heading):
             self.warned.emit("the sensor was moved only in the window; readings are predicted from the place shown")
-            self._scanner_in = self.shown.scene  # warn once
+            self._scanner_scene = self.shown.scene  # warn once
 
     def _take_readings(self) -> bool:
         fresh, message = self._source.take(self._last_tick)

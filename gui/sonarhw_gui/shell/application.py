@@ -80,26 +80,28 @@ def open_application() -> QApplication:
 
 def open_window(start: WindowStart) -> MainWindow:
     """Return a window with its session, not visible yet."""
-    begun, memory, problem = _resumed(start)
-    opener = None if isinstance(begun.source, Log) else begun.source
+    restored, memory, problem = _resumed(start)
+    opener = None if isinstance(restored.source, Log) else restored.source
     scan_settings = ScanSettings(start.recordings, start.order, start.traces)
     if start.resume and memory.scan_settings is not None:
         scan_settings = replace(memory.scan_settings, folder=start.recordings)
     unsaved = start.memory.parent / "unsaved" if start.memory is not None else None
-    window = MainWindow(WindowSession(begun.scene, opener, scan_settings, memory.look, start.find_scanner, unsaved))
-    window.session.scanners.url = begun.url
+    window = MainWindow(WindowSession(restored.scene, opener, scan_settings, memory.look, start.find_scanner, unsaved))
+    window.session.scanners.url = restored.url
     restore_window(window, memory)
     recent = reduce(with_newest, (str(path.absolute()) for path in start.used), memory.recent)
     window.session.remember_used(recent, memory.urls)
     if start.memory is not None:
         MemoryWriter(window, start.memory)
-    if isinstance(begun.source, Log):
-        window.session.show_log(begun.source, begun.source_name, begun.source_file)
-    elif begun.source_file is not None and begun is not start:
-        window.session.reopen(OpenLogRequest(begun.source_file, begun.scene))  # restores fit results and edits too
-    elif begun.source_file is not None:
-        window.session.open_file(str(begun.source_file))
-    elif begun.autostart:
+    if isinstance(restored.source, Log):
+        window.session.show_log(restored.source, restored.source_name, restored.source_file)
+    elif restored.source_file is not None and restored is not start:
+        window.session.reopen(
+            OpenLogRequest(restored.source_file, restored.scene)
+        )  # restores fit results and edits too
+    elif restored.source_file is not None:
+        window.session.open_file(str(restored.source_file))
+    elif restored.autostart:
         window.session.scan()
     if problem:
         window.session.warned.emit(problem)
@@ -130,7 +132,7 @@ def _resumed(start: WindowStart) -> tuple[WindowStart, Memory, str]:
 def _closed_by_signals(window: MainWindow) -> Iterator[list[int]]:
     """Let Ctrl-C and SIGTERM close the window. The list contains the received signals.
 
-    Python handles signals only between its own steps. The session's timer ensures that there is one every tick.
+    Python handles a signal only while it runs Python code. The session's timer runs some at every tick.
     """
     received: list[int] = []
 

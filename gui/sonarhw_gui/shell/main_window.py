@@ -58,8 +58,8 @@ class MainWindow(QMainWindow):
         self.connecting = ConnectCommands(self.commands, session.scanners, self)
         self.help = HelpCommands(self.commands, session, self)
         self._look: Look | None = None
-        self._to_write = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
-        self._to_write.timeout.connect(self._write)
+        self._text_timer = QTimer(self, singleShot=True, interval=_TEXT_INTERVAL)
+        self._text_timer.timeout.connect(self._update_texts)
         self._arrange()
         self._connect()
         self._show(session.shown)
@@ -99,7 +99,7 @@ class MainWindow(QMainWindow):
         self.room.edited.connect(session.showing.edit)
         self.room.model.board_file_requested.connect(self.files.ask_board)
         self.toolbar.place.textActivated.connect(session.showing.set_place)
-        commands.find.triggered.connect(self._find_place)
+        commands.find.triggered.connect(self._find_pose)
         commands.fit.triggered.connect(views.fit)
         commands.views.triggered.connect(self._show_view)
         commands.close.triggered.connect(self.close)
@@ -113,7 +113,7 @@ class MainWindow(QMainWindow):
         self.views.stage.setCurrentIndex(self.commands.views.actions().index(action))
 
     @Slot()
-    def _find_place(self) -> None:
+    def _find_pose(self) -> None:
         self.docks.show("Fit")
         self.fit_panel.show_state(self.session.shown)  # it may not have been visible yet
         self.fit_panel.request_fit()
@@ -127,18 +127,18 @@ class MainWindow(QMainWindow):
         self.toolbar.show_state(shown)
         self.setWindowTitle(f"sonarhw — {shown.scene.title}")
         show_history(self.commands, self.session.showing.history)
-        self._write_soon()
+        self._update_texts_soon()
 
-    def _write_soon(self) -> None:
+    def _update_texts_soon(self) -> None:
         if not self.session.status.scanning:
-            self._to_write.stop()
-            self._write()
-        elif not self._to_write.isActive():
-            self._to_write.start()
+            self._text_timer.stop()
+            self._update_texts()
+        elif not self._text_timer.isActive():
+            self._text_timer.start()
 
     @Slot()
-    def _write(self) -> None:
-        self.views.write(self.session.shown)
+    def _update_texts(self) -> None:
+        self.views.show_texts(self.session.shown)
         self.sentence.show_state(self.session.shown)
         self.status_bar.show_state(self.session.status)
 
@@ -154,7 +154,7 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _show_status(self, status: Status) -> None:
-        self._write_soon()
+        self._update_texts_soon()
         self.banner.show_state(status)
         self.device.show_status(status)
         show_scanner(self.commands, status)

@@ -57,10 +57,10 @@ class ViewArea(QSplitter):
             gestures.bscan_requested.connect(showing.request_bscan)
 
     def show_state(self, shown: Shown) -> None:
-        """Update the visible views that draw; `write` updates those of text."""
+        """Update the visible plots. `show_texts` updates the views of text."""
         self._show(shown, text=False)
 
-    def write(self, shown: Shown) -> None:
+    def show_texts(self, shown: Shown) -> None:
         """Update the visible views of text."""
         self._show(shown, text=True)
 

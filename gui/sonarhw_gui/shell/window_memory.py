@@ -32,7 +32,7 @@ def memory_of(window: MainWindow) -> Memory:
     session = window.session
     return Memory(
         scene=SceneMemory.of(session.shown.scene),
-        log=session.log_to_keep,
+        log=session.log_file,
         url=session.scanners.url,
         scan_settings=session.live.scan_settings,
         recent=session.documents.recent,

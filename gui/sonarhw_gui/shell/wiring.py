@@ -43,7 +43,7 @@ def connect_device(panel: DevicePanel, session: WindowSession) -> None:
 def connect_fit(panel: FitPanel, session: WindowSession) -> None:
     """Connect the fit panel with the fits of the session."""
     panel.edited.connect(session.showing.edit)
-    panel.requested.connect(session.find_place)
+    panel.requested.connect(session.find_pose)
     panel.cancelled.connect(session.fitting.forget)
     session.fitting.changed.connect(panel.show_fit)
 

@@ -87,7 +87,10 @@ def longer_of(rows: ReadingRows, earlier: ReadingRows) -> ReadingRows:
 
 
 def _shared(earlier: tuple[Reading, ...], later: tuple[Reading, ...]) -> int:
-    """Return the number of leading readings that both have: a scan only grows; a replay shows more or fewer."""
+    """Return how many leading readings are the same in both.
+
+    One comparison is enough: a scan only grows, and a replay shows a longer or shorter part of one log.
+    """
     both = min(len(earlier), len(later))
     return both if both and earlier[both - 1] is later[both - 1] else 0
 
@@ -97,7 +100,7 @@ def _no_paths(count: int) -> IntArray:
 
 
 def _named_paths(rows: Iterable[Matched], prediction: PredictedScan) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the path of each reading, as indices into the names also returned; of a missed echo the expected path."""
+    """Return the index of each reading's path name, and the names. The path of a missed echo is the predicted one."""
     missed = {row.index: int(prediction.winners[row.index]) for row in rows if row.kind is Kind.MISSED}
     found = np.array([missed.get(row.index, NO_PATH) if row.path is None else row.path for row in rows], np.int64)
     different, places = np.unique(found, return_inverse=True)

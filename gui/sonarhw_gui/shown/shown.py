@@ -1,6 +1,6 @@
 """The content of the window at one moment, as one frozen value for all views.
 
-A view compares the parts with those that it drew last, and redraws only parts that are another object.
+A view compares the parts with those that it drew last. It redraws a part only if it is a different object.
 """
 
 from dataclasses import dataclass, field
@@ -52,7 +52,7 @@ class Shown:
     bscan: BScans | None = None  # as last shown
     cursor: Cursor | None = None
     look: Look = field(default_factory=Look)
-    outdated: bool = False  # whether the comparison is of a previous scene for a noticeable time
+    outdated: bool = False  # whether the comparison has been of a previous scene for a noticeable time
     earlier: ReadingRows = field(default=NO_ROWS, repr=False, compare=False)  # rows that `rows` reuses
 
     @property

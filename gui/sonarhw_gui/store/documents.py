@@ -14,7 +14,7 @@ from sonarhw_gui.work.worker import Failure, Worker
 
 
 class Documents:
-    """Opens one file at a time; of several waiting files of one kind only the newest."""
+    """Opens one file at a time. A new request replaces a waiting request of the same kind."""
 
     def __init__(self, folder: Path) -> None:
         """`folder`: of recordings, where imported scans are stored as logs."""
@@ -65,7 +65,7 @@ class Documents:
         return opened
 
     def save_room(self, room: Room | None, path: Path) -> bool:
-        """Write a room and return whether that succeeded. Overwrites: the dialog has asked."""
+        """Write a room and return whether that succeeded. An existing file is overwritten."""
         try:
             if room is None:
                 raise InputError("there is no room to save; open a room file")

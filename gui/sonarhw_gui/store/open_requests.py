@@ -27,7 +27,7 @@ class LogOpened:
     log: Log
     scene: Scene
     notice: str = ""  # how the file was interpreted, if it is ambiguous
-    doubt: Notice | None = None  # a question about the interpretation, with the request that changes it
+    question: Notice | None = None  # a question about the interpretation, with the request that changes it
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class OpenLogRequest:
     """Open a log."""
 
     path: Path
-    seen_in: Scene | None = None  # the scene of the last session; None: the scene in the log
+    last_scene: Scene | None = None  # the scene of the last session; None: use the scene in the log
 
     def answer(self) -> LogOpened:
         """Read the log. Raises InputError."""
         log = read_log(self.path)
-        return LogOpened(self.path, log, self.seen_in or scene_of_log(log.metadata))
+        return LogOpened(self.path, log, self.last_scene or scene_of_log(log.metadata))
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class OpenCsvRequest:
             f"counter-clockwise, {columns.distance!r} as ranges in {_unit_name(meaning.scale)}"
             f"{silence}; use `sonarhw import` for another interpretation"
         )
-        return LogOpened(path, log, scene_of_log(log.metadata), notice, self._doubt(columns, path))
+        return LogOpened(path, log, scene_of_log(log.metadata), notice, self._question(columns, path))
 
     def _free_name(self) -> Path:
         names = (self.folder / f"{self.path.stem}{f'_{k}' if k > 1 else ''}{LOG}" for k in count(1))
         return next(name for name in names if not name.exists())
 
-    def _doubt(self, columns: CsvColumns, log_path: Path) -> Notice | None:
+    def _question(self, columns: CsvColumns, log_path: Path) -> Notice | None:
         likely = None if self.no_echo is not None else likely_silence(self.path, columns)
         if likely is None:
             return None

@@ -1,6 +1,7 @@
-"""Names of the predicted echoes in a few rows above the trace, without overlap: first the reported one, then by level.
+"""The names of the predicted echoes, in a few rows above the trace, without overlap.
 
-Each name has a stem to its echo. Names that do not fit appear after a zoom, or as a tooltip.
+The reported echo is placed first, then the others by level. A line connects each name with its echo. Names that do
+not fit appear after a zoom, or as a tooltip.
 """
 
 from collections.abc import Sequence

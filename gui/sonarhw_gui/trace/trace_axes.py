@@ -1,4 +1,4 @@
-"""Axes of the trace view, and the meaning of a height: a level in dB or a signal amplitude."""
+"""Axes of the trace view. Their height is a level in dB or a signal amplitude."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_gui.plots.plot_look import label_axis
 from sonarhw_gui.work.chosen_trace import ChosenTrace, Curve, TraceCurves
 
-_HAIR = 1e-9
+_ROUNDING = 1e-9
 _LIMITS = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0  # of full scale
 
 
@@ -68,7 +68,7 @@ class UnitAxis(pg.AxisItem):  # type: ignore[misc]  # pyqtgraph has no types
         self.enableAutoSIPrefix(False)
         self.unit = ""
 
-    def write_in(self, unit: str, scale: float) -> None:
+    def set_unit(self, unit: str, scale: float) -> None:
         """Show tick values in `unit`; `scale` converts from plot coordinates."""
         self.setScale(scale)
         if unit != self.unit:
@@ -87,7 +87,7 @@ class HeightAxis(pg.AxisItem):  # type: ignore[misc]
         super().__init__("left")
         self._heights: Heights | None = None
 
-    def write_for(self, heights: Heights) -> None:
+    def set_heights(self, heights: Heights) -> None:
         """Set the height scale."""
         if heights != self._heights:
             self._heights = heights
@@ -96,7 +96,7 @@ class HeightAxis(pg.AxisItem):  # type: ignore[misc]
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """Return the tick values, empty above the top."""
         texts = super().tickStrings(values, scale, spacing)
-        top = self._heights.top + _HAIR if self._heights else 0.0
+        top = self._heights.top + _ROUNDING if self._heights else 0.0
         return [text if value <= top else "" for text, value in zip(texts, values, strict=True)]
 
 
@@ -107,7 +107,7 @@ class GainAxis(pg.AxisItem):  # type: ignore[misc]
         super().__init__("right")
         self._low, self._per_height, self._bottom, self._top = 0.0, 1.0, 0.0, 1.0
 
-    def place(self, gains: FloatArray, heights: Heights) -> FloatArray:
+    def heights_of_gains(self, gains: FloatArray, heights: Heights) -> FloatArray:
         """Return the heights, (n,) float, of gains (n,) in dB, and scale the axis for them."""
         low, high = float(gains.min()), float(gains.max())
         per_height = max(high - low, 1.0) / (heights.top - heights.bottom)

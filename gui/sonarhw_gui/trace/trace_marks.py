@@ -55,7 +55,7 @@ class TraceMarks:
         ends = [(time, level) for level in levels for time in (trace.blanking, trace.duration)]
         self._threshold.setData(*np.array(ends).T)
         begun = trace.gain.curve.times >= _FROM
-        placed = self._gain_axis.place(trace.gain.curve.values[begun], heights)
+        placed = self._gain_axis.heights_of_gains(trace.gain.curve.values[begun], heights)
         self._gain.setData(trace.gain.curve.times[begun], placed)
         data = [f"reported: {look.unit.text(trace.range_at(time))}, {time * 1e3:.2f} ms" for time in trace.echo_times]
         self._reported.setData(trace.echo_times, np.full(len(data), levels[0]), data=data)

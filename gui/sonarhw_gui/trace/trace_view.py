@@ -1,4 +1,4 @@
-"""The view "Trace": the measured and predicted trace of the chosen heading, with blanking, gain, threshold and echoes.
+"""The view "Trace": the measured and predicted trace of the selected heading, with blanking, gain, threshold and echoes.
 
 The bottom axis is time; the top axis is the range at that time.
 """
@@ -34,7 +34,7 @@ _STEPS = 200  # key presses that move a cursor across the view
 
 
 class TraceView(QWidget):
-    """Draws the trace of the chosen reading."""
+    """Draws the trace of the selected reading."""
 
     entry = ViewEntry("Trace", picture_key="Ctrl+Alt+T", menu="Trace")
 
@@ -121,7 +121,7 @@ class TraceView(QWidget):
         colours = look.palette
         self.canvas.set_look(look)
         self.canvas.setMinimumHeight(round(_LOWEST * look.scale))
-        self._times.write_in("ms", 1e3)
+        self._times.set_unit("ms", 1e3)
         gain = self.plot.getAxis("right")
         label_axis(gain, "gain (dB)")
         for axis in (gain, self._ranges):
@@ -136,9 +136,9 @@ class TraceView(QWidget):
         self._trace = trace
         rf = self.rf.isChecked()
         heights = heights_of(trace, rf) if trace else EMPTY
-        self._levels.write_for(heights)
+        self._levels.set_heights(heights)
         unit = self._look.unit
-        self._ranges.write_in(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
+        self._ranges.set_unit(unit.label, (trace.speed if trace else Air().speed_of_sound) / 2 * unit.per_metre)
         for item, sound in (
             (self._measured, trace.measured if trace else None),
             (self._predicted, trace.predicted if trace else None),
@@ -231,12 +231,12 @@ def _degrees(heading: float) -> str:
 
 
 def _title(trace: ChosenTrace | None, rf: bool, due: float | None = None) -> str:
-    """Return the title; `due` is the heading that the other views show already."""
+    """Return the title; `due` is the selected heading, which may differ until its trace is computed."""
     if trace is None:
         return "Trace: no reading yet"
     parts = [f"Trace at {_degrees(trace.heading)}"]
     if due is not None and _degrees(due) != _degrees(trace.heading):
-        parts.append(f"{_degrees(due)} follows")
+        parts.append(f"{_degrees(due)} is being computed")
     if trace.measured is None:
         parts.append("no trace recorded")
     elif rf and trace.measured.rf is None:

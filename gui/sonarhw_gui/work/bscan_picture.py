@@ -22,7 +22,7 @@ from sonarhw_gui.work.bscan_rows import BScanRows
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-Pixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transparent where there is no value
+BScanPixels = NDArray[np.uint8]  # (height, width, 4), lowest row first; transparent where there is no value
 COLOURS = 256
 _SIDE = 1200  # pixels of a polar picture
 _TURN = round(math.tau / SAME_HEADING)  # columns of a rectangular picture
@@ -68,7 +68,7 @@ class ColourScale:
 class PanePicture:
     """The picture of one pane, and its colours."""
 
-    pixels: Pixels
+    pixels: BScanPixels
     scale: ColourScale
 
 
@@ -87,7 +87,7 @@ class BScans:
 @lru_cache(maxsize=16)
 def colour_scale(pane: Pane, decibels: bool, floor_db: float, palette: Palette) -> ColourScale:
     """Return the colours of one pane; those of the difference go from predicted over the background to measured."""
-    # the import takes half a second; only the first picture needs it, not the start of the window
+    # the import takes half a second, so it waits for the first picture
     from matplotlib import colormaps
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -118,26 +118,26 @@ class Arm:
         """Return the distance of a range from the axis, m."""
         return math.hypot(self.ahead + range_, self.left)
 
-    def places(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
+    def points(self, headings: FloatArray, ranges: FloatArray) -> FloatArray:
         """Return the points at these headings and ranges, relative to the axis, (n, 2) float, m."""
         cosines, sines, along = np.cos(headings), np.sin(headings), self.ahead + ranges
         return np.column_stack((along * cosines - self.left * sines, along * sines + self.left * cosines))
 
-    def seen_at(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return heading, rad, and range, m, of points relative to the axis; NaN where no heading reaches."""
+    def headings_and_ranges(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return heading, rad, and range, m, of points relative to the axis; NaN for a point that no heading covers."""
         with np.errstate(invalid="ignore"):
             along = np.sqrt(x**2 + y**2 - self.left**2)
         return np.arctan2(y, x) - np.arctan2(self.left, along), along - self.ahead
 
 
-def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> Pixels:
+def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: Arm | None) -> BScanPixels:
     """Return the picture of one pane: a full turn of headings by range, or polar with heading 0 to the right."""
     coloured = scale.of(bscan.levels if floor_db is None else in_db(bscan.levels, floor_db))
     rows = bscan.rows_at(SAME_HEADING * np.arange(_TURN, dtype=np.float64))
     # an additional transparent row for gaps: index -1 selects it
     coloured = np.vstack((coloured, np.zeros((1, bscan.cells.count), dtype=np.uint32)))
     if polar is not None:
-        headings, cells = _polar_places(bscan.cells, polar)
+        headings, cells = _polar_lookup(bscan.cells, polar)
         beyond = np.concatenate((rows, [-1])) % len(coloured)
         pixels = np.take(coloured.reshape(-1), np.take(beyond * bscan.cells.count, headings) + cells)
         pixels = pixels.reshape(_SIDE, _SIDE)
@@ -147,10 +147,10 @@ def draw_bscan(bscan: BScan, scale: ColourScale, floor_db: float | None, polar: 
 
 
 @lru_cache(maxsize=4)
-def _polar_places(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _polar_lookup(cells: RangeCells, arm: Arm) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return column (0 to _TURN - 1, or _TURN outside) and cell of every pixel of a polar picture, both flattened."""
     along = ((np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1) * arm.reach(cells.reach)
-    directions, ranges = arm.seen_at(*np.meshgrid(along, along))
+    directions, ranges = arm.headings_and_ranges(*np.meshgrid(along, along))
     drawn = (ranges >= 0) & (ranges < cells.reach)
     headings = np.full(drawn.shape, _TURN, dtype=np.int32)
     headings[drawn] = np.round(np.mod(directions[drawn], math.tau) / SAME_HEADING) % _TURN

@@ -18,7 +18,7 @@ from sonarhw.readings import FloatArray, Reading, Trace
 from sonarhw_gui.scene.scene import Scene
 
 _RF_POINTS = 8  # samples per period of the carrier, without a measured trace
-_CAN_FOLLOW = 2.5  # samples per period; with fewer the carrier is undersampled
+_ENOUGH_SAMPLES = 2.5  # samples per period; with fewer the carrier is undersampled
 _GAIN_POINTS = 600
 
 
@@ -129,7 +129,7 @@ def _predicted(signal: Signal, measured: Trace | None, board: Board, floor: floa
     envelope = Curve(whole.times, in_db(whole.samples, floor))
     carrier = measured is not None and measured.carrier
     rate = measured.rate if measured is not None and carrier else _RF_POINTS * board.frequency
-    undersampled = rate < _CAN_FOLLOW * board.frequency
+    undersampled = rate < _ENOUGH_SAMPLES * board.frequency
     samples = signal.sampled(rate) if undersampled else signal.rf(rate)
     return TraceCurves(envelope, Curve(np.arange(len(samples)) / rate, samples), rate, undersampled)
 

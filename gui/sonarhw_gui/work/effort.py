@@ -14,7 +14,7 @@ class Effort:
 
     max_bounces: int
     rays: int
-    headings: int  # if every heading needs its own search
+    headings: int  # number of headings, used if every heading needs its own search
 
     def limit(self, options: PredictionOptions) -> PredictionOptions:
         """Return the options limited to this effort, and the first-echo receiver, which needs no signals."""

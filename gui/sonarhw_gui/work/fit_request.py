@@ -29,7 +29,7 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
-class FitAnswer:
+class FitSolution:
     """One solution of a fit."""
 
     values: "Mapping[Parameter, float]"
@@ -43,19 +43,19 @@ class FitFound:
     request: "FitRequest"
     result: "FitResult"
     within_5cm: float | None  # share of the echoes, before the fit
-    answers: tuple[FitAnswer, ...]  # the best first
+    solutions: tuple[FitSolution, ...]  # the best first
 
 
 class FitProgress:
     """Progress of a running fit, and its cancellation; shared by the thread of the fit and its caller."""
 
     def __init__(self) -> None:
-        self.share, self.doing = 0.0, "beginning"
+        self.share, self.step = 0.0, "beginning"
         self._stop = threading.Event()
 
-    def report(self, share: float, doing: str) -> None:
+    def report(self, share: float, step: str) -> None:
         """Store the share that is done and the current step."""
-        self.share, self.doing = share, doing
+        self.share, self.step = share, step
 
     def cancel(self) -> None:
         """Ask the fit to end."""
@@ -95,8 +95,8 @@ class FitRequest:
             progress=progress.report,
             cancelled=lambda: progress.cancelled,
         )
-        answers = tuple(self._answer(values) for values in _values(result))
-        return FitFound(self, result, self._within_5cm(scene), answers)
+        solutions = tuple(self._solution(values) for values in _values(result))
+        return FitFound(self, result, self._within_5cm(scene), solutions)
 
     def _free(self, room: Room) -> "tuple[Parameter, ...]":
         from sonarhw_compare.fit import free_parameters
@@ -110,9 +110,9 @@ class FitRequest:
             for name, one in ((one.quantity.name, one) for one in parameters)
         )
 
-    def _answer(self, values: "Mapping[Parameter, float]") -> FitAnswer:
+    def _solution(self, values: "Mapping[Parameter, float]") -> FitSolution:
         scene, _ = fitted(self.scene, values, self.scene.board)
-        return FitAnswer(values, self._within_5cm(scene))
+        return FitSolution(values, self._within_5cm(scene))
 
     def _within_5cm(self, scene: Scene) -> float | None:
         room, _ = room_and_place(scene)
@@ -121,6 +121,6 @@ class FitRequest:
 
 
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
-    """Return the values of every solution; of the best one the estimates, which are more accurate than its peak."""
+    """Return the values of every solution. Those of the best one are the estimates, which are more accurate than its peak."""
     best = {one: result.estimates[one.name].value for one in result.parameters}
     return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]

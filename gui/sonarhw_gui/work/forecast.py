@@ -34,7 +34,7 @@ class Forecast:
         self._readings: Sequence[Reading] = ()
         self._found: PathsFound | None = None
         self._generation = 0  # number of the scene; every change increments it
-        self._changed_at: dict[int, float] = {}  # time of each change after the compared scene
+        self._changed_at: dict[int, float] = {}  # generation: time of its change; only those after the compared scene
         self._oldest = 0  # older generations belong to another room
         self._scan_generation = 0
         self._search_at: float | None = None  # time of the next search for all paths

@@ -1,7 +1,7 @@
-"""The serial ports of this computer and the devices that answer there, looked up in a thread.
+"""The serial ports of this computer and the devices that answer there, listed and probed in a thread.
 
-Ports with a known USB device are asked at once. The others are asked only on request, because opening a port may reset
-its device.
+Ports with a known USB device are probed at once. The others are probed only on request, because opening a port may
+reset its device.
 """
 
 from collections.abc import Callable
@@ -19,12 +19,12 @@ class PortRow:
     device: str
     description: str
     known: bool  # whether its USB device may be a scanner
-    answer: str = "not asked"
+    answer: str = "not probed"
     answers: bool = False  # whether a scanner answers
 
 
 @dataclass(frozen=True)
-class _Look:
+class _ListPorts:
     find: Callable[[], list[Port]]
 
     def answer(self) -> tuple[PortRow, ...]:
@@ -34,42 +34,42 @@ class _Look:
 
 
 @dataclass(frozen=True)
-class _Ask:
+class _ProbePort:
     row: PortRow
-    ask: Callable[[str], tuple[bool, str]]
+    probe: Callable[[str], tuple[bool, str]]
 
     def answer(self) -> PortRow:
-        answers, answer = self.ask(self.row.device)
+        answers, answer = self.probe(self.row.device)
         return replace(self.row, answer=answer, answers=answers)
 
 
 class PortList:
-    """The ports, asked one after another."""
+    """The ports, probed one after another."""
 
     def __init__(
         self,
         find: Callable[[], list[Port]] = serial_ports,
-        ask: Callable[[str], tuple[bool, str]] = probe_port,
+        probe: Callable[[str], tuple[bool, str]] = probe_port,
     ) -> None:
         self.rows: tuple[PortRow, ...] = ()
         self.failures: list[str] = []
-        self._find, self._ask = find, ask
+        self._find, self._probe = find, probe
         self._in_use = ""
-        self._to_ask: list[str] = []
-        self._worker = Worker("ask ports")
+        self._to_probe: list[str] = []
+        self._worker = Worker("probe ports")
 
     @property
     def busy(self) -> bool:
-        """Whether ports are being looked up or asked."""
-        return bool(self._to_ask) or self._worker.busy
+        """Whether ports are being listed or probed."""
+        return bool(self._to_probe) or self._worker.busy
 
-    def look(self, in_use: str = "") -> None:
-        """Look up the ports, and ask those with a known device, except the port in use."""
-        self._in_use, self._to_ask = in_use, []
-        self._worker.submit(_Look(self._find))
+    def list_ports(self, in_use: str = "") -> None:
+        """List the ports, and probe those with a known device, except the port in use."""
+        self._in_use, self._to_probe = in_use, []
+        self._worker.submit(_ListPorts(self._find))
 
-    def ask_all(self) -> None:
-        """Ask every port that was not asked yet."""
+    def probe_all(self) -> None:
+        """Probe every port that was not probed yet."""
         self._queue([row.device for row in self.rows])
 
     def take(self) -> bool:
@@ -88,21 +88,23 @@ class PortList:
                     )
                     self._queue([row.device for row in rows if row.known])
         if taken:
-            self._ask_next()
+            self._probe_next()
         return bool(taken)
 
     def close(self) -> None:
-        """End the thread, after the port that is being asked."""
-        self._to_ask.clear()
+        """End the thread, after the port that is being probed."""
+        self._to_probe.clear()
         self._worker.close()
 
     def _queue(self, devices: list[str]) -> None:
-        waiting = {row.device for row in self.rows if row.answer == "not asked"}
-        self._to_ask = [device for device in devices if device in waiting]
-        self.rows = tuple(replace(row, answer="asking …") if row.device in self._to_ask else row for row in self.rows)
-        self._ask_next()
+        waiting = {row.device for row in self.rows if row.answer == "not probed"}
+        self._to_probe = [device for device in devices if device in waiting]
+        self.rows = tuple(
+            replace(row, answer="probing …") if row.device in self._to_probe else row for row in self.rows
+        )
+        self._probe_next()
 
-    def _ask_next(self) -> None:
-        if self._to_ask and not self._worker.busy:
-            device = self._to_ask.pop(0)
-            self._worker.submit(_Ask(next(row for row in self.rows if row.device == device), self._ask))
+    def _probe_next(self) -> None:
+        if self._to_probe and not self._worker.busy:
+            device = self._to_probe.pop(0)
+            self._worker.submit(_ProbePort(next(row for row in self.rows if row.device == device), self._probe))

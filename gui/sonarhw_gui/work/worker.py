@@ -28,7 +28,7 @@ class Failure:
 
     @property
     def message(self) -> str:
-        """The message for the user; raises any error other than SonarError, because that is a defect."""
+        """The message for the user. Raises any error other than SonarError, because it is a defect."""
         if not isinstance(self.error, SonarError):
             raise self.error
         return str(self.error)

@@ -31,7 +31,7 @@ def ended(window: MainWindow) -> bool:
     return phase is not None and not window.session.status.scanning
 
 
-def place_of(marks: ReadingMarks, reading: int) -> tuple[float, float]:
+def position_of(marks: ReadingMarks, reading: int) -> tuple[float, float]:
     """Return where a reading is drawn, in plot coordinates."""
     for points, places in marks.placed.values():
         if reading in points.readings:

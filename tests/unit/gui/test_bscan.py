@@ -27,7 +27,7 @@ from sonarhw_gui.work.bscan_picture import (
     BScanSettings,
     ColourScale,
     Pane,
-    Pixels,
+    BScanPixels,
     colour_scale,
     draw_bscan,
     flat_area,
@@ -170,11 +170,11 @@ def test_a_polar_picture_shows_an_echo_in_front_of_the_transducer_at_its_range(d
     x, y = middle_of(draw_bscan(bscan, BLACK, None, polar), polar_area(cells, middle, polar))
     position = mount.pose(Place("here", middle), along).receiver
     assert (x, y) == pytest.approx((position[0] + math.cos(along), position[1] + math.sin(along)), abs=0.02)
-    heading, far = polar.seen_at(np.array(x - middle[0]), np.array(y - middle[1]))
+    heading, far = polar.headings_and_ranges(np.array(x - middle[0]), np.array(y - middle[1]))
     assert (math.remainder(heading - along, math.tau), far) == pytest.approx((0.0, 1.0), abs=0.02)
 
 
-def middle_of(pixels: Pixels, area: tuple[float, float, float, float]) -> tuple[float, float]:
+def middle_of(pixels: BScanPixels, area: tuple[float, float, float, float]) -> tuple[float, float]:
     """Return the centre of the opaque pixels, in the coordinates of the area."""
     left, bottom, width, height = area
     rows, columns = np.nonzero(pixels[:, :, 3])

@@ -51,7 +51,7 @@ def test_the_pose_is_found_with_its_deviation_accepted_and_undone(
     assert "within 5 cm: " in panel.notes.text()
     assert window.session.shown.scene is before
     found = window.session.fitting.state.found
-    assert found.within_5cm < 0.7 < found.answers[0].within_5cm
+    assert found.within_5cm < 0.7 < found.solutions[0].within_5cm
     qtbot.mouseClick(panel.accept, LEFT)
     place = window.session.shown.scene.pose
     assert place.position == pytest.approx(scene.pose.position, abs=0.005)
@@ -70,13 +70,13 @@ def test_in_a_symmetric_room_every_solution_is_listed_and_can_be_accepted(
     panel = window.fit_panel
     qtbot.keyClick(panel.where, Qt.Key.Key_Down)
     find(qtbot, window)
-    assert panel.answers.isVisible()
-    assert panel.answers.count() == 2
+    assert panel.solutions.isVisible()
+    assert panel.solutions.count() == 2
     assert "the room may be symmetric" in panel.notes.text()
     wide, deep = scene.room.walls.reshape(-1, 2).max(axis=0)
     (x, y), turned = scene.pose.position, scene.pose.heading + math.pi
     poses = [((x, y), scene.pose.heading), ((wide - x, deep - y), turned)]
-    qtbot.keyClick(panel.answers, Qt.Key.Key_Down)
+    qtbot.keyClick(panel.solutions, Qt.Key.Key_Down)
     assert "± " not in panel.table.text()
     qtbot.mouseClick(panel.accept, LEFT)
     place = window.session.shown.scene.pose

@@ -63,7 +63,7 @@ def test_stepping_and_scrubbing_keep_the_chosen_reading_selected_in_the_table(
     replay, rows = window.session.replay, window.views.table.view.selectionModel()
 
     def selected() -> bool:
-        chosen = window.views.table.model.place_of(window.session.shown.chosen)
+        chosen = window.views.table.model.row_of(window.session.shown.chosen)
         return [index.row() for index in rows.selectedRows()] == [chosen] == [rows.currentIndex().row()]
 
     assert selected()

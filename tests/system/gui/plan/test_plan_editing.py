@@ -12,7 +12,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import begin_drag, click, drag, pixel_at, place_of, predicted, until
+from tests.system.gui.driving import begin_drag, click, drag, pixel_at, position_of, predicted, until
 
 Point = tuple[float, float]
 _STROKES = 40
@@ -183,7 +183,7 @@ def test_fit_view_includes_the_chosen_reading(qtbot: QtBot, open_with: OpenWith,
     until(qtbot, lambda: predicted(window))
     window.views.plan.drawing.zoom(0.5)
     window.session.showing.choose(27)  # at 270°, three reflections: drawn outside the room
-    x, y = window.views.plan.drawing._marks.place_of(27)
+    x, y = window.views.plan.drawing._marks.position_of(27)
     assert window.views.plan.drawing.plot.vb.viewRange()[1][0] > y
     key(qtbot, window, Qt.Key.Key_F)
     (left, right), (low, high) = window.views.plan.drawing.plot.vb.viewRange()
@@ -317,7 +317,7 @@ def test_a_reading_chosen_elsewhere_becomes_visible_unless_the_user_has_zoomed(
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     plan = window.views.plan.drawing
-    drawn = {k: place_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
+    drawn = {k: position_of(plan._marks, k) for kind in plan._marks.placed.values() for k in kind[0].readings}
     nearest, *_, farthest = sorted(drawn, key=lambda k: math.dist(sensor_position(window), drawn[k]))
     box = plan.plot.vb
     for by_hand in (True, False):

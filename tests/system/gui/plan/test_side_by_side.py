@@ -22,7 +22,7 @@ def window(qtbot: QtBot, open_with: OpenWith, recorded: Path) -> MainWindow:
     window = open_with(source=read_log(recorded))
     until(qtbot, lambda: predicted(window))
     qtbot.keyClick(window, Qt.Key.Key_2)
-    until(qtbot, lambda: window.views.side_by_side.simulation.shown is window.session.shown)
+    until(qtbot, lambda: window.views.side_by_side.predicted.shown is window.session.shown)
     return window
 
 
@@ -37,21 +37,21 @@ def turn_wheel(view: PlanDrawing, at: tuple[float, float], notches: int) -> None
 
 
 def test_reality_shows_measured_and_simulation_predicted_ranges(window: MainWindow) -> None:
-    reality, simulation = window.views.side_by_side.reality, window.views.side_by_side.simulation
-    measured = [len(places) for _, places in reality._marks.placed.values()]
+    measured, predicted = window.views.side_by_side.measured, window.views.side_by_side.predicted
+    measured = [len(places) for _, places in measured._marks.placed.values()]
     rows = window.session.shown.rows
     assert sum(measured) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
-    assert not simulation._marks.placed
-    outline = simulation._outline.getData()[1]
+    assert not predicted._marks.placed
+    outline = predicted._outline.getData()[1]
     predicted_ranges = window.session.shown.outline.ranges
     assert np.isfinite(outline).sum() == np.isfinite(predicted_ranges).sum()
-    assert not len(reality._outline.getData()[1])
-    for view in (reality, simulation):
+    assert not len(measured._outline.getData()[1])
+    for view in (measured, predicted):
         assert len(view.room._walls.getData()[0]) == 8
 
 
 def test_both_plans_have_common_pan_and_zoom(qtbot: QtBot, window: MainWindow) -> None:
-    views = window.views.side_by_side.reality, window.views.side_by_side.simulation
+    views = window.views.side_by_side.measured, window.views.side_by_side.predicted
     (left, right), _ = views[0].plot.vb.viewRange()
     turn_wheel(views[1], (0.4, 0.4), 3)
     drag(qtbot, views[0], views[0].plot.vb, (0.3, 0.3), (0.35, 0.35))
@@ -67,14 +67,14 @@ def test_both_plans_have_common_pan_and_zoom(qtbot: QtBot, window: MainWindow) -
 
 def test_a_click_in_the_simulation_chooses_the_reading_at_that_heading(qtbot: QtBot, window: MainWindow) -> None:
     x, y = window.session.shown.scene.pose.position
-    view = window.views.side_by_side.simulation
+    view = window.views.side_by_side.predicted
     click(qtbot, view, view.plot.vb, (x - 0.3, y + 0.02))
     assert window.session.shown.heading(window.session.shown.chosen) == pytest.approx(np.pi)
     assert "at 180.0°" in window.sentence.text()
 
 
 def test_a_sensor_dragged_in_one_plan_moves_in_both(qtbot: QtBot, window: MainWindow) -> None:
-    views = window.views.side_by_side.reality, window.views.side_by_side.simulation
+    views = window.views.side_by_side.measured, window.views.side_by_side.predicted
     start = window.session.shown.scene.pose.position
     drag(qtbot, views[1], views[1].plot.vb, start, (0.5, 0.3))
     until(qtbot, lambda: predicted(window))
@@ -83,7 +83,7 @@ def test_a_sensor_dragged_in_one_plan_moves_in_both(qtbot: QtBot, window: MainWi
 
 
 def test_labels_of_close_places_do_not_overlap(window: MainWindow) -> None:
-    plan = window.views.side_by_side.simulation
+    plan = window.views.side_by_side.predicted
     x, y = plan.shown.scene.pose.position
     labels, taken = plan.path._labels[:3], []
     for k, label in enumerate(labels):

@@ -9,7 +9,7 @@ from sonarhw_gui.shell.main_window import MainWindow
 
 from sonarhw.log import read_log
 from tests.system.gui.conftest import ORDER, OpenWith
-from tests.system.gui.driving import click, place_of, predicted, until
+from tests.system.gui.driving import click, position_of, predicted, until
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def test_a_click_in_the_plan_selects_the_reading(qtbot: QtBot, window: MainWindo
         qtbot,
         window.views.plan.drawing,
         window.views.plan.drawing.plot.vb,
-        place_of(window.views.plan.drawing._marks, 27),
+        position_of(window.views.plan.drawing._marks, 27),
     )
     assert window.session.shown.chosen == 27
     assert "at 270.0°" in window.sentence.text()
@@ -40,7 +40,7 @@ def test_the_rays_of_the_selected_reading_end_at_the_sensor(qtbot: QtBot, window
 
 
 def test_a_click_between_points_of_the_range_view_selects_the_nearest_reading(qtbot: QtBot, window: MainWindow) -> None:
-    x, y = place_of(window.views.ranges._marks[0], 9)
+    x, y = position_of(window.views.ranges._marks[0], 9)
     click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, (x + 2.0, y))
     assert window.session.shown.chosen == 9
     assert "at 90.0°" in window.sentence.text()
@@ -55,7 +55,7 @@ def test_a_row_of_the_table_is_selected_in_every_view(qtbot: QtBot, window: Main
     assert "at 10.0°" in window.sentence.text()
     qtbot.keyClick(view, Qt.Key.Key_Down)
     assert window.session.shown.chosen == 2
-    click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, place_of(window.views.ranges._marks[0], 9))
+    click(qtbot, window.views.ranges, window.views.ranges.ranges.vb, position_of(window.views.ranges._marks[0], 9))
     assert view.currentIndex().row() == 9
 
 

@@ -162,7 +162,7 @@ def test_restoring_a_room_keeps_place_and_board_of_a_log(
     qtbot: QtBot, start: Callable[[Path], MainWindow], open_with: OpenWith, recorded: Path, tmp_path: Path
 ) -> None:
     window = start(ROOM)
-    window.session.take_board("paper")
+    window.session.open_board("paper")
     drawn = draw(window)
     window.close()
     log = read_log(recorded)

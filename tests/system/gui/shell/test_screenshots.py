@@ -38,7 +38,7 @@ from sonarhw.log import read_log
 from sonarhw.readings import ScanOrder
 from tests.fixtures.window_scene import ROOM
 from tests.system.gui.conftest import OpenWith
-from tests.system.gui.driving import click, ended, place_of, predicted, until
+from tests.system.gui.driving import click, ended, position_of, predicted, until
 
 FOLDER = os.environ.get("SONARHW_SCREENSHOTS")
 SMALL, LARGE = (1280, 800), (1920, 1080)
@@ -244,7 +244,7 @@ def test_picture_of_the_question_in_the_readme(
     with_look(window, look)
     until(qtbot, lambda: predicted(window))
     ranges = window.views.ranges
-    click(qtbot, ranges, ranges.ranges.vb, place_of(ranges._marks[0], 54))
+    click(qtbot, ranges, ranges.ranges.vb, position_of(ranges._marks[0], 54))
     until(qtbot, lambda: traced(window))
     assert window.sentence.text() == (
         "0.827 m at 270.0°: three reflections, bottom, top, bottom; the near wall (0.085 m) lies within blanking"

@@ -16,7 +16,7 @@ from sonarhw_gui.shown.shown import Cursor, Shown
 from sonarhw_gui.work.prediction_requests import Compared
 
 from sonarhw.readings import Reading
-from tests.system.gui.driving import PATIENCE, click, place_of, until
+from tests.system.gui.driving import PATIENCE, click, position_of, until
 
 SPEED = 343.2
 RANGES = (0.8, 0.5, 0.9, None)
@@ -46,7 +46,7 @@ def view(qtbot: QtBot, shown: Shown) -> RangeView:
 def test_residuals_are_measured_minus_predicted_and_clipped_to_the_scale(view: RangeView, shown: Shown) -> None:
     for row in shown.compared.comparison.rows:
         if row.kind in (Kind.MATCH, Kind.SHORT, Kind.LONG):
-            heading, residual = place_of(view._marks[1], row.index)
+            heading, residual = position_of(view._marks[1], row.index)
             assert heading == pytest.approx(90 * row.index)
             assert residual == pytest.approx(float(np.clip(row.residual, -0.25, 0.25)))
 

@@ -177,6 +177,6 @@ def test_before_the_first_reading_the_axes_extend_to_the_maximum_range(qtbot: Qt
 
 def test_the_title_of_a_late_trace_names_the_next_one(view: TraceView, shown: Shown) -> None:
     newest = replace(shown.readings[0], number=1, angle=shown.readings[0].angle + math.radians(5))
-    assert "follows" not in view.title.text()
+    assert "being computed" not in view.title.text()
     view.show_state(replace(shown, readings=(*shown.readings, newest), chosen=1))
-    assert f"{math.degrees(shown.heading(0) + math.radians(5)) % 360:.1f}° follows" in view.title.text()
+    assert f"{math.degrees(shown.heading(0) + math.radians(5)) % 360:.1f}° is being computed" in view.title.text()
