@@ -144,7 +144,7 @@ class LiveFeed:
 
 
 def _error_text(status: JobState) -> str:
-    """Return the message of the job's error, if any. Raises any other error than SonarError or OSError: it is a defect."""
+    """Return the message of the job's error, if any. Raises an error that is neither SonarError nor OSError: a defect."""
     if status.error is None:
         return ""
     if not isinstance(status.error, SonarError | OSError):

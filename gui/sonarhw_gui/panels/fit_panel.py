@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 from sonarhw_compare.fit.values.quantities import QUANTITIES, Offer
 
 from sonarhw.errors import InputError
-from sonarhw_gui.panels.fit_texts import solution_line, rows, share_line, warnings
+from sonarhw_gui.panels.fit_texts import rows, share_line, solution_line, warnings
 from sonarhw_gui.panels.room_groups import short_list
 from sonarhw_gui.parts.wheel_filter import ignore_wheel_without_focus
 from sonarhw_gui.scene.fit_scene import fitted

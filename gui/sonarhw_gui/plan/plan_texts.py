@@ -15,7 +15,7 @@ from sonarhw_gui.shown.shown import Shown
 
 
 def text_under_pointer(shown: Shown, grip: Grip | None, at: Point, pixel: float) -> str:
-    """Return one line that describes a point: `grip`, which a drag from there would move, or a wall or post, or the point."""
+    """Return one line about a point: the part that `grip` would drag, a wall or post, or the position of the point."""
     scene, unit = shown.scene, shown.look.unit
     place = point_text(at, unit)
     if grip is not None and grip.part is GripPart.SENSOR:

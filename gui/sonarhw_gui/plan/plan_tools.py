@@ -227,7 +227,7 @@ TOOLS = (Hand, Ruler, Pencil, WallPencil, PostPencil)
 
 
 def snapped(context: ToolContext, at: Point, ignored: Point | None = None, scene: Scene | None = None) -> Point:
-    """Return the corner or sensor near a point, or else the point rounded to 1 mm. The corner `ignored` does not count."""
+    """Return the corner or sensor near a point, or else the point rounded to 1 mm. `ignored`: a corner to skip."""
     scene = scene or context.scene
     known = [*corners(scene.room), scene.pose.position] if scene.room else [scene.pose.position]
     near = [point for point in known if point != ignored and math.dist(point, at) <= _SNAP * context.pixel]

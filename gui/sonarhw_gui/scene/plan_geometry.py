@@ -75,8 +75,8 @@ def beam_wedge(place: Place, heading: float, half_angle: float, length: float) -
 def bounce_losses(prediction: PredictedScan, path: int) -> list[tuple[int, float]]:
     """Return the losses along a path: number of the corner, and loss in dB.
 
-    The loss at a wall follows from its reflectance. Only the sum of the losses at posts and edges is known; it is returned
-    for the last of them.
+    The loss at a wall follows from its reflectance. Only the sum of the losses at posts and edges is known. It is
+    returned for the last of them.
     """
     paths, room = prediction.paths, prediction.room
     surfaces = [int(surface) for surface in paths.surfaces[path] if surface >= 0]

@@ -44,7 +44,7 @@ class ReadingSource:
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """The readings of the log up to the position of the replay, or of the scanner; the same object until this changes."""
+        """The readings up to the position of the replay, or those of the scanner; the same object while unchanged."""
         return self._up_to_now() if self.replay.loaded else self.live.readings
 
     @property

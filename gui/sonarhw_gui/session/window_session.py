@@ -193,7 +193,7 @@ class WindowSession(QObject):
 
     @property
     def log_file(self) -> str:
-        """The file of the readings shown: the replayed log, or the recording of the last scan. Empty if there is none."""
+        """The file of the readings shown: a replayed log, or the recording of the last scan. Empty if there is none."""
         return self._source.log_file
 
     def remember_used(self, recent: tuple[str, ...], urls: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The view "Trace": the measured and predicted trace of the selected heading, with blanking, gain, threshold and echoes.
+"""The view "Trace": measured and predicted trace of the selected reading, with blanking, gain, threshold and echoes.
 
 The bottom axis is time; the top axis is the range at that time.
 """

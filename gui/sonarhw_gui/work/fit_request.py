@@ -121,6 +121,6 @@ class FitRequest:
 
 
 def _values(result: "FitResult") -> "list[Mapping[Parameter, float]]":
-    """Return the values of every solution. Those of the best one are the estimates, which are more accurate than its peak."""
+    """Return the values of every solution. The best one has the estimates, which are more accurate than its peak."""
     best = {one: result.estimates[one.name].value for one in result.parameters}
     return [best, *({one: mode.values[one.name] for one in result.parameters} for mode in result.modes[1:])]

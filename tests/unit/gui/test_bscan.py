@@ -23,11 +23,11 @@ from sonarhw_gui.look.palette import LIGHT
 from sonarhw_gui.scene.scene import Scene
 from sonarhw_gui.work.bscan_picture import (
     Arm,
+    BScanPixels,
     BScans,
     BScanSettings,
     ColourScale,
     Pane,
-    BScanPixels,
     colour_scale,
     draw_bscan,
     flat_area,
