@@ -144,7 +144,7 @@ class LiveFeed:
 
 
 def _error_text(status: JobState) -> str:
-    """Return the message of the job's error, if any. Raises an error that is neither SonarError nor OSError: a defect."""
+    """Return the message of the job's error, if any. Raises an error that is not a SonarError or OSError."""
     if status.error is None:
         return ""
     if not isinstance(status.error, SonarError | OSError):
