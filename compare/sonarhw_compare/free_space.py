@@ -51,7 +51,7 @@ class FreeSpace:
     def draw(self, random: np.random.Generator, clearance: float = 0.0) -> tuple[float, float]:
         """Return a random position, m, uniform over the free space.
 
-        Raises InputError where hardly any position is at least `clearance` (m) from every wall and post.
+        Raises InputError if hardly any position is at least `clearance` (m) from every wall and post.
         """
         rows, columns = self.free.shape
         size = np.array([columns * self.spacing, rows * self.spacing])
@@ -73,7 +73,9 @@ def find_free_space(room: Room, spacing: float | None = None) -> FreeSpace:
     y = low[1] + (np.arange(rows) + 0.5) * spacing
     middles = np.column_stack((np.tile(x, rows), np.repeat(y, columns)))
     pieces = _pieces(room, middles, (int(rows), int(columns)), spacing)
-    free = np.isin(pieces, _inhabited(room, pieces, low, spacing)) & ~_in_posts(room, middles).reshape(rows, columns)
+    free = np.isin(pieces, _areas_with_places(room, pieces, low, spacing)) & ~_in_posts(room, middles).reshape(
+        rows, columns
+    )
     return FreeSpace(room, float(low[0]), float(low[1]), spacing, free)
 
 
@@ -99,7 +101,7 @@ def _pieces(room: Room, middles: FloatArray, shape: tuple[int, int], spacing: fl
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int32).reshape(shape)
 
 
-def _inhabited(room: Room, pieces: NDArray[np.int32], low: FloatArray, spacing: float) -> NDArray[np.int32]:
+def _areas_with_places(room: Room, pieces: NDArray[np.int32], low: FloatArray, spacing: float) -> NDArray[np.int32]:
     """Return the numbers of the areas with places of the room; without places, of the largest area."""
     if room.places:
         positions = np.array([place.position for place in room.places.values()])

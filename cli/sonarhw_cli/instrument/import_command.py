@@ -48,7 +48,7 @@ def import_csv(
     force: Force = False,
 ) -> None:
     """Convert a CSV scan of another program to a log."""
-    from sonarhw_compare.imports.foreign_csv import CsvColumns, Meaning, likely_silence, read_foreign_scan
+    from sonarhw_compare.imports.foreign_csv import CsvColumns, Meaning, likely_no_echo, read_foreign_scan
 
     from sonarhw.export.encoded_log import write_scan
     from sonarhw.log import LogMetadata
@@ -63,7 +63,7 @@ def import_csv(
     echoes = sum(reading.range is not None for reading in readings)
     typer.echo(f"{out}: {counted(len(readings), 'reading')}, {echoes} with an echo")
     _warn_of_far_ranges(readings, scale)
-    if no_echo is None and (likely := likely_silence(file, CsvColumns(heading, distance))):
+    if no_echo is None and (likely := likely_no_echo(file, CsvColumns(heading, distance))):
         warn(f"{likely[1]} ranges are {likely[0]:g}; if this means no echo, add --no-echo {likely[0]:g}")
 
 

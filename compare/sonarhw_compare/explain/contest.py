@@ -1,8 +1,8 @@
 """Margins of the first echo: the changes of threshold or walls after which another echo would be reported.
 
-The first echo over the detection threshold wins. As the threshold rises, the winner stays until its own level, and then
-the next later, louder echo wins. A step is one winner with the thresholds between which it wins. Levels are those of
-the carrier. The board's own receiver also detects the edges of a burst, so its margins differ slightly.
+The first echo over the detection threshold wins. When the threshold rises above the level of the winner, the next later
+and louder echo wins. A step is one winner and the interval of thresholds in which it wins. Levels are those of the
+carrier. The board's own receiver also detects the edges of a burst, so its margins differ slightly.
 """
 
 import math
@@ -25,7 +25,7 @@ class Step:
 
     path: int
     range: float  # m, as reported by the board
-    level_db: float  # highest threshold with which it wins
+    level_db: float  # its own level, the highest threshold with which it wins
     above_db: float  # it wins above this, the level of the loudest earlier echo; -inf without one
 
 
@@ -34,10 +34,10 @@ class Contest:
     """The winner at one heading, and the echoes that would win instead."""
 
     winner: Step | None  # None: no echo is detected
-    margin_db: float | None  # level of the winner over the threshold
+    margin_db: float | None  # level of the winner minus the threshold
     louder: Step | None  # winner with a threshold above that margin; None: no echo
     fainter: Step | None  # winner with a lower threshold: earlier, but not detected
-    lacking_db: float | None  # its level below the threshold
+    lacking_db: float | None  # threshold minus the level of `fainter`
     next: Echo | None  # the next detected echo after the winner
     behind: float | None  # m, its range minus that of the winner
 

@@ -30,7 +30,7 @@ def details(comparison: Comparison) -> Details:
 
 
 def reading_details(comparison: Comparison, index: int) -> Details:
-    """Return one reading: measured and predicted echoes, its path, its margins and the echoes that might win instead"""
+    """Return one reading: measured and predicted echoes, path, margins and the echoes that might win instead."""
     row, prediction = comparison.rows[index], comparison.prediction
     margins, moved = contest(prediction, row.index), wall_change(prediction, row.index)
     return {

@@ -22,7 +22,7 @@ Values = Mapping[Parameter, float]
 def found_room(room: Room, values: Values, places: Sequence[Place]) -> Room:
     """Return the room with these values; `places` are the fitted places of the scans, with the names for the room file.
 
-    Raises InputError where the result is not a valid room, such as a place inside a post or a wall without length.
+    Raises InputError if the result is not a valid room, such as a place inside a post or a wall without length.
     """
     for parts, by_part in values_by_part(values).items():
         room = parts.write(room, by_part)
@@ -46,7 +46,7 @@ def _rounded(place: Place) -> Place:
 def found_board(
     board: Board, values: Values, name: str, deviations: Values | None = None, logs: Sequence[str] = ()
 ) -> Board:
-    """Return the board with these values and another name. Raises InputError where a value is not allowed.
+    """Return the board with these values and another name. Raises InputError if a value is not allowed.
 
     The text marks each fitted value, with ± its standard deviation if given, and names the `logs`. Comments of the old
     profile are quoted under its name, because they describe the old values only.

@@ -12,7 +12,9 @@ from sonarhw_compare.matching.match import Summary
 _INSEPARABLE = 0.95  # smallest correlation that is reported
 _SAYS_NOTHING = 0.6  # of the standard deviation of the prior
 _AT_BOUND = 0.01  # of the range between the bounds
-_ALONE = "the model of the board's own receiver treats each echo alone; four of five 95 % intervals hold the truth"
+_ALONE = (
+    "the model of the board's own receiver treats each echo alone; only 80 % of its 95 % intervals contain the truth"
+)
 _MANY_STRAYS = 0.3  # per metre
 _FEW = 0.6  # of the echoes; real scans have more within 5 cm in the right room
 
@@ -22,7 +24,7 @@ def warnings_of(result: FitResult, underestimated: Sequence[Parameter] = (), lon
 
     `lone`: the receiver was modelled as if each echo came alone.
     """
-    lines = [*_several_answers(result)]
+    lines = [*_several_solutions(result)]
     biased = [parameter.name for parameter in result.parameters if parameter.quantity.by_levels]
     if lone and biased:
         lines.append(f"± is too small for {', '.join(biased)}: {_ALONE}")
@@ -55,7 +57,7 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
     )
 
 
-def _several_answers(result: FitResult) -> list[str]:
+def _several_solutions(result: FitResult) -> list[str]:
     if len(result.modes) < 2:
         return []
     poses = "; ".join(_pose(result, dict(mode.values)) for mode in result.modes)

@@ -14,11 +14,11 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.agreement import agreement
 from sonarhw_compare.fit.fit_warnings import unexplained, warnings_of
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem, make_problem
-from sonarhw_compare.fit.search.beginnings import Candidate, beginnings, is_same
+from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Objective, Problem, make_problem
 from sonarhw_compare.fit.search.posterior import CREDIBLE_INTERVAL, samples_of
 from sonarhw_compare.fit.search.refine import covariance_of, refined
 from sonarhw_compare.fit.search.ridges import underestimated
+from sonarhw_compare.fit.search.starting_poses import Candidate, is_same, starting_poses
 from sonarhw_compare.fit.values.fit_result import Estimate, FitOptions, FitResult, Mode, PlacedScan, Progress
 from sonarhw_compare.fit.values.parameters import Parameter
 from sonarhw_compare.matching.regions import mean_run
@@ -32,9 +32,9 @@ _NORMAL_INTERVAL = 1.96  # standard deviations, half the 95 % interval of a norm
 
 @dataclass(frozen=True)
 class _Part:
-    """A step of a fit, from one share of the whole to another."""
+    """A step of a fit, with the shares of the whole fit at its start and end."""
 
-    doing: str
+    step: str
     begin: float
     end: float
 
@@ -55,7 +55,7 @@ def fit_scans(
     """Return the values of the `free` parameters that explain `scans` best, with their uncertainties.
 
     `progress` receives the completed share and the name of the present step. As soon as `cancelled` returns True, the
-    fit raises `sonarhw.errors.Cancelled`. Raises InputError where nothing is free, a scan has no echo, the board is a
+    fit raises `sonarhw.errors.Cancelled`. Raises InputError if nothing is free, a scan has no echo, the board is a
     ring, or the unit is not `pass`.
     """
     options = options or FitOptions()
@@ -66,25 +66,25 @@ def fit_scans(
         if cancelled is not None and cancelled():
             raise Cancelled("the fit was cancelled")
         if progress is not None:
-            progress(part.begin + (part.end - part.begin) * share, part.doing)
+            progress(part.begin + (part.end - part.begin) * share, part.step)
 
     # for uncertainties and for the comparison of solutions
     weighted = replace(problem, redundancies=_redundancies(problem))
-    found = _begin(problem, options, lambda share: tick(_SEARCH, share))
-    answers = _answers(problem, weighted, found, lambda share: tick(_CLIMB, share))
-    best = answers[0].values
+    found = _starting_poses(problem, options, lambda share: tick(_SEARCH, share))
+    solutions = _solutions(problem, weighted, found, lambda share: tick(_CLIMB, share))
+    best = solutions[0].values
     objective = weighted.near(best)
     samples = np.empty((0, problem.size))
     if options.samples:
         samples = samples_of(objective, best, options.samples, options.seed, lambda share: tick(_SAMPLE, share))
     tick(_SAMPLE, 1.0)
-    result = _result(problem, objective, answers, samples)
+    result = _result(problem, objective, solutions, samples)
     agreed = agreement(scans, result, options.prediction)
     return replace(result, agreement=agreed, warnings=(*unexplained(scans, agreed), *result.warnings))
 
 
 def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Parameter], options: FitOptions) -> None:
-    """Raise InputError where such a fit is not possible."""
+    """Raise InputError if such a fit is not possible."""
     if not free:
         raise InputError("nothing is free; name the quantities to fit")
     if not scans:
@@ -98,47 +98,47 @@ def check_fit(scans: Sequence[PlacedScan], board: Board, free: Sequence[Paramete
         raise InputError("a fit needs unit pass, where sound passes the sensor; block and reflect are for predictions")
 
 
-def _begin(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Candidate]]:
+def _starting_poses(problem: Problem, options: FitOptions, tick: Callable[[float], None]) -> list[list[Candidate]]:
     """Return the starting poses of each scan."""
     count = len(problem.scans)
     if not options.global_search:
         return [[Candidate(problem.start(), 0.0)] for _ in range(count)]
-    return [beginnings(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
+    return [starting_poses(problem, k, lambda share, k=k: tick((k + share) / count)) for k in range(count)]  # type: ignore[misc]
 
 
-def _answers(
+def _solutions(
     problem: Problem, weighted: Problem, found: list[list[Candidate]], tick: Callable[[float], None]
 ) -> list[Candidate]:
     """Return the best solution, followed by others that are about as good according to `weighted`."""
     starts = list(_starts(weighted, found))
-    middling = [_climbed(problem, start, (COARSE, MIDDLING), lambda: tick(0.0)) for start in starts]
-    middling.sort(key=lambda one: -one.score)
+    rough = [_refined(problem, start, (COARSE, MODERATE), lambda: tick(0.0)) for start in starts]
+    rough.sort(key=lambda one: -one.score)
     tops: list[Candidate] = []
     count, promising = len(problem.parameters), _PROMISING * max(weighted.redundancies)
-    for done, one in enumerate(middling):
-        tick(done / len(middling))
-        if middling[0].score - one.score < promising and not any(
+    for done, one in enumerate(rough):
+        tick(done / len(rough))
+        if rough[0].score - one.score < promising and not any(
             is_same(problem, one.values, other.values) for other in tops
         ):
             # the noise does not depend on the solution, so that of the best one is the start for all
-            begin = np.concatenate((one.values[:count], (tops or middling)[0].values[count:]))
-            tops.append(_to_the_top(problem, begin, lambda done=done: tick(done / len(middling))))  # type: ignore[misc]
+            begin = np.concatenate((one.values[:count], (tops or rough)[0].values[count:]))
+            tops.append(_maximum(problem, begin, lambda done=done: tick(done / len(rough))))  # type: ignore[misc]
     tops.sort(key=lambda one: -one.score)
     scored = [Candidate(one.values, weighted.near(one.values)(one.values)) for one in tops]
     return [one for one in scored if scored[0].score - one.score < _AS_GOOD]
 
 
-def _to_the_top(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Candidate:
+def _maximum(problem: Problem, values: FloatArray, tick: Callable[[], None]) -> Candidate:
     """Return the maximum after repeated refinement: with little noise, one refinement may end at a step."""
-    top = _climbed(problem, values, (None,), tick)
+    top = _refined(problem, values, (None,), tick)
     for _ in range(_CLIMBS):
-        before, top = top, _climbed(problem, top.values, (None,), tick)
+        before, top = top, _refined(problem, top.values, (None,), tick)
         if top.score - before.score < 1.0:
             break
     return max(before, top, key=lambda one: one.score)
 
 
-def _climbed(
+def _refined(
     problem: Problem, values: FloatArray, stages: tuple[ReadingNoise | None, ...], tick: Callable[[], None]
 ) -> Candidate:
     top = refined(problem, values, None, stages, tick=tick)
@@ -161,8 +161,8 @@ def _starts(problem: Problem, found: list[list[Candidate]]) -> Iterator[FloatArr
                 yield start
 
 
-def _result(problem: Problem, objective: Objective, answers: list[Candidate], samples: FloatArray) -> FitResult:
-    count, best = len(problem.parameters), answers[0]
+def _result(problem: Problem, objective: Objective, solutions: list[Candidate], samples: FloatArray) -> FitResult:
+    count, best = len(problem.parameters), solutions[0]
     if len(samples):
         middle, covariance = np.median(samples, axis=0), np.cov(samples, rowvar=False)
         lower, upper = np.percentile(samples, CREDIBLE_INTERVAL, axis=0)
@@ -183,7 +183,7 @@ def _result(problem: Problem, objective: Objective, answers: list[Candidate], sa
         correlations=np.asarray(covariance[:count, :count] / np.outer(safe, safe)),
         noise={noise.name: math.exp(middle[count + row]) for row, noise in enumerate(problem.noises)},
         warnings=(),
-        modes=tuple(_mode(problem, one, best.score) for one in answers),
+        modes=tuple(_mode(problem, one, best.score) for one in solutions),
         room=room,
         places=places,
         board=board,
@@ -216,9 +216,9 @@ def _estimate(parameter: Parameter, value: float, deviation: float, lower: float
     return Estimate(float(value), float(deviation), float(lower), float(upper))
 
 
-def _mode(problem: Problem, answer: Candidate, best: float) -> Mode:
+def _mode(problem: Problem, solution: Candidate, best: float) -> Mode:
     values = {
         parameter.name: float(value % math.tau if parameter.quantity.is_angle else value)
-        for parameter, value in zip(problem.parameters, answer.values, strict=False)
+        for parameter, value in zip(problem.parameters, solution.values, strict=False)
     }
-    return Mode(values, answer.score - best)
+    return Mode(values, solution.score - best)

@@ -49,7 +49,7 @@ def fit_scan(
 
     Only those named in `free` change; the others stay at the place's heading and position, and at offset 0. Ties go to
     the smaller mean error, then to the smaller offset, then to the nearer position. `tick` receives the share that is
-    done, 0..1. Raises InputError where `free` has an unknown name, no reading has an echo, or the board is a ring.
+    done, 0..1. Raises InputError if `free` has an unknown name, no reading has an echo, or the board is a ring.
     """
     _check(readings, free)
     if board.ring is not None:

@@ -69,11 +69,11 @@ def read_foreign_scan(file: Path, columns: CsvColumns, meaning: Meaning) -> list
 def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
     """Return the columns, guessed by their names, and the unit at the end of the name of the range, by default metres.
 
-    Raises InputError where no column, or more than one, has a name for a heading or for a range.
+    Raises InputError if no column, or more than one, has a name for a heading or for a range.
     """
     with _opened(file) as text:
         header = _header(file, next(csv.reader(text), []))
-    heading, distance = _called(header, _HEADING_NAMES), _called(header, _RANGE_NAMES)
+    heading, distance = _column_named(header, _HEADING_NAMES), _column_named(header, _RANGE_NAMES)
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
         raise InputError(
@@ -81,10 +81,10 @@ def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
             "use `sonarhw import` with --heading COL --range COL"
         )
     unit = _UNITS.get(_words(distance)[-1], 1.0)
-    return CsvColumns(heading, distance, _called(header, _TIME_NAMES)), Meaning(unit)
+    return CsvColumns(heading, distance, _column_named(header, _TIME_NAMES)), Meaning(unit)
 
 
-def likely_silence(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
+def likely_no_echo(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
     """Return the range, in the unit of the file, that likely stands for no echo, and its number of readings, or None.
 
     It is 0 or else the longest range, if at least three readings and a tenth of them have exactly this range. Raises
@@ -98,7 +98,7 @@ def likely_silence(file: Path, columns: CsvColumns) -> tuple[float, int] | None:
     return None
 
 
-def _called(header: list[str], names: tuple[str, ...]) -> str | None:
+def _column_named(header: list[str], names: tuple[str, ...]) -> str | None:
     """Return the column whose name starts with the first matching word of `names`; None unless there is exactly one."""
     for name in names:
         matching = [column for column in header if name in _words(column)[:1]]
@@ -125,14 +125,14 @@ def _opened(file: Path) -> Iterator[TextIO]:
 def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[_Row]:
     with _opened(file) as text:
         lines = csv.reader(text)
-        places = _places(file, _header(file, next(lines, [])), columns)
+        indices = _column_indices(file, _header(file, next(lines, [])), columns)
         for fields in lines:
             if any(field.strip() for field in fields):
-                yield _row(_Line(file, lines.line_num, fields), columns, places, no_echo)
+                yield _row(_Line(file, lines.line_num, fields), columns, indices, no_echo)
 
 
 def _header(file: Path, fields: list[str]) -> list[str]:
-    """Return the names of the columns. Raises InputError where there are none."""
+    """Return the names of the columns. Raises InputError if there are none."""
     header = [name.strip() for name in fields]
     if not any(header):
         raise InputError(f"{file}: the file is empty; expected a header line and one reading per line")
@@ -145,7 +145,7 @@ def _header(file: Path, fields: list[str]) -> list[str]:
     return header
 
 
-def _places(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:
+def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:
     wanted = [columns.heading, columns.distance, *([] if columns.time is None else [columns.time])]
     for name in wanted:
         if header.count(name) != 1:
@@ -164,36 +164,36 @@ class _Line:
         """Return an error with the file and the line."""
         return InputError(f"{self.file}, line {self.number}: {message}")
 
-    def text(self, name: str, place: int) -> str:
+    def text(self, name: str, index: int) -> str:
         """Return the field of a column."""
-        if place >= len(self.fields):
+        if index >= len(self.fields):
             raise self.error(
                 f"has {len(self.fields)} field{'' if len(self.fields) == 1 else 's'}, but none for column {name!r}"
             )
-        return self.fields[place].strip()
+        return self.fields[index].strip()
 
-    def number_in(self, name: str, place: int) -> float:
+    def number_in(self, name: str, index: int) -> float:
         """Return the number in a column, which may be infinite or NaN."""
-        text = self.text(name, place)
+        text = self.text(name, index)
         try:
             return float(text)
         except ValueError:
             raise self.error(f"{name} is {text!r}; expected a number") from None
 
 
-def _row(line: _Line, columns: CsvColumns, places: dict[str, int], no_echo: float | None) -> _Row:
-    heading = line.number_in(columns.heading, places[columns.heading])
+def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: float | None) -> _Row:
+    heading = line.number_in(columns.heading, indices[columns.heading])
     if not math.isfinite(heading):
         raise line.error(f"{columns.heading} is {heading:g}; expected degrees")
     seconds = None
     if columns.time is not None:
-        seconds = line.number_in(columns.time, places[columns.time])
+        seconds = line.number_in(columns.time, indices[columns.time])
         if not math.isfinite(seconds):
             raise line.error(f"{columns.time} is {seconds:g}; expected seconds")
     name = columns.distance
-    if not line.text(name, places[name]):
+    if not line.text(name, indices[name]):
         return _Row(line.number, heading, None, seconds)
-    distance = line.number_in(name, places[name])
+    distance = line.number_in(name, indices[name])
     if no_echo is not None and (distance == no_echo or (math.isnan(distance) and math.isnan(no_echo))):
         return _Row(line.number, heading, None, seconds)
     if not 0 <= distance < math.inf:

@@ -10,7 +10,7 @@ DEFAULT_BOARD = "polaroid-6500"
 def board_of_log(metadata: LogMetadata) -> Board:
     """Return the profile inside the log, else the one it names, else the default.
 
-    Raises InputError where the profile inside is invalid, or the named one is not installed.
+    Raises InputError if the profile inside is invalid, or the named one is not installed.
     """
     if metadata.board_text:
         return parse_board(metadata.board_text, f"the board profile in the log ({metadata.board or 'no name'})")

@@ -22,7 +22,7 @@ from sonarhw_sim.room.model import Place, Room
 from sonarhw.readings import FloatArray, Reading
 from sonarhw_compare.fit.fitting import check_fit
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import MIDDLING, Objective, Problem, make_problem
+from sonarhw_compare.fit.likelihood.objective import MODERATE, Objective, Problem, make_problem
 from sonarhw_compare.fit.search.pose_search import QUICK, Scores, maxima, score_positions
 from sonarhw_compare.fit.search.refine import MOST_ITERATIONS, MOST_SEARCHES, covariance_of, refined
 from sonarhw_compare.fit.values.fit_result import FitOptions, PlacedScan
@@ -111,7 +111,7 @@ def locate_scan(
     """Return the possible poses of a scan in a room.
 
     `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `tick` receives
-    the completed share, 0..1. Raises InputError where no reading has an echo or the board is a ring of sensors.
+    the completed share, 0..1. Raises InputError if no reading has an echo or the board is a ring of sensors.
     """
     options = FitOptions(prediction=prediction or PredictionOptions())
     free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
@@ -182,8 +182,8 @@ def _tops(
         tick(0.5 * k / len(starts))
         values = problem.start()
         values[: len(start)] = start
-        values = problem.with_noise(values, MIDDLING)
-        rough.append(_climb(problem, values, QUICK, MIDDLING))
+        values = problem.with_noise(values, MODERATE)
+        rough.append(_climb(problem, values, QUICK, MODERATE))
     best = max(rough, key=lambda top: top.score)
     promising = _different([top for top in rough if best.score - top.score < _PROMISING * redundancy])
     tops = []

@@ -40,7 +40,7 @@ class Arc:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the bearing of the target, rad: a nearer target may hide one side of the arc."""
+        """Standard deviation of the bearing of the target, rad. It includes that a nearer target may hide one side."""
         return max(_SURE, self.half_width)
 
 

@@ -40,7 +40,7 @@ class CertaintyGrid:
 
     @property
     def certainty(self) -> FloatArray:
-        """From -1, empty, over 0, unknown, to 1, occupied, (rows, columns): the larger certainty (their eq. 7)."""
+        """The larger certainty (their eq. 7), (rows, columns): -1 is empty, 0 unknown, 1 occupied."""
         return np.where(self.occupied >= self.empty, self.occupied, -self.empty)
 
     @property
@@ -68,17 +68,19 @@ def certainty_grid(
     scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray], cell: float | None = None
 ) -> CertaintyGrid:
     """Return the grid from all readings that are `kept` ((n,) bool for each scan), in cells of `cell` (m)."""
-    stands, headings, ranges = _cones(scans, board, kept)
-    ends = stands + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
-    corners = np.vstack((stands, ends, *(np.array([scan.place.position]) for scan in scans)))
+    positions, headings, ranges = _cones(scans, board, kept)
+    ends = positions + ranges[:, None] * np.column_stack((np.cos(headings), np.sin(headings)))
+    corners = np.vstack((positions, ends, *(np.array([scan.place.position]) for scan in scans)))
     low, high = corners.min(axis=0) - _MARGIN, corners.max(axis=0) + _MARGIN
     cell = max(CELL, float((high - low).max()) / _MOST_CELLS) if cell is None else cell
     columns, rows = np.ceil((high - low) / cell).astype(int)
     empty, occupied = np.zeros((rows, columns)), np.zeros((rows, columns))
     # first all empty cells; occupied cells are then among the others (their section 4)
-    for lay in (_lay_empty, _lay_occupied):
-        for (x, y), heading, distance in zip((stands - low).tolist(), headings.tolist(), ranges.tolist(), strict=True):
-            lay(empty, occupied, cell, x, y, heading, distance)
+    for mark in (_mark_empty, _mark_occupied):
+        for (x, y), heading, distance in zip(
+            (positions - low).tolist(), headings.tolist(), ranges.tolist(), strict=True
+        ):
+            mark(empty, occupied, cell, x, y, heading, distance)
     most = occupied.max(initial=0.0)
     return CertaintyGrid(float(low[0]), float(low[1]), cell, empty, occupied / most if most else occupied)
 
@@ -87,14 +89,14 @@ def _cones(
     scans: Sequence[PlacedScan], board: Board, kept: Sequence[BoolArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return positions (n, 2), headings (n,) and ranges (n,) of the readings with an echo."""
-    stands, directions, distances = [], [], []
+    positions, directions, distances = [], [], []
     for scan, wanted in zip(scans, kept, strict=True):
         headings, ranges = headings_and_ranges(scan, board)
         use = wanted & ~np.isnan(ranges)
-        stands.append(standpoints(board, scan.place, headings[use]))
+        positions.append(standpoints(board, scan.place, headings[use]))
         directions.append(headings[use])
         distances.append(ranges[use])
-    return np.vstack(stands), np.concatenate(directions), np.concatenate(distances)
+    return np.vstack(positions), np.concatenate(directions), np.concatenate(distances)
 
 
 @compiled
@@ -116,7 +118,7 @@ def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float
 
 
 @compiled
-def _lay_empty(
+def _mark_empty(
     empty: FloatArray, _occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
 ) -> None:
     """Raise the certainty of empty cells in front of the range; x, y are in m from the corner of the grid."""
@@ -130,10 +132,10 @@ def _lay_empty(
 
 
 @compiled
-def _lay_occupied(
+def _mark_occupied(
     empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
 ) -> None:
-    """Raise the certainty of occupied cells at the range; one object made the echo, so its arc shares one certainty."""
+    """Raise the certainty of occupied cells at the range. One object made the echo, so the sum over its arc is 1."""
     first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
     there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
     for row in range(first_row, last_row):

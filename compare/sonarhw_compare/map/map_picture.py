@@ -27,11 +27,11 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
         if room is not None:
             for x0, y0, x1, y1 in room.walls:
                 axes.plot((x0, x1), (y0, y1), ":", color=WALL, lw=1.2)
-        stands = np.array([scan.place.position for scan in found.scans])
-        axes.plot(*stands.T, "^", color="black", ms=7, ls="none", label="sensor")
+        sensors = np.array([scan.place.position for scan in found.scans])
+        axes.plot(*sensors.T, "^", color="black", ms=7, ls="none", label="sensor")
         axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
         axes.set_aspect("equal")
-        _zoom(axes, [*_marks(layer), stands, *([] if room is None else [room.walls.reshape(-1, 2)])])
+        _zoom(axes, [*_marks(layer), sensors, *([] if room is None else [room.walls.reshape(-1, 2)])])
     handles, _ = figure.axes[0].get_legend_handles_labels()
     shades = [
         Patch(facecolor=colormaps[_SHADES](share), edgecolor=WALL, label=name)
@@ -43,7 +43,7 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
 
 def _titles(found: RoomMap) -> tuple[str, str]:
     echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
-    if found.believed is None:
+    if found.followed_room is None:
         left = "the same: no walls found, so sound was not followed"
     elif found.rejected:
         left = f"direct echoes: {echoes - found.rejected}; excluded, by several reflections: {found.rejected}"

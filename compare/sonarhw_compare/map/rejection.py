@@ -1,7 +1,7 @@
 """Rejection of readings from several reflections, by following sound in a room.
 
 The room is that of a file, or consists of the walls found in the scans. A reading is rejected if the path that explains
-it is reflected at more than one place.
+it is reflected at more than one point.
 """
 
 import math
@@ -24,13 +24,13 @@ from sonarhw_compare.matching.match import compare_readings
 _REFLECTANCE = 0.9  # of found walls; their level matters little
 _MEET = 1.0  # m, by which found walls are extended at most, to meet one another
 _BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the wall
-_ONE_PLACE = 1e-3  # m between reflections that count as one place
+_ONE_POINT = 1e-3  # m between reflections that count as one point
 
 
 def direct_readings(
     scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
 ) -> tuple[BoolArray, ...]:
-    """Return which readings to keep, (n,) bool for each scan: those from one place, and those without a path.
+    """Return which readings to keep, (n,) bool for each scan: those reflected at one point, and those without a path.
 
     `tick` is called before each scan.
     """
@@ -45,15 +45,15 @@ def _direct(scan: PlacedScan, room: Room, board: Board) -> BoolArray:
     heading = board.heading_at(0.0, scan.place.heading)
     options = PredictionOptions(receiver=board.receiver)
     comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading, options=options)
-    stops = _stops(comparison.prediction.paths)
-    return np.array([row.path is None or stops[row.path] <= 1 for row in comparison.rows], dtype=np.bool_)
+    points = _reflection_points(comparison.prediction.paths)
+    return np.array([row.path is None or points[row.path] <= 1 for row in comparison.rows], dtype=np.bool_)
 
 
-def _stops(paths: Paths) -> NDArray[np.intp]:
-    """Return the number of places at which each path is reflected, (n,); an inner corner counts once."""
+def _reflection_points(paths: Paths) -> NDArray[np.intp]:
+    """Return the number of points at which each path is reflected, (n,); an inner corner counts once."""
     between = np.hypot(*np.moveaxis(np.diff(paths.points, axis=1), 2, 0))
     # the last leg ends at the sensor; later entries are NaN
-    return np.asarray((between > _ONE_PLACE).sum(axis=1) - 1)
+    return np.asarray((between > _ONE_POINT).sum(axis=1) - 1)
 
 
 def room_of(features: Features) -> Room | None:

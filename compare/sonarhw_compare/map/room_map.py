@@ -1,4 +1,4 @@
-"""The map from several scans: grid and features of all readings, and again without several reflections."""
+"""The map from several scans: grid and features of all readings, and of those without several reflections."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,9 @@ class RoomMap:
 
     scans: tuple[PlacedScan, ...]
     plain: Layer  # of all readings
-    believed: Room | None  # the room for ray following: the given one, or else one of the walls found
+    followed_room: (
+        Room | None
+    )  # the room in which sound is followed: the given one, or else one made of the walls found
     direct: Layer  # without readings from several reflections
 
     @property
@@ -54,7 +56,7 @@ def map_scans(
     """Return the map from scans at known places.
 
     Sound is followed in `room` if given, or else in a room of the walls that the scans agree on. `tick` receives the
-    completed share, 0..1. Raises InputError where no reading has an echo, a scan is given twice or the board is a ring.
+    completed share, 0..1. Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
     """
     if board.ring is not None:
         raise InputError(f"board {board.name!r} is a ring of sensors; a map needs a turntable")
@@ -69,15 +71,15 @@ def map_scans(
 
     begin_part()
     plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
-    believed = room_of(plain.features) if room is None else room
-    if believed is None:
+    followed_room = room_of(plain.features) if room is None else room
+    if followed_room is None:
         direct = plain
     else:
-        kept = direct_readings(scans, believed, board, begin_part)
+        kept = direct_readings(scans, followed_room, board, begin_part)
         begin_part()
         direct = _layer(scans, board, kept)
     tick(1.0)
-    return RoomMap(tuple(scans), plain, believed, direct)
+    return RoomMap(tuple(scans), plain, followed_room, direct)
 
 
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:

@@ -119,7 +119,7 @@ def compare_readings(
 
     `heading` (rad in the room) is that of turntable step 0, by default the heading of the place. `offset` (m) is added
     to every measured range. Known `paths` of this place and board are reused where one search serves all headings.
-    Raises InputError where the board is a ring and no sensor points along a reading.
+    Raises InputError if the board is a ring and no sensor points along a reading.
     """
     heading = place.heading if heading is None else heading
     headings = np.array([heading + reading.angle for reading in readings], dtype=np.float64)

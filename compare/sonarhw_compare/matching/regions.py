@@ -107,8 +107,8 @@ def _detections(headings: FloatArray, ranges: FloatArray) -> tuple[NDArray[np.in
     upto = np.append(detected[1:], detected[:1] + len(order))
     # two turns, for the step from the last to the first
     passed = np.concatenate(([0], np.cumsum(np.tile(unscanned, 2))))
-    way = np.concatenate(([0.0], np.cumsum(np.tile(steps, 2))))
-    silent = (upto - detected > 1) & (way[upto] - way[detected] > LEAST_WIDTH)
+    travelled = np.concatenate(([0.0], np.cumsum(np.tile(steps, 2))))
+    silent = (upto - detected > 1) & (travelled[upto] - travelled[detected] > LEAST_WIDTH)
     return order[detected], (passed[upto] > passed[detected]) | silent
 
 

@@ -13,8 +13,8 @@ from sonarhw.readings import FloatArray
 def roc_area(scores: FloatArray, sounding: Sequence[bool]) -> float | None:
     """Return the area under the ROC curve of scores (n,); a higher score predicts an echo, and 0.5 is chance.
 
-    It is the share of pairs of a heading with and one without an echo in which the first has the higher score; ties
-    count half. None if all headings are of one kind.
+    Consider all pairs of a heading with an echo and one without. The area is the share of pairs in which the heading
+    with an echo has the higher score; ties count half. None if all headings are of one kind.
     """
     echo = np.asarray(sounding, dtype=np.bool_)
     silent = np.sort(scores[~echo])

@@ -13,7 +13,7 @@ from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import Bounds, label_walls, mark_silence, note, plan, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
+from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
 from sonarhw_compare.pictures.points import points_at
 
 OBLIQUE = PaperScene("oblique_corner", "near", (-60.0, 63.0, 3.0))
@@ -24,10 +24,10 @@ RIGHT_NEARER = replace(RIGHT, place="figure13")
 
 def walls_do_not_meet(scene: PaperScene = OBLIQUE) -> Claim:
     """Check that there is a gap of headings and of ranges between the walls."""
-    lower, upper = scene.answers_via("lower"), scene.answers_via("upper")
+    lower, upper = scene.readings_via("lower"), scene.readings_via("upper")
     if not (lower and upper):
         return Claim(_APART, "one of the walls is not detected", False)
-    between = [answer for answer in scene.answers if lower[-1].degrees < answer.degrees < upper[0].degrees]
+    between = [reading for reading in scene.readings if lower[-1].degrees < reading.degrees < upper[0].degrees]
     jump = ranges(lower)[-1] - ranges(upper)[0]
     return Claim(
         _APART,
@@ -44,12 +44,12 @@ def lower_is_seen_behind_upper(scene: PaperScene = OBLIQUE) -> Claim:
     """Check that the arc of the lower wall extends behind the upper wall."""
     truly = replace(scene, model=Model.NEAREST)
     behind = [
-        answer.range - wall.range
-        for answer, wall in zip(scene.answers, truly.answers, strict=True)
-        if answer.via == ("lower",) and wall.via == ("upper",) and answer.range and wall.range
+        reading.range - wall.range
+        for reading, wall in zip(scene.readings, truly.readings, strict=True)
+        if reading.via == ("lower",) and wall.via == ("upper",) and reading.range and wall.range
     ]
-    nearer = min(ranges(scene.answers_via("upper")), default=math.inf) < min(
-        ranges(scene.answers_via("lower")), default=math.inf
+    nearer = min(ranges(scene.readings_via("upper")), default=math.inf) < min(
+        ranges(scene.readings_via("lower")), default=math.inf
     )
     deepest = max(behind, default=0.0)
     return Claim(
@@ -124,8 +124,8 @@ class _Shape:
 
 
 def _shape(scene: PaperScene) -> _Shape | None:
-    """Return the sizes of hole, corner, hole between two walls; None if the answers have another shape."""
-    runs = [(via, len(list(run))) for via, run in groupby(answer.via for answer in scene.answers)]
+    """Return the sizes of hole, corner, hole between two walls; None if the readings have another shape."""
+    runs = [(via, len(list(run))) for via, run in groupby(reading.via for reading in scene.readings)]
     while runs and runs[0][0] == ():
         runs.pop(0)
     while runs and runs[-1][0] == ():
@@ -136,8 +136,8 @@ def _shape(scene: PaperScene) -> _Shape | None:
     return _Shape(runs[1][1], runs[2][1], runs[3][1])
 
 
-def _corner(scene: PaperScene) -> list[Answer]:
-    return scene.answers_via("upper", "right")
+def _corner(scene: PaperScene) -> list[PredictedReading]:
+    return scene.readings_via("upper", "right")
 
 
 def _vertex(scene: PaperScene) -> tuple[float, float]:
@@ -149,8 +149,10 @@ def _vertex(scene: PaperScene) -> tuple[float, float]:
 def _lost_beyond_the_critical_angle(scene: PaperScene, paths: tuple[tuple[str, ...], ...]) -> Claim:
     """Check that each path is detected up to the angle at which its level falls below the threshold, and no farther."""
     scan = scene.scan
-    largest = max((_off_axis(scene, answer) for via in paths for answer in scene.answers_via(*via)), default=math.nan)
-    others = [answer for answer in scene.answers if answer.via not in ((), *paths)]
+    largest = max(
+        (_off_axis(scene, reading) for via in paths for reading in scene.readings_via(*via)), default=math.nan
+    )
+    others = [reading for reading in scene.readings if reading.via not in ((), *paths)]
     critical = _critical_degrees(scene)
     return Claim(
         "beyond the critical angle a wall in the open is lost",
@@ -161,12 +163,12 @@ def _lost_beyond_the_critical_angle(scene: PaperScene, paths: tuple[tuple[str, .
     )
 
 
-def _off_axis(scene: PaperScene, answer: Answer) -> float:
-    """Return the angle between the axis and the departing sound of an answer, degrees."""
+def _off_axis(scene: PaperScene, reading: PredictedReading) -> float:
+    """Return the angle between the axis and the departing sound of an reading, degrees."""
     scan = scene.scan
-    row = next(k for k, other in enumerate(scene.answers) if other is answer)
+    row = next(k for k, other in enumerate(scene.readings) if other is reading)
     departure = scan.paths.departures[scan.winners[row]]
-    return abs((math.degrees(departure) - answer.degrees + 180) % 360 - 180)
+    return abs((math.degrees(departure) - reading.degrees + 180) % 360 - 180)
 
 
 def _critical_degrees(scene: PaperScene) -> float:
@@ -187,7 +189,7 @@ def _draw_oblique() -> Figure:
     places = ((OBLIQUE, "near"), (OBLIQUE_FAR, "1.5 times as far"))
     for axes, (scene, title) in zip(figure.subplots(1, 2), places, strict=True):
         _draw_corner(axes, scene, f"oblique corner, {title}", bounds, ("upper", "lower"))
-        _note_at(axes, scene, scene.answers_via("lower")[-1], "lower,\nbehind upper", (0.3, 0.12))
+        _note_at(axes, scene, scene.readings_via("lower")[-1], "lower,\nbehind upper", (0.3, 0.12))
     return figure
 
 
@@ -207,9 +209,9 @@ def _draw_corner(axes: Axes, scene: PaperScene, title: str, bounds: Bounds, wall
     plan(axes, scene, title, bounds, "lower left")
 
 
-def _note_at(axes: Axes, scene: PaperScene, answer: Answer, text: str, aside: tuple[float, float]) -> None:
-    """Write text beside the point of one answer."""
-    headings, distances = np.radians([answer.degrees]), np.array(ranges([answer]))
+def _note_at(axes: Axes, scene: PaperScene, reading: PredictedReading, text: str, aside: tuple[float, float]) -> None:
+    """Write text beside the point of one reading."""
+    headings, distances = np.radians([reading.degrees]), np.array(ranges([reading]))
     x, y = points_at(scene.scan.place.position, headings, distances)[0]
     note(axes, text, (x, y), (x + aside[0], y + aside[1]))
 

@@ -92,7 +92,7 @@ def _all_errors(walk: tuple[PaperScene, ...]) -> FloatArray:
 
 
 def _row(scene: PaperScene, degrees: float) -> int:
-    return scene.answers.index(scene.at(degrees))
+    return scene.readings.index(scene.at(degrees))
 
 
 def _draw() -> Figure:

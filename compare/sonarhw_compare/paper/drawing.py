@@ -52,7 +52,7 @@ def points(
 
 
 def _same_wall(scene: PaperScene, here: int, there: int) -> bool:
-    first, second = scene.answers[here], scene.answers[there]
+    first, second = scene.readings[here], scene.readings[there]
     return first.via == second.via != () and first.range == second.range
 
 

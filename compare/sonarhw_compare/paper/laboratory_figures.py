@@ -10,25 +10,25 @@ from sonarhw_sim.room.model import Room
 
 from sonarhw_compare.paper.drawing import GREEN, MEASURED, PREDICTED, finish_plan, mark_sensor, note, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
+from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 SCANS = tuple(PaperScene("table_top", "table", (start, start + 360, 5.0), "polaroid-6500") for start in (0.0, 1.5, 3.0))
 BESIDE_THE_BLACKBOARD = replace(SCANS[0], place="beside")
 _TO_THE_WALL = 270.0  # degrees
-_PROUD = 0.020  # m
+_PROTRUSION = 0.020  # m
 
 
 def near_wall_over_a_short_span(scenes: tuple[PaperScene, ...] = SCANS) -> Claim:
     """Check the readings of the blackboard and beside it."""
-    answers = _together(scenes)
-    middle = next(k for k, answer in enumerate(answers) if answer.degrees == _TO_THE_WALL)
+    readings = _together(scenes)
+    middle = next(k for k, reading in enumerate(readings) if reading.degrees == _TO_THE_WALL)
     first = last = middle
-    while answers[first - 1].via == answers[middle].via:
+    while readings[first - 1].via == readings[middle].via:
         first -= 1
-    while answers[last + 1].via == answers[middle].via:
+    while readings[last + 1].via == readings[middle].via:
         last += 1
-    wall, beyond = answers[first : last + 1], ranges([answers[first - 1], answers[last + 1]])
+    wall, beyond = readings[first : last + 1], ranges([readings[first - 1], readings[last + 1]])
     near = ranges(wall)[0]
     return Claim(
         "the nearer wall is found over a short span, and beside it readings are very long",
@@ -44,28 +44,28 @@ def blackboard_moves_the_wall(before: PaperScene = SCANS[0], beside: PaperScene 
     return Claim(
         "a blackboard that protrudes 20 mm from its wall moves the wall",
         f"{bare:.3f} m in front of the wall, {blackboard:.3f} m in front of the blackboard: {moved * 1000:.1f} mm",
-        abs(moved - _PROUD) < 1e-3,
+        abs(moved - _PROTRUSION) < 1e-3,
     )
 
 
 def protruding_corner_is_strong(scenes: tuple[PaperScene, ...] = SCANS, corner: str = "closet-corner") -> Claim:
     """Check the level of the outer corner, a round bead."""
-    answers, level = _by(scenes, corner), _loudest(scenes, corner)
+    readings, level = _readings_off(scenes, corner), _loudest(scenes, corner)
     return Claim(
         "a protruding corner returns a strong echo",
-        f"{len(answers)} readings over {span(answers)}, up to {level:.1f} dB, "
+        f"{len(readings)} readings over {span(readings)}, up to {level:.1f} dB, "
         f"{level - scenes[0].scan.board.threshold_db:.0f} dB above the threshold",
-        len(answers) >= 5 and level > scenes[0].scan.board.threshold_db + 12,
+        len(readings) >= 5 and level > scenes[0].scan.board.threshold_db + 12,
     )
 
 
 def person_is_strong(scenes: tuple[PaperScene, ...] = SCANS, person: str = "person") -> Claim:
     """Check that the person is loud, and appears wider than its true angle."""
-    answers, level, wide = _by(scenes, person), _loudest(scenes, person), _width(scenes[0], person)
-    seen = 5.0 / len(scenes) * len(answers)
+    readings, level, wide = _readings_off(scenes, person), _loudest(scenes, person), _width(scenes[0], person)
+    seen = 5.0 / len(scenes) * len(readings)
     return Claim(
         "people return strong echoes",
-        f"{len(answers)} readings over {seen:.0f}°, up to {level:.1f} dB; the person is {wide:.0f}° wide",
+        f"{len(readings)} readings over {seen:.0f}°, up to {level:.1f} dB; the person is {wide:.0f}° wide",
         seen > 1.2 * wide and level > scenes[0].scan.board.threshold_db + 12,
     )
 
@@ -73,7 +73,7 @@ def person_is_strong(scenes: tuple[PaperScene, ...] = SCANS, person: str = "pers
 def pillar_is_half_lost(scenes: tuple[PaperScene, ...] = SCANS, pillar: str = "pillar") -> Claim:
     """Check at how many headings the pillar beside the person is read."""
     loud = sum(_loud_headings(scene, pillar) for scene in scenes)
-    read = len(_by(scenes, pillar))
+    read = len(_readings_off(scenes, pillar))
     return Claim(
         "a pillar is half lost",
         f"its echo is above the threshold at {loud} headings and is the first echo at {read} of them; at the others "
@@ -82,17 +82,17 @@ def pillar_is_half_lost(scenes: tuple[PaperScene, ...] = SCANS, pillar: str = "p
     )
 
 
-def _together(scenes: tuple[PaperScene, ...]) -> list[Answer]:
-    """Return all answers sorted by heading, from 0 to 360°."""
-    answers = [replace(answer, degrees=answer.degrees % 360) for scene in scenes for answer in scene.answers]
-    return sorted(answers, key=lambda answer: answer.degrees)
+def _together(scenes: tuple[PaperScene, ...]) -> list[PredictedReading]:
+    """Return all readings sorted by heading, from 0 to 360°."""
+    readings = [replace(reading, degrees=reading.degrees % 360) for scene in scenes for reading in scene.readings]
+    return sorted(readings, key=lambda reading: reading.degrees)
 
 
-def _by(scenes: tuple[PaperScene, ...], name: str) -> list[Answer]:
-    """Return the answers by one reflection off an object, sorted by heading from -180 to 180°."""
-    answers = [answer for scene in scenes for answer in scene.answers_via(name)]
-    turned = [replace(answer, degrees=(answer.degrees + 180) % 360 - 180) for answer in answers]
-    return sorted(turned, key=lambda answer: answer.degrees)
+def _readings_off(scenes: tuple[PaperScene, ...], name: str) -> list[PredictedReading]:
+    """Return the readings by one reflection off an object, sorted by heading from -180 to 180°."""
+    readings = [reading for scene in scenes for reading in scene.readings_via(name)]
+    turned = [replace(reading, degrees=(reading.degrees + 180) % 360 - 180) for reading in readings]
+    return sorted(turned, key=lambda reading: reading.degrees)
 
 
 def _loudest(scenes: tuple[PaperScene, ...], name: str) -> float:

@@ -20,7 +20,7 @@ from sonarhw.readings import ScanOrder, headings_between
 
 
 @dataclass(frozen=True)
-class Answer:
+class PredictedReading:
     """The reading of the board at one heading."""
 
     degrees: float
@@ -48,9 +48,9 @@ class PaperScene:
         return _scan(self)
 
     @property
-    def answers(self) -> tuple[Answer, ...]:
+    def readings(self) -> tuple[PredictedReading, ...]:
         """The predicted readings, in order of heading."""
-        return _answers(self)
+        return _readings(self)
 
     @property
     def command(self) -> str:
@@ -70,18 +70,18 @@ class PaperScene:
             words.append(f"  # here only to {self.reach:g} m")
         return " ".join(words)
 
-    def at(self, degrees: float) -> Answer:
-        """Return the answer at one of the headings."""
-        return next(answer for answer in self.answers if math.isclose(answer.degrees, degrees, abs_tol=1e-6))
+    def at(self, degrees: float) -> PredictedReading:
+        """Return the reading at one of the headings."""
+        return next(reading for reading in self.readings if math.isclose(reading.degrees, degrees, abs_tol=1e-6))
 
-    def answers_via(self, *via: str) -> list[Answer]:
-        """Return the answers whose path touches exactly these things in this order."""
-        return [answer for answer in self.answers if answer.via == via]
+    def readings_via(self, *via: str) -> list[PredictedReading]:
+        """Return the readings whose path touches exactly these things in this order."""
+        return [reading for reading in self.readings if reading.via == via]
 
 
 @lru_cache(maxsize=256)
 def _scan(scene: PaperScene) -> PredictedScan:
-    room, board = room_called(scene.room), load_board(scene.board)
+    room, board = shipped_room(scene.room), load_board(scene.board)
     if scene.reach is not None:
         board = replace(board, max_range=scene.reach)
     start, stop, step = scene.degrees
@@ -91,11 +91,11 @@ def _scan(scene: PaperScene) -> PredictedScan:
 
 
 @lru_cache(maxsize=256)
-def _answers(scene: PaperScene) -> tuple[Answer, ...]:
+def _readings(scene: PaperScene) -> tuple[PredictedReading, ...]:
     scan = scene.scan
     rows = zip(scan.headings, scan.ranges, scan.winners, strict=True)
     return tuple(
-        Answer(
+        PredictedReading(
             round(math.degrees(heading), 6),
             None if math.isnan(distance) else float(distance),
             scan.paths.via(int(winner), scan.room) if winner >= 0 else (),
@@ -105,19 +105,19 @@ def _answers(scene: PaperScene) -> tuple[Answer, ...]:
 
 
 @lru_cache(maxsize=32)
-def room_called(name: str) -> Room:
+def shipped_room(name: str) -> Room:
     """Return the shipped room with this name."""
     return parse_room((files("sonarhw_rooms") / f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
 
 
-def ranges(answers: Iterable[Answer]) -> list[float]:
-    """Return the ranges of the answers that have an echo, m."""
-    return [answer.range for answer in answers if answer.range is not None]
+def ranges(readings: Iterable[PredictedReading]) -> list[float]:
+    """Return the ranges of the readings that have an echo, m."""
+    return [reading.range for reading in readings if reading.range is not None]
 
 
-def span(answers: Sequence[Answer]) -> str:
-    """Return the first and last heading of the answers as text."""
-    if not answers:
+def span(readings: Sequence[PredictedReading]) -> str:
+    """Return the first and last heading of the readings as text."""
+    if not readings:
         return "no heading"
-    first, last = answers[0].degrees, answers[-1].degrees
+    first, last = readings[0].degrees, readings[-1].degrees
     return f"{first:g}°" if first == last else f"{first:g} to {last:g}°"

@@ -13,7 +13,7 @@ from sonarhw_sim.choices import Receiver, Unit
 
 from sonarhw_compare.paper.drawing import MEASURED, Bounds, finish_plan, mark_sensor, note, plan, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, PaperScene, ranges, span
+from sonarhw_compare.paper.setting import PaperScene, PredictedReading, ranges, span
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 _ROUND = (0.0, 360.0, 3.0)
@@ -30,28 +30,30 @@ _VERY_CLOSE = 0.6  # m
 
 def very_close_at_the_right(scene: PaperScene = FIGURE_7) -> Claim:
     """Check that sound travels between the right wall and the face until blanking ends."""
-    answer = scene.at(0.0)
-    wall, face = answer.via.count("right"), answer.via.count("unit")
+    reading = scene.at(0.0)
+    wall, face = reading.via.count("right"), reading.via.count("unit")
     around = _within(scene, 15.0)
     close = [distance for distance in ranges(around) if distance < _VERY_CLOSE]
     return Claim(
         'on the right the unit reads "very close", where the paper\'s simulation returned infinity',
-        f"{_metres(answer)} at 0°: the wall, 94 mm away, {wall} times and the unit's face {face} times; very close at "
+        f"{_metres(reading)} at 0°: the wall, 94 mm away, {wall} times and the unit's face {face} times; very close at "
         f"{len(close)} of the {len(around)} headings within 15°, because an oblique face reflects the sound sideways",
-        answer.range is not None and answer.range < _VERY_CLOSE and face > 0 and wall == face + 1,
+        reading.range is not None and reading.range < _VERY_CLOSE and face > 0 and wall == face + 1,
     )
 
 
 def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
     """Check for readings at the end of blanking, in several directions."""
     blanked = scene.scan.board.blanked_range(scene.scan.room.air)
-    close = [answer for answer in scene.answers if answer.range is not None and answer.range < blanked + _NEAR_CIRCLE]
-    walls = {answer.via[0] for answer in close}
+    close = [
+        reading for reading in scene.readings if reading.range is not None and reading.range < blanked + _NEAR_CIRCLE
+    ]
+    walls = {reading.via[0] for reading in close}
     found = ranges(close)
     extent = f", at {min(found):.3f} to {max(found):.3f} m, towards {', '.join(sorted(walls))}" if found else ""
     return Claim(
         "a circle of readings of minimum range surrounds the unit",
-        f"{len(close)} of {len(scene.answers)} readings within {_NEAR_CIRCLE * 1000:g} mm of the end of blanking"
+        f"{len(close)} of {len(scene.readings)} readings within {_NEAR_CIRCLE * 1000:g} mm of the end of blanking"
         f"{extent}",
         len(close) >= 12 and walls >= {"top", "bottom", "right"},
     )
@@ -60,9 +62,9 @@ def circle_of_minimum_range(scene: PaperScene = FIGURE_7_BOARD) -> Claim:
 def far_wall_is_wavy(scene: PaperScene = FIGURE_8) -> Claim:
     """Check for two corners and the wall between them."""
     upper, wall, lower = (
-        scene.answers_via("top", "left"),
-        scene.answers_via("left"),
-        scene.answers_via("bottom", "left"),
+        scene.readings_via("top", "left"),
+        scene.readings_via("left"),
+        scene.readings_via("bottom", "left"),
     )
     if not (upper and wall and lower):
         return Claim(_WAVY, "one of its three parts is not detected", False)
@@ -88,25 +90,25 @@ def nothing_near_at_the_right(scene: PaperScene = FIGURE_8) -> Claim:
 
 def upper_wall_is_true(scene: PaperScene = FIGURE_9) -> Claim:
     """Check the reading of the far wall by one reflection."""
-    answer = scene.at(90.0)
+    reading = scene.at(90.0)
     return Claim(
         "the upper wall is at its true distance, 657 mm",
-        f"{_metres(answer)} at 90°, {_way(answer)}",
-        answer.via == ("top",) and answer.range is not None and abs(answer.range - 0.657) < 1e-3,
+        f"{_metres(reading)} at 90°, {_path_text(reading)}",
+        reading.via == ("top",) and reading.range is not None and abs(reading.range - 0.657) < 1e-3,
     )
 
 
 def lower_wall_is_false(scene: PaperScene = FIGURE_9) -> Claim:
     """Check the reading of the near wall, whose sound goes to the far wall and back."""
-    answer = scene.at(270.0)
-    false = scene.answers_via("bottom", "top", "bottom")
+    reading = scene.at(270.0)
+    false = scene.readings_via("bottom", "top", "bottom")
     return Claim(
         "the lower wall, 85 mm away, is false: sound goes to the lower wall, past the unit to the upper, past the unit "
         "to the lower wall and to the unit",
-        f"{_metres(answer)} at 270°, {_way(answer)}; the same over {span(false)}",
-        answer.via == ("bottom", "top", "bottom")
-        and answer.range is not None
-        and abs(answer.range - 0.827) < 1e-3
+        f"{_metres(reading)} at 270°, {_path_text(reading)}; the same over {span(false)}",
+        reading.via == ("bottom", "top", "bottom")
+        and reading.range is not None
+        and abs(reading.range - 0.827) < 1e-3
         and len(false) >= 5,
     )
 
@@ -124,28 +126,28 @@ def corridor_of_twice_the_width(scene: PaperScene = FIGURE_9) -> Claim:
 
 def body_removes_the_false_wall(scene: PaperScene = ROBOT) -> Claim:
     """Check the reading of the robot in front of the same wall."""
-    answer = scene.at(270.0)
-    false = [other for other in scene.answers if other.range is not None and abs(other.range - 0.827) < 0.02]
-    rattling = set(answer.via) == {"bottom", "body"}
+    reading = scene.at(270.0)
+    false = [other for other in scene.readings if other.range is not None and abs(other.range - 0.827) < 0.02]
+    rattling = set(reading.via) == {"bottom", "body"}
     return Claim(
         "on a B12 robot the body blocks the return, and the chirp travels between body and wall until minimum range",
-        f"{_metres(answer)} at 270°, the wall {answer.via.count('bottom')} times and the body "
-        f"{answer.via.count('body')} times; {len(false)} readings near 0.827 m",
-        rattling and answer.range is not None and answer.range < 0.45 and not false,
+        f"{_metres(reading)} at 270°, the wall {reading.via.count('bottom')} times and the body "
+        f"{reading.via.count('body')} times; {len(false)} readings near 0.827 m",
+        rattling and reading.range is not None and reading.range < 0.45 and not false,
     )
 
 
-def _within(scene: PaperScene, degrees: float) -> list[Answer]:
-    """Return the answers at headings within `degrees` of 0°."""
-    return [answer for answer in scene.answers if abs((answer.degrees + 180) % 360 - 180) <= degrees]
+def _within(scene: PaperScene, degrees: float) -> list[PredictedReading]:
+    """Return the readings at headings within `degrees` of 0°."""
+    return [reading for reading in scene.readings if abs((reading.degrees + 180) % 360 - 180) <= degrees]
 
 
-def _metres(answer: Answer) -> str:
-    return "no echo" if answer.range is None else f"{answer.range:.3f} m"
+def _metres(reading: PredictedReading) -> str:
+    return "no echo" if reading.range is None else f"{reading.range:.3f} m"
 
 
-def _way(answer: Answer) -> str:
-    return f"by {' > '.join(answer.via)}" if answer.via else "by no path"
+def _path_text(reading: PredictedReading) -> str:
+    return f"by {' > '.join(reading.via)}" if reading.via else "by no path"
 
 
 def _draw_7() -> Figure:

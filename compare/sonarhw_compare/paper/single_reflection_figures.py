@@ -7,7 +7,7 @@ from sonarhw_sim.choices import Model
 
 from sonarhw_compare.paper.drawing import MEASURED, finish_plan, mark_sensor, points, sheet
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
-from sonarhw_compare.paper.setting import Answer, PaperScene
+from sonarhw_compare.paper.setting import PaperScene, PredictedReading
 from sonarhw_compare.pictures.overlay_picture import draw_room
 
 RAY_FOLLOWING = PaperScene("kuc_siegel", "figure6", (0.0, 360.0, 3.0))
@@ -33,14 +33,14 @@ def several_reflections_are_missing(followed: PaperScene = RAY_FOLLOWING, theirs
     silent = sum(other.range is None for _, other in several)
     return Claim(
         "there are readings by several reflections, which their model does not include",
-        f"{len(several)} of {len(followed.answers)} headings; theirs is silent at {silent} of them and agrees at "
+        f"{len(several)} of {len(followed.readings)} headings; theirs is silent at {silent} of them and agrees at "
         f"{same}",
-        len(several) > len(followed.answers) / 4 and same == 0,
+        len(several) > len(followed.readings) / 4 and same == 0,
     )
 
 
-def _pairs(followed: PaperScene, theirs: PaperScene) -> list[tuple[Answer, Answer]]:
-    return list(zip(followed.answers, theirs.answers, strict=True))
+def _pairs(followed: PaperScene, theirs: PaperScene) -> list[tuple[PredictedReading, PredictedReading]]:
+    return list(zip(followed.readings, theirs.readings, strict=True))
 
 
 def _draw() -> Figure:

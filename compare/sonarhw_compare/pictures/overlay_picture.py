@@ -26,8 +26,8 @@ def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (),
     axes.plot(*predicted.T, "o", mfc="none", mec=PREDICTED, ms=7, label="predicted")
     if measured:
         headings, ranges = np.array(measured).T
-        stands = standpoints(scan.board, scan.place, headings)
-        axes.plot(*points_at(stands, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
+        sensors = standpoints(scan.board, scan.place, headings)
+        axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
     axes.plot(x, y, "^", color="black", ms=9, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)", title=title or f"{scan.room.name}, place {scan.place.name}")
     axes.set_aspect("equal")

@@ -64,13 +64,13 @@ def report_of(
     """Return the report on readings at a place; of more than 3600, the newest. Raises InputError without readings."""
     if not readings:
         raise InputError(f"{name}: no readings; a report needs at least one")
-    standing = Place(place.name, place.position, board.heading_at(0.0, place.heading), place.height)
-    comparison = compare_readings(readings[-MOST_READINGS:], room, standing, board, options=options)
+    oriented_place = Place(place.name, place.position, board.heading_at(0.0, place.heading), place.height)
+    comparison = compare_readings(readings[-MOST_READINGS:], room, oriented_place, board, options=options)
     return Report(name, comparison, log, link, max(0, len(readings) - MOST_READINGS))
 
 
 def report_html(report: Report) -> str:
-    """Return the page. Raises NotALog where a trace can no longer be read."""
+    """Return the page. Raises NotALog if a trace can no longer be read."""
     return "\n".join(
         ("<!DOCTYPE html>", '<html lang="en">', *_head(report), "<body>", *_body(report), "</body></html>")
     )

@@ -47,7 +47,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     axes.plot(*prediction.place.position, "D", color="black", ms=7, label="sensor")
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal")
-    _look_at_room(axes, comparison, place)
+    _crop_to_room(axes, comparison, place)
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
     return _saved(figure, "svg")
 
@@ -101,8 +101,8 @@ def bscan_png(comparison: Comparison) -> bytes | None:
     return _saved(figure, "png")
 
 
-def _look_at_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
-    """Crop the plan to the room, because multipath echoes may be far outside; the title has the number of them."""
+def _crop_to_room(axes: Axes, comparison: Comparison, place: Callable[[FloatArray, FloatArray], FloatArray]) -> None:
+    """Crop the plan to the room, because multipath echoes may be far outside. The title states their number."""
     room = comparison.prediction.room
     corners = np.vstack((room.walls.reshape(-1, 2), room.posts[:, :2], [comparison.prediction.place.position]))
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -39,7 +39,7 @@ class Case:
     place: Place
     board_name: str
     board: Board
-    keenest: Board  # with the lowest threshold of the grid, for paths that serve all points
+    most_sensitive: Board  # the board with the lowest threshold of the grid, for paths that serve all points
     model: Model
     options: PredictionOptions
     headings: FloatArray  # (n,), rad in the room
@@ -69,7 +69,7 @@ class Cases:
         self._place = lru_cache(maxsize=64)(self._find_place)
 
     def case(self, number: int) -> Case:
-        """Return scan `number` of the study. Raises InputError where its drawn values do not fit together."""
+        """Return scan `number` of the study. Raises InputError if its drawn values do not fit together."""
         study = self._study
         draw, point = divmod(number, study.points)
         spot, board_at, *listed = np.unravel_index(point, self._shape)

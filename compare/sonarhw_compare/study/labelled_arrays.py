@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
     """Return range and number of echoes of a measured scan along its turntable angles `angle_deg`.
 
-    Raises InputError where xarray is not installed.
+    Raises InputError if xarray is not installed.
     """
     ranges = [math.nan if reading.range is None else reading.range for reading in readings]
     variables = {
@@ -34,7 +34,7 @@ def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
 def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
     """Return a comparison along `heading_deg`: measured, predicted, residual, class and explaining path.
 
-    Raises InputError where xarray is not installed.
+    Raises InputError if xarray is not installed.
     """
     rows, prediction = comparison.rows, comparison.prediction
     variables = {
@@ -50,7 +50,7 @@ def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
 
 
 def load_xarray() -> ModuleType:
-    """Return the module xarray. Raises InputError where it is not installed."""
+    """Return the module xarray. Raises InputError if it is not installed."""
     try:
         return import_module("xarray")
     except ImportError as error:

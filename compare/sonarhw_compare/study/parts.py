@@ -48,7 +48,7 @@ def part_count(study: Study) -> int:
 
 
 def make_part(study: Study, number: int) -> Part:
-    """Predict part `number` of a study. Raises InputError where drawn values of a scan do not fit together."""
+    """Predict part `number` of a study. Raises InputError if drawn values of a scan do not fit together."""
     size = scans_per_part(study)
     scans, headings = predict_scans(study, number * size, min((number + 1) * size, study.scans))
     return Part(number, _parquet(scans), _parquet(headings) if study.rows == "headings" else None, versions())
@@ -82,7 +82,7 @@ class StudyFolder:
     def begin(self, resume: bool) -> list[int]:
         """Create the folder, or continue in it with `resume`, and return the numbers of the missing parts.
 
-        Raises InputError where it exists without `resume` or belongs to another study, OutputError where it cannot be
+        Raises InputError if it exists without `resume` or belongs to another study, OutputError if it cannot be
         created.
         """
         if self.folder.exists():
@@ -99,7 +99,7 @@ class StudyFolder:
         return [number for number in range(part_count(self._study)) if not self._path("scans", number).exists()]
 
     def write(self, part: Part) -> None:
-        """Write a part. Raises OutputError where it cannot be written, or where its versions differ from those here."""
+        """Write a part. Raises OutputError if it cannot be written, or where its versions differ from those here."""
         if part.versions != versions():
             raise OutputError(
                 f"{self.unfinished}: a worker has {_named(part.versions)}, this computer has {_named(versions())}; "
@@ -140,7 +140,7 @@ class StudyFolder:
             raise _unwritable(self.unfinished, error) from error
 
     def _check(self, there: Path) -> None:
-        """Raise InputError where the folder `there` belongs to another study."""
+        """Raise InputError if the folder `there` belongs to another study."""
         held = read_manifest(there)
         changed = [key for key, value in self._manifest.items() if held.get(key) != value]
         if changed:
@@ -151,7 +151,7 @@ class StudyFolder:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest of the folder of a study. Raises InputError where there is none."""
+    """Return the manifest of the folder of a study. Raises InputError if there is none."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
     """Return a table of scans, and one of headings (None if the study kept figures only), in order of scans.
 
-    Raises InputError where the folder is not a finished study.
+    Raises InputError if the folder is not a finished study.
     """
     folder = Path(folder)
     unfinished = unfinished_of(folder)
@@ -38,7 +38,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
     """Return the results of a study, with figures as variables along `scan` and varied values as coordinates.
 
     Readings, if kept, are variables along `scan` and `heading_deg`, or `reading` if scans have different headings; NaN
-    for no echo. Raises InputError where the folder is not a finished study, or xarray is not installed.
+    for no echo. Raises InputError if the folder is not a finished study, or xarray is not installed.
     """
     xarray = load_xarray()
     scans, headings = read_tables(folder)

@@ -38,7 +38,7 @@ class HeadingsSection(TomlModel):
     step: Annotated[float, Field(gt=0, le=360)] = 5.0
 
     @model_validator(mode="after")
-    def _some(self) -> Self:
+    def _not_empty(self) -> Self:
         headings_between(self.start, self.stop, self.step)
         return self
 
@@ -194,7 +194,7 @@ def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom
 
 
 def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
-    """Raise InputError where two rooms have the same name, which identifies them in results."""
+    """Raise InputError if two rooms have the same name, which identifies them in results."""
     texts: dict[str, str] = {}
     for number, room in enumerate(rooms):
         if texts.setdefault(room.name, room.text) != room.text:
@@ -205,7 +205,7 @@ def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
 
 
 def _check_clearance(room: Room, clearance: float, where: str) -> None:
-    """Raise InputError where no random place can have this clearance."""
+    """Raise InputError if no random place can have this clearance."""
     try:
         find_free_space(room).draw(np.random.default_rng(0), clearance)
     except InputError as error:
@@ -220,7 +220,7 @@ def _read_board(name: str, spec: Path, number: int) -> Board:
 
 
 def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[Board, ...]) -> None:
-    """Raise InputError where a key is unknown, or a value is not allowed in its file."""
+    """Raise InputError if a key is unknown, or a value is not allowed in its file."""
     for section, keys in (("board", vary.board), ("mount", vary.mount)):
         for key, axis in keys.items():
             for board, value in product(boards, axis.extremes):
@@ -241,7 +241,7 @@ def _check_axes(vary: VarySection, where: str, rooms: list[Room], boards: tuple[
 
 
 def _check_noise(options: dict[str, Axis], where: str, boards: tuple[Board, ...]) -> None:
-    """Raise InputError where there is noise, but no scan has a receiver that uses it."""
+    """Raise InputError if there is noise, but no scan has a receiver that uses it."""
     noisy = "noise" in options and any(options["noise"].extremes)
     named = options["receiver"].extremes if "receiver" in options else [board.receiver.value for board in boards]
     if noisy and "board" not in named:

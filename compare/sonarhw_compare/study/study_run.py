@@ -22,8 +22,8 @@ def run_study(
     """Predict every scan of a study into `folder`, with `workers` processes (all cores) or the cluster at `scheduler`.
 
     `progress` is called once for each existing part. Results are the same bit for bit with any number of workers, on
-    machines of one kind. Raises InputError where the folder exists already or, with `resume`, belongs to another study.
-    Raises WorkersLost or OutputError where the study cannot finish; complete parts are kept.
+    machines of one kind. Raises InputError if the folder exists already or, with `resume`, belongs to another study.
+    Raises WorkersLost or OutputError if the study cannot finish; complete parts are kept.
     """
     target = StudyFolder(folder, study)
     numbers = target.begin(resume)

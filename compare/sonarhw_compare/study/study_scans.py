@@ -50,11 +50,11 @@ class PathCache:
     def of(self, case: Case) -> Paths:
         """Return all paths that the board of a case can detect, at any threshold of its study."""
         options = case.options
-        search = search_for(case.room, case.keenest, options)
+        search = search_for(case.room, case.most_sensitive, options)
         key = case.where, search, case.board.aperture_radius, options.sections
         paths = self._kept.pop(key, None)
         if paths is None:
-            paths = paths_for(case.room, case.place, case.keenest, options)
+            paths = paths_for(case.room, case.place, case.most_sensitive, options)
         self._kept[key] = paths
         if len(self._kept) > _PATHS_KEPT:
             self._kept.popitem(last=False)
@@ -138,7 +138,7 @@ def figures_of(columns: ScanColumns) -> dict[str, float]:
 def predict_scans(study: Study, first: int, last: int) -> tuple[pa.Table, pa.Table]:
     """Return the tables of scans and of headings for scans `first` to `last` (excluded).
 
-    Raises InputError where drawn values of a scan do not fit together.
+    Raises InputError if drawn values of a scan do not fit together.
     """
     cases, cache = cases_of(study), PathCache()
     rows, readings, numbers = [], [], []

@@ -25,7 +25,7 @@ _ANSWER_WITHIN = 10.0  # s, timeout for the scheduler
 
 
 def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[Part, None, None]:
-    """Yield the parts, computed by `workers` processes of this machine. Raises WorkersLost where one is killed."""
+    """Yield the parts, computed by `workers` processes of this machine. Raises WorkersLost if one is killed."""
     workers = min(workers, len(numbers))
     if workers <= 1:
         yield from (make_part(study, number) for number in numbers)
@@ -62,7 +62,7 @@ def _interrupts_deferred() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask") or not main or handler is None:
         yield
         return
-    # otherwise it starts with the first process and unblocks Ctrl-C again
+    # otherwise this tracker would start with the first process and unblock Ctrl-C again
     resource_tracker.ensure_running()
     received: list[int] = []
     # processes inherit the mask, but other threads of this process have none: note the signals that they receive
@@ -95,7 +95,7 @@ def _one_thread_each() -> Iterator[None]:
 def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Generator[Part, None, None]:
     """Yield the parts, computed by the Dask cluster of a scheduler. Parts of a lost worker go to the others.
 
-    Raises InputError where Dask is not installed or the scheduler does not answer, WorkersLost where a part fails.
+    Raises InputError if Dask is not installed or the scheduler does not answer, WorkersLost if a part fails.
     """
     distributed = _distributed()
     # a loss is reported here in one line; Dask would add tracebacks

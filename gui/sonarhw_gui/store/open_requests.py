@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, likely_silence, read_foreign_scan
+from sonarhw_compare.imports.foreign_csv import CsvColumns, guess_columns, likely_no_echo, read_foreign_scan
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.room.model import load_room
 
@@ -78,7 +78,7 @@ class OpenCsvRequest:
         return next(name for name in names if not name.exists())
 
     def _question(self, columns: CsvColumns, log_path: Path) -> Notice | None:
-        likely = None if self.no_echo is not None else likely_silence(self.path, columns)
+        likely = None if self.no_echo is not None else likely_no_echo(self.path, columns)
         if likely is None:
             return None
         value, count = likely

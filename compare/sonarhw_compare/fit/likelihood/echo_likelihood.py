@@ -149,9 +149,9 @@ def log_likelihoods(
 def _on_axis(
     out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], board: BoardValues
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return reported ranges (k,), least ranges from each row on (k,), and directions, for a sensor on the axis.
+    """Return reported ranges (k,), the smallest one from each row on (k,), and directions, for a sensor on the axis.
 
-    The directions of departure and to where the sound comes from, (k, 2) each, are horizontal parts of unit vectors.
+    The directions of departure and towards the arriving sound, (k, 2) each, are horizontal parts of unit vectors.
     """
     count = out.shape[0]
     reported, nearest, leaving, arriving = np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2))
@@ -171,7 +171,7 @@ def _on_axis(
 def _legs(
     one: tuple[float, float, float, float], rise: FloatArray, turn: FloatArray, kind: int
 ) -> tuple[float, float, float, float]:
-    """Return the lengths of `out` and `back` of a path, m, and x and y of the unit vector to where it comes from."""
+    """Return the lengths of `out` and `back` of a path, m, and the unit vector (x, y) towards the arriving sound."""
     ox, oy, bx, by = one
     there = max(math.sqrt(ox * ox + oy * oy + rise[0] ** 2), 1e-12)
     if kind == BENT:

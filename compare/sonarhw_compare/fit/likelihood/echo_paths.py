@@ -101,11 +101,11 @@ def _mirrors(paths: Paths, path: int, normals: FloatArray) -> list[tuple[int, Fl
     for touch, surface in enumerate(surfaces):
         at = 1 + touch + int(bent and touch >= paths.bends[path])
         post = surface >= len(normals)
-        mirrors.append((surface, _halving(paths.points[path, at - 1 : at + 2]) if post else normals[surface]))
+        mirrors.append((surface, _reflection_normal(paths.points[path, at - 1 : at + 2]) if post else normals[surface]))
     return mirrors
 
 
-def _halving(points: FloatArray) -> FloatArray:
+def _reflection_normal(points: FloatArray) -> FloatArray:
     """Return the unit normal at the second of three points (3, 2) of a reflection."""
     come, go = np.diff(points, axis=0) / np.hypot(*np.diff(points, axis=0).T)[:, None]
     return np.asarray((go - come) / np.hypot(*(go - come)))

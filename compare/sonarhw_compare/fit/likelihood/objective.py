@@ -43,10 +43,11 @@ from sonarhw_compare.fit.values.quantities import (
     reflectance_of,
 )
 
-MOST_ECHOES = 5  # of a ping, that scanners report
+MOST_ECHOES = 5  # maximum number of echoes that a scanner reports for one ping
 _ROUNDED = 1 / math.sqrt(12)  # standard deviation of the error of rounding to 1
-# dB. `loud_enough` keeps paths down to 20 dB under the threshold; in a fit, paths 10 dB under it are never detected.
-_LESS_NOTICED = 10.0
+# dB. `loud_enough` keeps paths down to 20 dB below its threshold. In a fit, 10 dB below are enough, so it gets a
+# threshold that is higher by this amount.
+_THRESHOLD_RAISE = 10.0
 _OVERLAPPING = 1.0  # dB, least error of levels where overlapping echoes are modelled as single ones
 
 
@@ -59,7 +60,7 @@ class NoisePrior:
     spread: float  # standard deviation of the logarithm
     lower: float
     upper: float
-    step: float = 0.15  # of the logarithm, a change that the likelihood shows
+    step: float = 0.15  # of the logarithm: a change that has a clear effect on the likelihood
 
 
 NOISES = (
@@ -72,7 +73,7 @@ NOISES = (
     NoisePrior("stretch", 1.0, 1e-3, 0.99, 1.01, 2e-4),
 )
 COARSE = ReadingNoise(0.03, 3.0, 0.15, 0.05, 0.1)  # makes the likelihood smooth over centimetres and degrees
-MIDDLING = ReadingNoise(0.01, 1.5, 0.08, 0.03, 0.05)
+MODERATE = ReadingNoise(0.01, 1.5, 0.08, 0.03, 0.05)
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class Problem:
 
     @cached_property
     def steps(self) -> FloatArray:
-        """A change of each value that the objective shows, (size,)."""
+        """A change of each value that has a clear effect on the objective, (size,)."""
         own = [parameter.quantity.step for parameter in self.parameters]
         return np.array([*own, *(noise.step for noise in self.noises)], dtype=np.float64)
 
@@ -116,9 +117,9 @@ class Problem:
         return np.array(lower), np.array(upper)
 
     def start(self) -> FloatArray:
-        """Return the values of the given room, places and board, with `MIDDLING` noise, (size,)."""
+        """Return the values of the given room, places and board, with `MODERATE` noise, (size,)."""
         values = [start_of(parameter, self.places, self.room, self.board) for parameter in self.parameters]
-        return self.with_noise(np.array(values), MIDDLING)
+        return self.with_noise(np.array(values), MODERATE)
 
     def with_noise(self, values: FloatArray, noise: ReadingNoise) -> FloatArray:
         """Return the parameters in `values` followed by this noise, (size,)."""
@@ -151,7 +152,7 @@ class Problem:
         for place in places:
             paths = paths_from(room, place, search, None, board.aperture_radius)
             paths = paths.select(
-                loud_enough(room, replace(board, threshold_db=board.threshold_db + _LESS_NOTICED), paths)
+                loud_enough(room, replace(board, threshold_db=board.threshold_db + _THRESHOLD_RAISE), paths)
             )
             found.append(echo_paths(paths, room, materials, walls))
         return Objective(self, values.copy(), room, places, tuple(found))
@@ -327,7 +328,7 @@ def make_problem(
     prediction: PredictionOptions,
     all_echoes: bool,
 ) -> Problem:
-    """Return scans, room, board and parameters as a problem. Raises InputError where a scan is given twice."""
+    """Return scans, room, board and parameters as a problem. Raises InputError if a scan is given twice."""
     check_given_once(scans)
     air_is_free = any(isinstance(parameter.quantity, AirQuantity) for parameter in parameters)
     speeds = [reading.speed_of_sound for scan in scans for reading in scan.readings]

@@ -1,7 +1,7 @@
 """Maximization of the likelihood from a starting point, and the curvature at the maximum.
 
 The likelihood has steps wherever an echo crosses the detection threshold. It is therefore maximized three times, with
-less noise each time: `objective.COARSE`, then `MIDDLING`, then the fitted noise. Paths are searched again wherever the
+less noise each time: `objective.COARSE`, then `MODERATE`, then the fitted noise. Paths are searched again wherever the
 sensor has moved.
 """
 
@@ -14,14 +14,14 @@ from sonarhw_sim.predict.prediction import PredictionOptions
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_likelihood import ReadingNoise
-from sonarhw_compare.fit.likelihood.objective import COARSE, MIDDLING, Objective, Problem
+from sonarhw_compare.fit.likelihood.objective import COARSE, MODERATE, Objective, Problem
 
 MOST_SEARCHES = 6  # of paths, in one stage
 MOST_ITERATIONS = 8
 _SETTLED = 0.5  # steps; a smaller change needs no new search of paths
 _ENOUGH = 1e-4  # tolerance of the log-likelihood
 _NARROW = 0.05  # tolerance of a parameter, in widths
-_WORST = -1e12  # stands for -inf
+_WORST = -1e12  # replaces -inf
 _FLATTEST = 0.01  # smallest curvature over a width; a normal distribution has 1
 _WIDEST = 30.0  # steps, largest width, for a flat likelihood
 
@@ -32,7 +32,7 @@ def refined(
     problem: Problem,
     values: FloatArray,
     prediction: PredictionOptions | None = None,
-    stages: tuple[ReadingNoise | None, ...] = (COARSE, MIDDLING, None),
+    stages: tuple[ReadingNoise | None, ...] = (COARSE, MODERATE, None),
     free: BoolArray | None = None,
     tick: Callable[[], None] = lambda: None,
     searches: int = MOST_SEARCHES,

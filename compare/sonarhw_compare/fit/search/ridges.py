@@ -20,7 +20,7 @@ _CLIMBS = 2
 
 
 def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) -> tuple[Parameter, ...]:
-    """Return the parameters that can change together by more than the covariance (size, size) states."""
+    """Return the parameters that can change together by more than the covariance (size, size) allows."""
     count = len(problem.parameters)
     deviations = np.sqrt(np.diag(covariance)[:count])
     if not (deviations > 0).all():
@@ -31,12 +31,12 @@ def underestimated(problem: Problem, top: FloatArray, covariance: FloatArray) ->
     for value, vector in zip(values, vectors.T, strict=True):
         if value < _TOGETHER:
             continue
-        if any(best - _held(problem, top, sign * vector, deviations) < _LITTLE for sign in (1, -1)):
+        if any(best - _with_one_fixed(problem, top, sign * vector, deviations) < _LITTLE for sign in (1, -1)):
             found.update(np.flatnonzero(np.abs(vector) > _TAKES_PART * np.abs(vector).max()).tolist())
     return tuple(problem.parameters[row] for row in sorted(found))
 
 
-def _held(problem: Problem, top: FloatArray, vector: FloatArray, deviations: FloatArray) -> float:
+def _with_one_fixed(problem: Problem, top: FloatArray, vector: FloatArray, deviations: FloatArray) -> float:
     """Return the maximum with the main parameter of `vector` fixed 6 deviations away; -inf outside its bounds."""
     row = int(np.abs(vector).argmax())
     moved = top.copy()

@@ -10,7 +10,7 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 
 
 def check_given_once(scans: Sequence[PlacedScan]) -> None:
-    """Raise InputError where two scans have the same readings, or one starts with those of the other (a torn copy).
+    """Raise InputError if two scans have the same readings, or one starts with those of the other (a torn copy).
 
     Different scans from the same place are allowed.
     """

@@ -24,7 +24,7 @@ Bounds = Callable[["Room", "Board"], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Offer:
-    """How the window offers a quantity."""
+    """The check box of a quantity in the window."""
 
     label: str
     tip: str
@@ -37,12 +37,12 @@ class Quantity:
 
     name: str  # in --free and in results
     unit: str  # as printed
-    step: float  # a change that the likelihood shows
+    step: float  # a change that has a clear effect on the likelihood
     bounds: Bounds  # widest plausible values
     digits: int  # decimals in files, in the printed unit
     label: str  # in the window's table of results
     group: str = ""  # word that frees this and other quantities together
-    offer: Offer | None = None  # None: not offered in the window
+    offer: Offer | None = None  # None: the window has no check box for it
     moves_paths: bool = False  # whether it changes the paths of sound
     shifts_place: bool = False  # whether a wrong value shifts the fitted place
     by_levels: bool = False  # whether it is determined by which echoes are detected, and when

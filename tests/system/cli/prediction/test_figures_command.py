@@ -39,7 +39,7 @@ SCENES = [scene for exhibit in EXHIBITS for scene in exhibit.scenes if scene.rea
 def test_command_under_a_figure_predicts_the_figure(scene: PaperScene, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(shlex.split(scene.command)[1:]) == 0
     printed = [row["range_m"] for row in csv.DictReader(io.StringIO(capsys.readouterr().out))]
-    drawn = ["" if answer.range is None else f"{answer.range:.9g}" for answer in scene.answers]
+    drawn = ["" if reading.range is None else f"{reading.range:.9g}" for reading in scene.readings]
     assert printed == drawn
 
 

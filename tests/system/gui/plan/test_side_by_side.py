@@ -36,11 +36,11 @@ def turn_wheel(view: PlanDrawing, at: tuple[float, float], notches: int) -> None
     QApplication.sendEvent(view.viewport(), wheel)
 
 
-def test_reality_shows_measured_and_simulation_predicted_ranges(window: MainWindow) -> None:
+def test_one_plan_shows_measured_and_the_other_predicted_ranges(window: MainWindow) -> None:
     measured, predicted = window.views.side_by_side.measured, window.views.side_by_side.predicted
-    measured = [len(places) for _, places in measured._marks.placed.values()]
+    counts = [len(positions) for _, positions in measured._marks.placed.values()]
     rows = window.session.shown.rows
-    assert sum(measured) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
+    assert sum(counts) == np.count_nonzero(np.isfinite(rows.measured) | np.isfinite(rows.predicted)) > 30
     assert not predicted._marks.placed
     outline = predicted._outline.getData()[1]
     predicted_ranges = window.session.shown.outline.ranges

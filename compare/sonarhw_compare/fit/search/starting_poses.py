@@ -33,7 +33,7 @@ class Candidate:
     score: float  # log-likelihood and prior, natural logarithm
 
 
-def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
+def starting_poses(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
     """Return the best poses of a scan, best first; a single one if its pose is not free.
 
     Their scores are those of this scan alone with coarse noise. `tick` receives the completed share, 0..1.
@@ -44,12 +44,12 @@ def beginnings(problem: Problem, scan: int, tick: Tick) -> list[Candidate]:
     # a wrong offset would shift the place
     rows += [row for row, parameter in enumerate(problem.parameters) if parameter.quantity.shifts_place]
     alone = _alone(problem, scan, rows)
-    begun = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
-    scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(begun)), reverse=True)
+    starts = [alone.with_noise(one, COARSE) for one in _poses(alone, lambda share: tick(0.6 * share))]
+    scored = sorted(((alone.near(one, QUICK)(one), k) for k, one in enumerate(starts)), reverse=True)
     found: list[Candidate] = []
     for done, (_, k) in enumerate(scored[:_CLIMBED]):
         tick(0.6 + 0.4 * done / _CLIMBED)
-        top = refined(alone, begun[k], QUICK, (COARSE,), searches=2, iterations=3)
+        top = refined(alone, starts[k], QUICK, (COARSE,), searches=2, iterations=3)
         if not any(is_same(alone, top, one.values) for one in found):
             found.append(Candidate(top, alone.near(top, QUICK)(top)))
     found.sort(key=lambda one: -one.score)
@@ -97,14 +97,14 @@ def _poses(problem: Problem, tick: Tick) -> list[FloatArray]:
     )
     scores = _within(scores, free.get(HEADING), place.heading)
     chosen = maxima(scores, _ROUGH) or [(*place.position, place.heading)]
-    begun = []
+    starts = []
     for pose in chosen:
         values = problem.start()
         known: dict[Quantity, float] = dict(zip((X, Y, HEADING), pose, strict=True))
         for row, parameter in enumerate(problem.parameters):
             values[row] = known.get(parameter.quantity, values[row])
-        begun.append(values)
-    return begun
+        starts.append(values)
+    return starts
 
 
 def _span(parameter: Parameter) -> tuple[float, float]:
