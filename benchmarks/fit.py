@@ -28,7 +28,7 @@ from benchmarks.cases.synthetic_scan import READINGS, THERMOMETER, synthetic_sca
 
 ROOMS = ("simple", "arena", "laboratory")
 DRAWS = 500
-NEAR = 0.1  # m: half width of the prior of position round the truth
+NEAR = 0.1  # m: half width of the prior of position around the truth
 FREE = ("position", "heading", "offset", "threshold")
 
 
@@ -175,7 +175,7 @@ def main() -> None:
     for echoes in (1, 5):
         seconds = sorted(timed_fit(seed, echoes) for seed in range(1, 6))
         title = f"whole room as prior, {READINGS} readings of {echoes}, 8 walls"
-        print(f"{title}: {seconds[2]:.1f} s a fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
+        print(f"{title}: {seconds[2]:.1f} s per fit ({seconds[0]:.1f} to {seconds[-1]:.1f})", flush=True)
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         print("\n".join(coverage_table(list(pool.map(drawn_fit, range(draws), chunksize=4)))))
         own = partial(drawn_fit, receiver=Receiver.BOARD)

@@ -1,6 +1,6 @@
 """Processor time and memory of a live scan with traces: `python -m benchmarks.live [SECONDS]`.
 
-Runs `sonarhw scan --traces` against `sonarhw fake` in real time, at 10 pings a second, once briefly and once for
+Runs `sonarhw scan --traces` against `sonarhw fake` in real time, at 10 pings per second, once briefly and once for
 SECONDS more (60), and prints the difference in processor time and memory. Both runs include the start of a process.
 """
 
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 ROOM = Path(__file__).parents[1] / "rooms" / "simple.toml"
 SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
-SWEEP = 60  # headings; turning a degree hides inside the ping
+SWEEP = 60  # headings; a turn of one degree takes no longer than a ping
 
 
 @contextmanager
@@ -48,7 +48,7 @@ def main() -> None:
         cost(url, 1)  # compiles the kernels
         brief, long = cost(url, 1), cost(url, 1 + more)
     wall, processor, memory = (b - a for a, b in zip(brief, long, strict=True))
-    print(f"{more * SWEEP} readings with traces in {wall:.1f} s, {more * SWEEP / wall:.1f} a second")
+    print(f"{more * SWEEP} readings with traces in {wall:.1f} s, {more * SWEEP / wall:.1f} per second")
     print(f"processor {processor:.2f} s: {processor / wall:.3f} of one core")
     print(f"memory    {memory:+.1f} MB on {brief[2]:.0f} MB")
 

@@ -1,8 +1,8 @@
 """An hour of scanning as a log: `python -m benchmarks.logs [HOURS]`.
 
-Writes 36 000 readings an hour with traces of 3 250 samples, as a scanner with 10 pings a second sends them. Prints the
-share of one core and the memory that writing needs, and the duration of opening and seeking for a closed log, one torn
-at its end, and one damaged in its middle. Each step is a separate process with its own memory.
+Writes 36 000 readings per hour with traces of 3 250 samples, as a scanner with 10 pings per second sends them. Prints
+the share of one core and the memory that writing needs, and the duration of opening and seeking for a closed log, one
+torn at its end, and one damaged in its middle. Each step is a separate process with its own memory.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Gain of two processes over one in a study: `python -m benchmarks.study [SCANS]`.
 
 Predicts the same study (default 10 000 scans of 72 headings, at random places in the arena) alternately with one and
-with two processes. Prints scans a second, their ratio, and whether all files are equal. The required ratio is 1.8 for
+with two processes. Prints scans per second, their ratio, and whether all files are equal. The required ratio is 1.8 for
 100 000 scans on two cores, and needs both cores idle. The ratio of processor times is printed too, and is also valid on
 a busy machine: without waiting, the gain is 2 divided by it.
 """
@@ -68,7 +68,7 @@ def main() -> None:
         same = are_equal(folder / "1", folder / "2")
     print(versions())
     for workers, (clock, _) in taken.items():
-        print(f"{workers} process{'es' if workers > 1 else ''}: {scans / clock:8.0f} scans a second")
+        print(f"{workers} process{'es' if workers > 1 else ''}: {scans / clock:8.0f} scans per second")
     print(f"two over one: {taken[1][0] / taken[2][0]:.2f} (required: 1.8), files {'equal' if same else 'DIFFER'}")
     print(f"processor time, two over one: {taken[2][1] / taken[1][1]:.3f}")
 

@@ -1,6 +1,6 @@
 """Processor time and response times of the window: `python -m benchmarks.window [--full] [JOB ...]`.
 
-Opens real windows, on Xvfb where there is no display, and prints a table: dragging the sensor with all views open, a
+Opens real windows, on Xvfb if there is no display, and prints a table: dragging the sensor with all views open, a
 live scan with traces, a log of an hour, its replay at 50×, thousands of repaints, the first window. With `--full`
 the replay runs for an hour. Every job is a separate process.
 

@@ -40,15 +40,15 @@ def compare_with_image_sources() -> Iterator[Row]:
         began = time.process_time()
         ours = ray_lengths(room)
         ours_time += time.process_time() - began
-        both = partners(theirs, ours)
+        both = matched_pairs(theirs, ours)
         expected, found, additional = expected + len(theirs), found + both, additional + len(ours) - both
     yield at_least("all paths to 7 reflections, 20 walls: times pyroomacoustics", 1000, theirs_time / ours_time)
     yield at_least(f"  share of its {expected} paths found, %", 99.5, 100 * found / expected)
-    yield at_most("  paths found besides", 0, additional)
+    yield at_most("  additional paths found", 0, additional)
 
 
 def corners_of_a_room(seed: int) -> FloatArray:
-    """Return the corners of a closed room round the origin, at random distances, (20, 2) m."""
+    """Return the corners of a closed room around the origin, at random distances, (20, 2) m."""
     random = np.random.default_rng(seed)
     angles = (np.arange(WALLS) + random.uniform(-0.3, 0.3, WALLS)) * math.tau / WALLS
     radii = random.uniform(1.5, 3.0, WALLS)
@@ -86,7 +86,7 @@ def ray_lengths(room: Room) -> FloatArray:
     return find_paths(room, SOURCE, search, RECEIVER).lengths
 
 
-def partners(theirs: FloatArray, ours: FloatArray) -> int:
+def matched_pairs(theirs: FloatArray, ours: FloatArray) -> int:
     """Return how many of the sorted lengths have a separate match among the others."""
     i = j = both = 0
     while i < len(theirs) and j < len(ours):

@@ -11,7 +11,7 @@ from sonarhw_sim.room.model import Place, Room, parse_room
 
 OFFICE = 3.0  # m
 DOOR = 0.9  # m
-WALLS_AN_OFFICE = 11  # its share of partitions, and its objects
+WALLS_PER_OFFICE = 11  # its share of partitions, and its objects
 PLACE = Place("desk", (1.13, 1.37))
 
 Segment = tuple[float, float, float, float]
@@ -20,7 +20,7 @@ Segment = tuple[float, float, float, float]
 def office_floor(walls: int, seed: int = 1) -> Room:
     """Return a floor of exactly `walls` walls, at least 30."""
     random = np.random.default_rng(seed)
-    offices = max(1, walls // WALLS_AN_OFFICE)
+    offices = max(1, walls // WALLS_PER_OFFICE)
     across = math.ceil(math.sqrt(offices))
     up = math.ceil(offices / across)
     segments = _outline(across * OFFICE, up * OFFICE) + _partitions(across, up, random)

@@ -32,7 +32,7 @@ def synthetic_scan(
     warmer: float = 0.0,
     receiver: Receiver = Receiver.FIRST_ECHO,
 ) -> list[Reading]:
-    """Return a scan all round with the errors above; every reading has its first `echoes` echoes.
+    """Return a scan of a full turn with the errors above; every reading has its first `echoes` echoes.
 
     Ranges are computed with a thermometer that reads `warmer` K too high. The board's own receiver reports one echo.
     """

@@ -37,7 +37,7 @@ from sonarhw.readings import Reading, ScanOrder
 ROOMS = Path(__file__).parents[2] / "rooms"
 SONARHW = (sys.executable, "-c", "from sonarhw_cli.entry import main; main()")
 WALLS = 64
-RATE = 50.0  # readings a second of the live scan
+RATE = 50.0  # readings per second of the live scan
 PING = 0.1  # s, of the fake scanner in simulated time
 NEAR = 2.0  # m: range of the live scan
 SPEED = 50.0  # of the long replay
@@ -146,7 +146,7 @@ def ms(seconds: list[float], share: float) -> float:
 
 
 def write_log(path: Path, hours: float) -> None:
-    """Write a log of ten readings a second with traces, in another process with its own memory."""
+    """Write a log of ten readings per second with traces, in another process with its own memory."""
     command = [sys.executable, "-m", "benchmarks.logs", str(hours), "write", str(path)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
@@ -181,14 +181,14 @@ def dragging(lasts: float) -> list[Figure]:
     what = f"drag the sensor, {WALLS} walls, 360 headings: "
     return [
         Figure(f"{what}new outlines painted", count / wall, "/s", 30, True),
-        Figure(f"{what}new outlines painted, a second of GUI thread", count / thread, "/s", 30, True),
+        Figure(f"{what}new outlines painted per second of GUI thread", count / thread, "/s", 30, True),
         Figure(f"{what}mouse to paint, median", ms(drag.updates, 0.5), "ms"),
         Figure(f"{what}all threads", process / wall, "cores"),
     ]
 
 
 class _Drag:
-    """Drags the sensor with the mouse in a circle, a hundred moves a second."""
+    """Drags the sensor with the mouse in a circle, a hundred moves per second."""
 
     def __init__(self, window: MainWindow) -> None:
         self.updates: list[float] = []  # from a mouse move to the paint of its outline, s
@@ -265,9 +265,9 @@ def live(lasts: float) -> list[Figure]:
                 drawn += [at.wall - arrived[number] for number in range(before, count)]
         fake.terminate()
     busy = [later.since(earlier).thread for (earlier, _), (later, _) in pairwise(frames)]
-    what = f"live, {len(drawn) / wall:.0f} readings a second with traces: "
+    what = f"live, {len(drawn) / wall:.0f} readings per second with traces: "
     return [
-        Figure(f"{what}paints of new readings a second", len(frames) / wall, "/s", 30, True),
+        Figure(f"{what}paints of new readings per second", len(frames) / wall, "/s", 30, True),
         Figure(f"{what}last byte to paint, median", ms(drawn, 0.5), "ms"),
         Figure(f"{what}last byte to paint, 99 of 100", ms(drawn, 0.99), "ms", 100),
         Figure(f"{what}GUI thread from paint to paint, 99 of 100", ms(busy, 0.99), "ms of it", 33),

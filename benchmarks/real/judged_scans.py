@@ -29,7 +29,7 @@ ROOM = load_room("rooms/arena.toml")
 NEARBY = frozenset({"heading", "offset", "position"})
 ON_THE_SPOT = frozenset({"heading", "offset"})
 UNTUNED = {"aperture_radius": 0.005, "threshold_db": -30.0, "fixed_gain": False}
-# Echoes of the carrier itself have the same turntable angle and range at every place
+# echoes of the robot that carries the sensor have the same turntable angle and range at every place
 _OWN_SPREAD = 0.03  # m
 _OWN_SHARE = 0.7  # of the scans
 
@@ -121,7 +121,7 @@ def figures_of(judged: Sequence[Judged]) -> Figures:
     )
 
 
-def of_the_carrier(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
+def echoes_of_the_robot(scans: Sequence[RealScan]) -> set[tuple[str, int]]:
     """Return scan and row of the echoes with the same turntable angle and range in most scans, at any place."""
     ranges = np.array([[np.nan if r.range is None else r.range for r in scan.readings] for scan in scans])
     # at the same row, or the one before or after it

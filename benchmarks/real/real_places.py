@@ -44,20 +44,20 @@ def main() -> None:
     given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
     scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
     print("scan  place  found   most probable pose           probability   from the place")
-    right = at_best = 0
+    correct = at_best = 0
     for scan in scans:
         located, place = locate_real(scan), true_place(scan)
         shares = located.places()
         found, best = max(shares, key=shares.__getitem__), located.poses[0]
         away = math.dist(best.position, (scan.x, scan.y))
-        right += found == place
+        correct += found == place
         at_best += away < 0.1
         x, y = best.position
         print(
             f"{scan.name:5} {place:6} {found:4} {shares[found]:3.0%}  {x:.3f}, {y:.3f} m at "
             f"{heading_text(best.heading):>6} {best.probability:12.0%} {away * 100:12.0f} cm"
         )
-    print(f"right among the places: {right} of {len(scans)}; best pose within 10 cm of where it was: {at_best}")
+    print(f"correct places: {correct} of {len(scans)}; best pose within 10 cm of the true position: {at_best}")
     if "--elsewhere" in sys.argv:
         print_elsewhere(scans)
     if "--map" in sys.argv:

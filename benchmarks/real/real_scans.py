@@ -1,7 +1,7 @@
 """Comparison of models on real scans: `python -m benchmarks.real.real_scans [FOLDER]`.
 
-Imports each scan of the folder (scans.csv and one CSV a scan) as a user would, and fits heading, range offset and a
-position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction, the ROC
+Imports each scan of the folder (scans.csv and one CSV file for each scan) as a user would. Fits heading, range offset and
+a position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction, the ROC
 area of silence, and the agreement of two recordings at one place. `--cross-validation` also tunes the board without a
 place or a recording, tests it there, and prints the results of every candidate (minutes;
 `benchmarks.real.tune_lego_nxt`). `--besides` prints other variants that were tried (minutes).
@@ -31,18 +31,18 @@ from benchmarks.real.judged_scans import (
     UNTUNED,
     RealScan,
     as_row,
+    echoes_of_the_robot,
     figures_of,
     judge,
     judged_of,
     load_scans,
-    of_the_carrier,
     repeated,
 )
 from benchmarks.real.tune_lego_nxt import print_candidates, print_cross_validation, try_all
 
 
 def main() -> None:
-    """Print a row for each scan, the figures of all scans, those without the carrier's echoes, and held-out ones."""
+    """Print a row for each scan, the figures of all scans, those without the robot's own echoes, and held-out ones."""
     given = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
     scans = load_scans(Path(given[0]) if given else DEFAULT_FOLDER)
     board = load_board("lego-nxt")
@@ -52,10 +52,11 @@ def main() -> None:
     print(f"ray following before tuning, with a gain that rises ideally: {as_row(figures_of(untuned))}")
     earlier, later = repeated(scans)
     print(
-        f"of two recordings at one place the later has {earlier:.3f} of the earlier's echoes, the earlier {later:.3f}"
+        f"two recordings at one place: the later one contains {earlier:.3f} of the earlier one's echoes, the earlier "
+        f"one {later:.3f} of the later one's"
     )
     by_name = {scan.name: scan for scan in scans}
-    own = [by_name[name].readings[row] for name, row in of_the_carrier(scans)]
+    own = [by_name[name].readings[row] for name, row in echoes_of_the_robot(scans)]
     counts = Counter(round(math.degrees(one.angle)) for one in own)
     print("echoes at the same angle and range at every place, by turntable angle:", end=" ")
     print(", ".join(f"{angle}°: {count}" for angle, count in sorted(counts.items())))
@@ -98,7 +99,7 @@ def _print_models(title: str, scans: Sequence[RealScan], board: Board, free: fro
         print(f"{scan.name:5}" + "".join(_cell(judged[model][k], scan) for model in MODELS))
     totals = [as_row(figures_of([judged_of(one) for one in judged[model]])) for model in MODELS]
     print("all  " + "".join(f"{total:>21}{'':21}" for total in totals))
-    own = of_the_carrier(scans)
+    own = echoes_of_the_robot(scans)
     shares = (_share_without(judged[model], scans, own) for model in MODELS)
     print(f"without {len(own)} echoes repeated at every place: " + ", ".join(f"{share:.3f}" for share in shares))
 

@@ -5,8 +5,8 @@ origin, and prints its results, also for places and recordings that were not use
 
 Two numbers are tuned; the rest of the profile is known from the sensor. For each scan, only heading, range offset and a
 position within 3 cm are fitted. Of all candidates whose share of echoes within 5 cm is within half a standard error of
-the best, the one with the best balanced accuracy for silent headings is used. As results of a thousand readings are
-noisy, those of a candidate are averaged with its neighbours on the grid.
+the best, the one with the best balanced accuracy for silent headings is used. Results of a thousand readings are
+noisy, so those of a candidate are averaged with its neighbours on the grid.
 """
 
 import csv
@@ -118,8 +118,8 @@ def judge_all(scans: Sequence[RealScan], board: Board, known: Known) -> dict[str
 
 def held_out(trial: Trial, folds: Mapping[str, Sequence[str]]) -> dict[str, tuple[tuple[int, int], Figures]]:
     """Return, for every fold (scans by name), the candidate tuned on all others and its figures for the fold."""
-    everyone = [scan.name for scan in trial.scans]
-    tuned = {fold: trial.best([name for name in everyone if name not in names]) for fold, names in folds.items()}
+    all_names = [scan.name for scan in trial.scans]
+    tuned = {fold: trial.best([name for name in all_names if name not in names]) for fold, names in folds.items()}
     return {fold: (tuned[fold], trial.figures(tuned[fold], names)) for fold, names in folds.items()}
 
 
@@ -142,13 +142,13 @@ def pooled(trial: Trial, folds: Mapping[str, Sequence[str]]) -> Figures:
 
 def print_candidates(trial: Trial) -> None:
     """Print the share of every candidate, and the detection of silence with the best aperture."""
-    everyone = [scan.name for scan in trial.scans]
-    rows = [[trial.figures((a, t), everyone) for t in range(len(THRESHOLDS))] for a in range(len(APERTURES))]
+    all_names = [scan.name for scan in trial.scans]
+    rows = [[trial.figures((a, t), all_names) for t in range(len(THRESHOLDS))] for a in range(len(APERTURES))]
     print("\nshare within 5 cm of every candidate: thresholds across, dB, apertures down, mm")
     print(f"{'':9}" + "".join(f"{threshold:7.1f}" for threshold in THRESHOLDS))
     for aperture, row in zip(APERTURES, rows, strict=True):
         print(f"{aperture * 1000:9.2f}" + "".join(f"{found.share:7.3f}" for found in row))
-    print("balanced " + "".join(f"{found.agreement:7.3f}" for found in rows[trial.best(everyone)[0]]))
+    print("balanced " + "".join(f"{found.agreement:7.3f}" for found in rows[trial.best(all_names)[0]]))
 
 
 def print_cross_validation(trial: Trial) -> None:
@@ -163,9 +163,9 @@ def print_cross_validation(trial: Trial) -> None:
 
 def profile(trial: Trial, fingerprint: str, today: date) -> str:
     """Return the tuned profile with its origin, as TOML."""
-    everyone = [scan.name for scan in trial.scans]
-    a, t = trial.best(everyone)
-    found = trial.figures((a, t), everyone)
+    all_names = [scan.name for scan in trial.scans]
+    a, t = trial.best(all_names)
+    found = trial.figures((a, t), all_names)
     readings = [reading for scan in trial.scans for reading in scan.readings]
     echoes = sum(reading.range is not None for reading in readings)
     rows = (

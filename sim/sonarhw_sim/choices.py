@@ -39,7 +39,7 @@ class Receiver(StrEnum):
 class Unit(StrEnum):
     """The effect of the transducer's body on sound that passes it."""
 
-    PASS = "pass"  # none: it is small, and sound closes round it
+    PASS = "pass"  # none: it is small, and sound closes around it
     BLOCK = "block"  # sound that meets its face ends there
     REFLECT = "reflect"  # both sides of its face reflect like a wall: appendix A as printed
 

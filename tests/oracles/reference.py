@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from sonarhw_sim.board.gain import uncompensated_db
-from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, ON_AXIS, with_faces
+from sonarhw_sim.board.mount import BODY_REFLECTANCE, ON_AXIS, with_faces
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Unit
@@ -98,7 +98,7 @@ def range_at(
     """
     setting = _Setting(room, place, board, heading, unit, spacing)
     if unit is Unit.REFLECT:
-        faced = with_faces(room, [ON_AXIS.pose(place, heading)], board.aperture_radius, CARRIER_REFLECTANCE)
+        faced = with_faces(room, [ON_AXIS.pose(place, heading)], board.aperture_radius, BODY_REFLECTANCE)
         setting = replace(setting, room=faced, face=len(room.walls))
     heap: list[tuple[float, int, Arrival]] = []
     count = 0

@@ -176,7 +176,7 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
 
 def _warn_of_face_outside(scan: "PredictedScan") -> None:
     """Warn if the place is inside the room, but the mount or ring puts the face outside."""
-    if scan.board.carrier.turns_about_face or scan.room.is_outside(scan.place.position):
+    if scan.board.mounting.turns_about_face or scan.room.is_outside(scan.place.position):
         return
     outside = sum(scan.room.is_outside((x, y)) for x, y in scan.standpoints.tolist())
     if outside:

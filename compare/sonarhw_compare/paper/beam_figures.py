@@ -62,20 +62,20 @@ def loss_grows_to_the_first_null(radius: float = 0.0192) -> Claim:
 
 def _loss(degrees: float, radius: float) -> Loss:
     burst = square_burst(_FREQUENCY, _CYCLES, _RATE)
-    left = _convolved(burst, math.radians(degrees), radius, ways=2)
+    left = _convolved(burst, math.radians(degrees), radius, passes=2)
     gain = beam_gain(np.array([math.radians(degrees)]), math.tau * _FREQUENCY / _SPEED * radius)[0]
     energy = (np.abs(left) ** 2).sum() / (np.abs(burst) ** 2).sum()
     return Loss(40 * math.log10(gain), 20 * math.log10(np.abs(left).max()), 10 * math.log10(energy))
 
 
-def _convolved(burst: ComplexArray, angle: float, radius: float, ways: int) -> ComplexArray:
-    """Return the burst convolved with the response of the face at an angle (rad), once for each of `ways`."""
+def _convolved(burst: ComplexArray, angle: float, radius: float, passes: int) -> ComplexArray:
+    """Return the burst convolved with the response of the face at an angle (rad), once for each of `passes`."""
     half = math.ceil(radius * math.sin(angle) / _SPEED * _RATE) + 1
     times = np.arange(-half, half + 1) / _RATE
     response = impulse_response(times, angle, radius, _SPEED)
     # the samples miss part of the steep edges; the integral is known, so normalise it
     response *= math.cos(angle) / response.sum()
-    for _ in range(ways):
+    for _ in range(passes):
         burst = np.convolve(burst, response)
     return burst
 
@@ -85,7 +85,7 @@ def _draw() -> Figure:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
     burst = square_burst(_FREQUENCY, _CYCLES, _RATE)
     shown: list[tuple[float, ComplexArray]] = [(0.0, burst)]
-    shown += [(degrees, _convolved(burst, math.radians(degrees), 0.0192, ways=1)) for degrees in (5.0, 10.0, _SLANT)]
+    shown += [(degrees, _convolved(burst, math.radians(degrees), 0.0192, passes=1)) for degrees in (5.0, 10.0, _SLANT)]
     for row, (degrees, pulse) in enumerate(shown):
         times = (np.arange(len(pulse)) - len(pulse) / 2) / _RATE
         left.plot(times * 1e6, np.real(pulse) - 2.2 * row, color=PREDICTED, lw=0.8)
@@ -101,7 +101,7 @@ def _draw_losses(axes: Axes) -> None:
     degrees = np.arange(0.05, 40, 0.05)
     angles = np.radians(degrees)
     carrier = beam_gain(angles, math.tau * _FREQUENCY / _SPEED * 0.0192) ** 2
-    loss = burst_loss(angles, square_burst(_FREQUENCY, _CYCLES, _RATE / 4), _RATE / 4, 0.0192, _SPEED, ways=2)
+    loss = burst_loss(angles, square_burst(_FREQUENCY, _CYCLES, _RATE / 4), _RATE / 4, 0.0192, _SPEED, passes=2)
     for values, colour, style, label in (
         (carrier, PREDICTED, "-", "carrier: used for the level of a path"),
         (loss.peak, MEASURED, "--", "peak of a square 16-cycle burst"),

@@ -17,7 +17,7 @@ from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, received_by, search_for, weigh_paths
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.rays.sight import distances_ahead
-from sonarhw_sim.vertical.sections import cut, standing_at
+from sonarhw_sim.vertical.sections import cut, spanning_at
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.matching.match import TOLERANCE
@@ -113,7 +113,7 @@ def _levels(scan: PredictedScan, echo: np.ndarray[tuple[int], np.dtype[np.bool_]
 
 def _axis_distances(scan: PredictedScan) -> FloatArray:
     height = scan.place.height
-    room = scan.room if height is None else cut(scan.room, standing_at(scan.room, height))
+    room = scan.room if height is None else cut(scan.room, spanning_at(scan.room, height))
     ahead = distances_ahead(scan.standpoints, scan.headings, room.surfaces)
     return np.where(np.isfinite(ahead), ahead, np.nan)
 

@@ -1,7 +1,7 @@
-"""The burst: spectrum of the echo of a perfect wall straight ahead, round the carrier.
+"""The burst: spectrum of the echo of a perfect wall straight ahead, around the carrier.
 
-All signals of `board.traces` are complex envelopes round the board's frequency, RATE samples a second. The signal with
-its carrier is computed from them at the end.
+All signals of `board.traces` are complex envelopes around the board's frequency, RATE samples per second. The signal
+with its carrier is computed from them at the end.
 """
 
 import cmath
@@ -70,7 +70,7 @@ def burst_spectrum(frequencies: FloatArray, board: Board) -> ComplexArray:
     """Return the Fourier transform of the echo straight ahead at `frequencies` (Hz above the carrier), same shape.
 
     Each tone is a rectangle in time, with continuous phase from tone to tone. The transducer rises and decays like a
-    resonance round the carrier, 1/(1 + 2πifτ), once as sender and once as receiver.
+    resonance around the carrier, 1/(1 + 2πifτ), once as sender and once as receiver.
     """
     sent = np.zeros(frequencies.shape, dtype=np.complex128)
     begin, phase = 0.0, 0.0

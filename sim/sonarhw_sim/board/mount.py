@@ -1,7 +1,7 @@
-"""Position of a transducer on its turntable, and the parts of the carrier that block or reflect sound.
+"""Position of a transducer on its turntable, and the parts of its mounting that block or reflect sound.
 
 A place is the position of the turning axis. `Mount` is one head on a turntable; `sonarhw_sim.board.ring` has several
-sensors round a body. The effect of a face on sound that meets it is a `Unit`.
+sensors around a body. The effect of a face on sound that meets it is a `Unit`.
 """
 
 import math
@@ -22,13 +22,13 @@ FACE = "unit"  # name of a transducer's face in `via`
 BODY = "body"
 # A metal foil on a metal plate, and the shell of a robot, are assumed as hard as the shelving of the example rooms. No
 # scan of a near wall has calibrated this value. It only affects the level of repeated echoes.
-CARRIER_REFLECTANCE = 0.95
+BODY_REFLECTANCE = 0.95
 
 Length = Annotated[float, Field(ge=0, le=10)]
 Offset = Annotated[float, Field(ge=-10, le=10)]
 
 
-FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: CARRIER_REFLECTANCE}
+FACE_REFLECTANCES = {Unit.PASS: None, Unit.BLOCK: 0.0, Unit.REFLECT: BODY_REFLECTANCE}
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def with_body(room: Room, place: Place, radius: float) -> Room:
     if radius == 0.0:
         return room
     # a face on the body is just outside it
-    return with_post(room, (*place.position, radius - MEETING), BODY, CARRIER_REFLECTANCE)
+    return with_post(room, (*place.position, radius - MEETING), BODY, BODY_REFLECTANCE)
 
 
 def with_faces(

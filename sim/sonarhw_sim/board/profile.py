@@ -85,7 +85,7 @@ class BoardFile(TomlModel):
         return steps
 
     @model_validator(mode="after")
-    def _one_carrier(self) -> "BoardFile":
+    def _one_mounting(self) -> "BoardFile":
         if self.ring is not None and self.mount != ON_AXIS:
             raise ValueError("[mount] and [ring]: expected one of them, a head on a turntable or a ring of sensors")
         return self
@@ -158,7 +158,7 @@ class Board:
     home_angle_deg: float = 0.0  # direction of the turntable's zero, counter-clockwise from the nominal one
 
     @property
-    def carrier(self) -> Mount | Ring:
+    def mounting(self) -> Mount | Ring:
         """The mount or ring that carries the transducers."""
         return self.ring or self.mount
 

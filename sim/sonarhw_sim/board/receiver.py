@@ -91,7 +91,7 @@ def _sums_between(some: ComplexArray, first: NDArray[np.intp], gain: FloatArray,
 def echo_times(samples: ComplexArray, board: Board, speed_of_sound: float) -> FloatArray:
     """Return the times at which the board detects echoes, (k,) float, s from the start of transmission, true time.
 
-    `samples` are the complex envelope after the gain, RATE a second. REC follows v′ = (|s|/A − v)/τ and is full at 1.
+    `samples` are the complex envelope after the gain, RATE per second. REC follows v′ = (|s|/A − v)/τ and is full at 1.
     A is chosen so that a single wall straight ahead at the threshold just fills REC, so `threshold_db` has the same
     meaning for both receivers.
     """

@@ -1,4 +1,4 @@
-"""A ring of sensors round a body, each pointing outwards; every sensor may receive the pings of all.
+"""A ring of sensors around a body, each pointing outwards; every sensor may receive the pings of all.
 
 A place is the centre of the body. A sensor reports the first arrival above its threshold after its blanking, measured
 from its own ping, whichever sensor sent the sound.
@@ -40,7 +40,7 @@ class Ring(TomlModel):
 
     @property
     def turns_about_face(self) -> bool:
-        """Whether the paths are the same at every heading: never, as each sensor has its own position."""
+        """Whether the paths are the same at every heading: never, because each sensor has its own position."""
         return False
 
     @property

@@ -4,7 +4,7 @@
 10^(threshold_db / 20). The receiver limits louder signals.
 
 Every echo is the burst, convolved with h_R at its angle of departure and at its angle of arrival. The convolution is a
-product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α. An echo is therefore computed as a short spectrum round
+product of spectra, and the spectrum of h_R is 2 J₁(x)/x cos α. An echo is therefore computed as a short spectrum around
 the carrier, where its exact time of flight is a phase.
 """
 
@@ -26,15 +26,15 @@ from sonarhw_sim.choices import Receiver
 from sonarhw_sim.compiled import compiled
 
 ENVELOPE_RATE = 50_000.0  # Hz
-CONVERTER_RATE = 16e6 / 16 / 13  # Hz: an ATmega's converter at 16 MHz / 16, 13 clocks a sample
+CONVERTER_RATE = 16e6 / 16 / 13  # Hz: an ATmega's converter at 16 MHz / 16, 13 clocks per sample
 _CONVERTER_STEPS = 128  # to each side of zero: 8 bits
-_FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, as noise hides it
+_FAINTEST = 1e-4  # amplitude; an echo that is always below this is omitted, because noise hides it
 _AT_ONCE = 128  # echoes computed at a time, so that memory does not grow with their number
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """All sound that returns after one ping, before the effect of the transducer; one row an arrival."""
+    """All sound that returns after one ping, before the effect of the transducer; one row for each arrival."""
 
     times: FloatArray  # (n,), s since the start of transmission
     amplitudes: FloatArray  # (n,), signed, without beam, spreading and the absorption that the ideal gain compensates
@@ -59,9 +59,9 @@ class Noise:
 
 @dataclass(frozen=True)
 class Signal:
-    """The receive signal of one ping, after the gain, as a complex envelope round the carrier."""
+    """The receive signal of one ping, after the gain, as a complex envelope around the carrier."""
 
-    samples: ComplexArray  # (n,), RATE samples a second from the start of transmission
+    samples: ComplexArray  # (n,), RATE samples per second from the start of transmission
     carrier: float  # Hz
     duration: float  # s
 

@@ -1,6 +1,6 @@
 """Directivity of the transducer, and the shape of a pulse away from its axis.
 
-Functions describe one way unless `ways` says more. An echo is subject to departure and arrival.
+The beam acts twice on an echo, at departure and at arrival. The functions apply it once, or `passes` times.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 def beam_gain(angles: FloatArray, ka: float) -> FloatArray:
-    """Return the amplitude at `angles` (rad) from the axis relative to straight ahead, one way, 0..1, same shape.
+    """Return the amplitude at `angles` (rad) from the axis relative to straight ahead, for one pass, 0..1, same shape.
 
     A disc of radius a at wavenumber k: |2 J₁(x)/x| cos α with x = ka sin α; nothing at 90° and beyond. It is the
     carrier's part of Kuc and Siegel's h_R, whose integral is cos α (Kuc and Siegel 1987; CIM-92-9 eq. 1).
@@ -46,19 +46,19 @@ def impulse_response(times: FloatArray, angle: float, radius: float, speed_of_so
 
 
 def convolved(
-    pulse: FloatArray | ComplexArray, rate: float, angles: FloatArray, radius: float, speed_of_sound: float, ways: int
+    pulse: FloatArray | ComplexArray, rate: float, angles: FloatArray, radius: float, speed_of_sound: float, passes: int
 ) -> tuple[ComplexArray, float]:
-    """Return a pulse convolved `ways` times with h_R at every angle, (n, m) complex, and the time of its start, s.
+    """Return a pulse convolved `passes` times with h_R at every angle, (n, m) complex, and the time of its start, s.
 
     `pulse` (k,) is sampled at `rate` (Hz) from time 0, with its carrier; a real pulse stays real. Far off the axis the
     result begins before 0, because one rim of the face is nearer than its centre.
     """
-    rim = int(np.ceil(ways * radius / speed_of_sound * rate)) + 1
+    rim = int(np.ceil(passes * radius / speed_of_sound * rate)) + 1
     count = len(pulse) + 2 * rim
     length = 1 << (count - 1).bit_length()
     wavenumbers = np.asarray(2 * np.pi * fftfreq(length, 1 / rate) / speed_of_sound, dtype=np.float64)
     spectrum = fft(np.concatenate((np.zeros(rim), pulse)), length)
-    passed = _transfer(wavenumbers * radius, np.asarray(angles, dtype=np.float64)[:, None]) ** ways
+    passed = _transfer(wavenumbers * radius, np.asarray(angles, dtype=np.float64)[:, None]) ** passes
     return np.asarray(ifft(spectrum * passed, axis=1)[:, :count]), -rim / rate
 
 
@@ -71,13 +71,13 @@ class BurstLoss:
 
 
 def burst_loss(
-    angles: FloatArray, pulse: FloatArray | ComplexArray, rate: float, radius: float, speed_of_sound: float, ways: int
+    angles: FloatArray, pulse: FloatArray | ComplexArray, rate: float, radius: float, speed_of_sound: float, passes: int
 ) -> BurstLoss:
-    """Return the remaining part of a pulse (k,) at `rate` (Hz) at `angles` (n,) rad from the axis, after `ways` ways.
+    """Return the remaining part of a pulse (k,) at `rate` (Hz) at `angles` (n,) rad from the axis, after `passes`.
 
     The carrier of the pulse must be a complex exponential. The peak is then that of the envelope, at any phase.
     """
-    left, _ = convolved(pulse, rate, angles, radius, speed_of_sound, ways)
+    left, _ = convolved(pulse, rate, angles, radius, speed_of_sound, passes)
     power = np.abs(left) ** 2
     whole = np.abs(pulse) ** 2
     return BurstLoss(np.sqrt(power.max(axis=1) / whole.max()), np.sqrt(power.sum(axis=1) / whole.sum()))

@@ -64,7 +64,7 @@ def disc(x: float, table: FloatArray) -> float:
 
 @compiled
 def beam(cosine: float, ka: float, table: FloatArray) -> float:
-    """Return the amplitude, one way, at an angle from the axis given by its cosine: |2 J₁(x)/x| cos α, 0 from 90°."""
+    """Return the amplitude, for one pass, at an angle α given by its cosine: |2 J₁(x)/x| cos α, 0 from 90° on."""
     if cosine <= 0.0:
         return 0.0
     amplitude: float = abs(disc(ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)), table)) * cosine

@@ -1,4 +1,4 @@
-"""Paths heading by heading, for carriers and faces that move when the head turns.
+"""Paths heading by heading, for bodies and faces that move when the head turns.
 
 Every path exists at one heading only, so each heading needs its own search. If nothing but the beam turns, one search
 serves all headings (`sonarhw_sim.predict.prediction`).
@@ -16,18 +16,18 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
-_AT_ONCE = 1e-9  # m: longest leg between a transducer and its own face
+_ON_OWN_FACE = 1e-9  # m: longest leg between a transducer and its own face
 
 
 @dataclass(frozen=True)
 class HeadingPaths:
     """The paths of several headings, shortest first."""
 
-    room: Room  # with the carrier's body, and the faces as they are at the first heading
+    room: Room  # with the body, and the faces as they are at the first heading
     paths: Paths  # (p,)
     only_at: NDArray[np.intp]  # (p,): row of the heading at which each path exists
     sender_headings: FloatArray  # (p,), rad: heading of its sender
-    lateness: FloatArray  # (p,), m: apparent extra length, as its ping was sent later than the receiver's
+    lateness: FloatArray  # (p,), m: apparent extra length, because its ping was sent later than the receiver's
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ def find_by_heading(
     Paths longer than twice that range are omitted too. `face_reflectance` is the reflectance of the faces; with None
     sound passes them.
     """
-    carrier, speed = board.carrier, room.air.speed_of_sound
-    room = with_body(room, place, carrier.body_radius)
+    mounting, speed = board.mounting, room.air.speed_of_sound
+    room = with_body(room, place, mounting.body_radius)
     shown, found = room, []
     for k, heading in enumerate(headings):
-        listener, senders = carrier.pose(place, float(heading)), carrier.senders(place, float(heading))
+        listener, senders = mounting.pose(place, float(heading)), mounting.senders(place, float(heading))
         room_with_faces = room
         if face_reflectance is not None:
             room_with_faces = with_faces(room, senders, board.aperture_radius, face_reflectance, place.height)
         shown = shown if k else room_with_faces
         pairs = _pairs(listener, senders, 2 * board.max_range, speed)
-        found += [(_without_idle(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
+        found += [(_without_own_face(find(room_with_faces, pair), room_with_faces), k, pair) for pair in pairs]
     return _joined(shown, found)
 
 
@@ -93,11 +93,11 @@ def _pairs(
             yield SensorPair(sender, listener, lateness, longest)
 
 
-def _without_idle(paths: Paths, room: Room) -> Paths:
-    """Return the paths without those that reflect at a face where they start or end: that sound counts already."""
+def _without_own_face(paths: Paths, room: Room) -> Paths:
+    """Return the paths without reflections at a face where they start or end, because that sound is counted already."""
     is_face = np.append(np.array(room.names) == FACE, False)[paths.surfaces].any(axis=1)
-    idle = (_first_legs(paths) <= _AT_ONCE) | (_last_legs(paths) <= _AT_ONCE)
-    return paths.select(np.flatnonzero(~(idle & is_face)))
+    at_own_face = (_first_legs(paths) <= _ON_OWN_FACE) | (_last_legs(paths) <= _ON_OWN_FACE)
+    return paths.select(np.flatnonzero(~(at_own_face & is_face)))
 
 
 def _first_legs(paths: Paths) -> FloatArray:

@@ -20,7 +20,7 @@ from sonarhw_sim.rays.kernel import first_hit
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.grid import Surfaces
 from sonarhw_sim.room.model import Place, Room
-from sonarhw_sim.vertical.sections import cut, standing_at
+from sonarhw_sim.vertical.sections import cut, spanning_at
 
 CONE_HALF_ANGLE = math.radians(15)  # the "±15° cone" of robotics
 _CONE_RAYS = 121
@@ -106,10 +106,10 @@ def _range_error(seed: int, heading: float) -> float:
 
 
 def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, cone: FloatArray) -> PredictedScan:
-    """Return a scan with one path a heading: straight to the nearest surface within heading + `cone`, and back."""
-    starts = np.array([board.carrier.pose(place, float(heading)).receiver for heading in headings])
-    standing = standing_at(room, place.height)
-    section = cut(room, standing)
+    """Return a scan with one path for each heading: to the nearest surface within heading + `cone`, and back."""
+    starts = np.array([board.mounting.pose(place, float(heading)).receiver for heading in headings])
+    spanning = spanning_at(room, place.height)
+    section = cut(room, spanning)
     distances, directions, surfaces = _nearest_hits(starts.reshape(-1, 2), headings[:, None] + cone, section.surfaces)
     rows = np.argsort(distances, kind="stable")
     rows = rows[surfaces[rows] >= 0]
@@ -119,7 +119,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
         departures=headings[rows],  # these models treat every surface as straight ahead
         arrivals=headings[rows],
         gains=np.ones(len(rows)),
-        surfaces=np.array(standing, dtype=np.int32)[surfaces].reshape(-1, 1),
+        surfaces=np.array(spanning, dtype=np.int32)[surfaces].reshape(-1, 1),
         edges=np.full(len(rows), -1, dtype=np.int32),
         bends=np.ones(len(rows), dtype=np.int32),
         elevations=np.zeros((len(rows), 2)),

@@ -75,7 +75,7 @@ def received_by(scan: PredictedScan, options: PredictionOptions) -> PredictedSca
 
 def paths_serve_all_headings(board: Board, unit: Unit) -> bool:
     """Return whether the paths are the same at every heading, so that one search is enough for a scan."""
-    return board.carrier.turns_about_face and unit is not Unit.REFLECT
+    return board.mounting.turns_about_face and unit is not Unit.REFLECT
 
 
 def paths_for(room: Room, place: Place, board: Board, options: PredictionOptions) -> Paths:

@@ -27,7 +27,7 @@ from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room, with_post
 from sonarhw_sim.vertical.sections import paths_from
 
-MAX_ECHOES = 5  # a ping
+MAX_ECHOES = 5  # per ping
 _FIRST_LISTEN = 0.01  # s, of the ping in `prepare`
 _HEADINGS_KEPT = 720  # headings whose paths are cached, if each has its own
 

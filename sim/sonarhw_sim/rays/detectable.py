@@ -1,7 +1,7 @@
 """Upper bounds on the amplitude of rays, so that the ray kernel drops rays that no receiver can detect.
 
-Every bound errs on the loud side: a path is lost only if it is fainter than `TransducerAxes.faintest`. A search for all
-headings at once has no `TransducerAxes` and drops nothing.
+No bound is below the true amplitude, so a path is lost only if it is fainter than `TransducerAxes.faintest`. A search
+for all headings at once has no `TransducerAxes` and drops nothing.
 """
 
 import math
@@ -65,7 +65,7 @@ def all_rays(rays: int, targets: int) -> Detectable:
 
 @lru_cache(maxsize=16)
 def _loudest_aside(ka: float) -> FloatArray:
-    """Return the largest beam factor, one way, at or beyond each angle less one degree, (1441,) for 0 to π."""
+    """Return the largest beam factor, for one pass, at or beyond each angle minus one degree, (1441,) for 0 to π."""
     angles = np.linspace(0, math.pi, _ANGLES)
     loudest = np.maximum.accumulate(beam_gain(np.maximum(angles - _ASIDE, 0.0), ka)[::-1])[::-1]
     loudest.flags.writeable = False

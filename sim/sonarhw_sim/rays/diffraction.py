@@ -74,7 +74,7 @@ def diffracted_paths(
     back, back_edges = (out, out_edges) if back is out else _paths_to_edges(room, back)
     first, second, gains = join_at_edges(out_edges, back_edges, room.edges, edge_diffraction, max_length)
     most = int((out.bends[first] + back.bends[second]).max(initial=0))
-    surfaces, points = _thread(first, second, out.surfaces, out.points, back.surfaces, back.points, most)
+    surfaces, points = _concatenated(first, second, out.surfaces, out.points, back.surfaces, back.points, most)
     lengths = out.lengths[first] + back.lengths[second]
     paths = PartialPaths(lengths, gains, surfaces, out.edges[first], out.bends[first], points)
     return paths.select(np.flatnonzero((surfaces >= 0).sum(axis=1) <= max_bounces))
@@ -97,7 +97,7 @@ def _paths_to_edges(room: Room, paths: PartialPaths) -> tuple[PartialPaths, Edge
 
 
 @compiled
-def _thread(
+def _concatenated(
     first: NDArray[np.intp],
     second: NDArray[np.intp],
     out_surfaces: IntArray,
@@ -106,7 +106,7 @@ def _thread(
     back_points: FloatArray,
     most: int,
 ) -> tuple[IntArray, FloatArray]:
-    """Return surfaces and points of paths that follow one path and then another one reversed."""
+    """Return surfaces and points of paths that consist of one path and another one, reversed."""
     count = first.shape[0]
     surfaces = np.full((count, most), -1, np.int32)
     points = np.full((count, most + 3, 2), np.nan)

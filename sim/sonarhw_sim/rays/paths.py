@@ -35,7 +35,7 @@ class PathSearch:
     diffraction: bool = True
     rays: int = RAYS
     edge_strength: EdgeStrength = EdgeStrength.PAPER
-    faintest_diffraction: float = 1e-3  # gain; fainter diffracted paths are omitted, as their number is infinite
+    faintest_diffraction: float = 1e-3  # gain; fainter diffracted paths are omitted, because their number is infinite
     axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
 
     @property

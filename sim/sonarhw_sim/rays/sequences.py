@@ -1,4 +1,4 @@
-"""Exact solution of a sequence of surfaces: the path that touches just these, in this order, if it exists.
+"""Exact solution of a sequence of surfaces: the path that touches exactly these, in this order, if it exists.
 
 Walls are solved with image sources. With a post in the sequence there is no finite image, so Newton's method refines
 the direction of the ray within its tube. A path is valid if every reflection point is on its surface and no leg is

@@ -109,7 +109,7 @@ def _list_faces(
 
 
 def _following(vertices: IntArray) -> NDArray[np.intp]:
-    """Return, for each face, the next one round its vertex, (f,)."""
+    """Return, for each face, the next one around its vertex, (f,)."""
     following = np.arange(1, len(vertices) + 1)
     last = np.flatnonzero(np.append(vertices[1:] != vertices[:-1], True)[: len(vertices)])
     # the last face of a vertex is followed by its first one, which is listed after the last of the vertex before

@@ -41,8 +41,8 @@ def facets_of(room: Room) -> tuple[Facets, ...]:
 
 def _circles(walls: FloatArray) -> Iterator[Facets]:
     """Yield the closed chains of walls (n, 4) whose corners lie on a circle."""
-    goes_on = (walls[:-1, 2:] == walls[1:, :2]).all(axis=1)
-    bounds = [0, *(np.flatnonzero(~goes_on) + 1).tolist(), len(walls)]
+    continues = (walls[:-1, 2:] == walls[1:, :2]).all(axis=1)
+    bounds = [0, *(np.flatnonzero(~continues) + 1).tolist(), len(walls)]
     for first, behind in pairwise(bounds):
         chain = walls[first:behind]
         if len(chain) >= _FEWEST and (chain[-1, 2:] == chain[0, :2]).all():
@@ -53,7 +53,7 @@ def _circles(walls: FloatArray) -> Iterator[Facets]:
 
 
 def _winds_once(chain: FloatArray, middle: FloatArray) -> bool:
-    """Return whether walls wind round a point once, all in one direction."""
+    """Return whether walls wind around a point once, all in one direction."""
     start, end = chain[:, :2] - middle, chain[:, 2:] - middle
     turns = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))
     one_way = bool((turns > 0).all() or (turns < 0).all())

@@ -1,8 +1,8 @@
-"""Test of whether walls enclose a point, wherever along one another they meet.
+"""Test whether walls enclose a point, even if they do not meet at their ends.
 
-Seen from the point, the direction to a point on a wall changes steadily along the wall. Where two walls touch, both see
-the contact in one direction, except for whole turns. If no choice of turns makes all contacts agree, a closed path
-along walls changes the direction by a turn, so it encloses the point.
+Each wall gets the angle from the point to its start; along the wall this angle changes continuously. Where two walls
+touch, their angles differ by a whole number of turns. If whole turns can be added to the walls so that all these
+differences vanish, nothing encloses the point. Otherwise a closed path along walls turns around it.
 """
 
 import math
@@ -67,7 +67,7 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _agree(count: int, contacts: Sequence[tuple[int, int, int]]) -> bool:
-    """Return whether `count` walls can have whole turns that differ at each contact by its number."""
+    """Return whether `count` walls can be given whole turns that differ at each contact by its number of turns."""
     neighbours: list[list[tuple[int, int]]] = [[] for _ in range(count)]
     for one, other, turns in contacts:
         neighbours[one].append((other, turns))

@@ -1,7 +1,7 @@
 """Changes to the text of a room file that keep its comments, order and layout.
 
-Each function returns the room of the changed text, and raises InputError if the change makes the file invalid. The text
-of a room is the room, so a saved room reads back the same.
+Each function returns the room of the changed text, and raises InputError if the change makes the file invalid. A room
+is always parsed from its text, so a saved room is the same when it is read again.
 """
 
 import math

@@ -75,17 +75,17 @@ def _horizontal_paths(
 ) -> Paths:
     shares: dict[tuple[int, ...], float] = {}  # by the surfaces at a height
     for height, share in strips:
-        standing = standing_at(room, height)
-        shares[standing] = shares.get(standing, 0.0) + share
+        spanning = spanning_at(room, height)
+        shares[spanning] = shares.get(spanning, 0.0) + share
     parts = []
-    for standing, share in shares.items():
-        section = cut(room, standing)
-        paths = _in_room(_planar_paths(section, place, search, receiver), section, room, standing)
+    for spanning, share in shares.items():
+        section = cut(room, spanning)
+        paths = _in_room(_planar_paths(section, place, search, receiver), section, room, spanning)
         parts.append(paths if len(shares) == 1 else replace(paths, gains=paths.gains * share))
     return parts[0] if len(parts) == 1 else _summed(parts)
 
 
-def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
+def spanning_at(room: Room, height: float | None) -> tuple[int, ...]:
     """Return the numbers of the walls and posts that span a height (m); for None, of all."""
     lower, upper = room.heights[: room.levels.start].T
     if height is None:
@@ -93,13 +93,13 @@ def standing_at(room: Room, height: float | None) -> tuple[int, ...]:
     return tuple(np.flatnonzero((lower <= height) & (height <= upper)).tolist())
 
 
-def cut(room: Room, standing: tuple[int, ...]) -> Room:
+def cut(room: Room, spanning: tuple[int, ...]) -> Room:
     """Return the room with only these walls and posts and their edges; the room itself if they are all."""
-    if len(standing) == room.levels.start:
+    if len(spanning) == room.levels.start:
         return room
-    rows = np.array(standing, dtype=np.intp)
+    rows = np.array(spanning, dtype=np.intp)
     walls = room.walls[rows[rows < len(room.walls)]]
-    names = tuple(room.names[k] for k in standing)
+    names = tuple(room.names[k] for k in spanning)
     return replace(
         room,
         walls=walls,
@@ -108,18 +108,18 @@ def cut(room: Room, standing: tuple[int, ...]) -> Room:
         scattered=room.scattered[rows],
         heights=room.heights[rows],
         names=names,
-        materials=tuple(room.materials[k] for k in standing),
+        materials=tuple(room.materials[k] for k in spanning),
         edges=room.edges if len(walls) == len(room.walls) else find_edges(walls, names[: len(walls)]),
     )
 
 
-def _in_room(paths: Paths, section: Room, room: Room, standing: tuple[int, ...]) -> Paths:
+def _in_room(paths: Paths, section: Room, room: Room, spanning: tuple[int, ...]) -> Paths:
     """Return the paths of a section with surfaces and edges numbered as in the room."""
     if section.edges is room.edges:
         edges = paths.edges
     else:
         edges = np.array([*_edge_numbers(section, room), -1], dtype=np.int32)[paths.edges]
-    surfaces = np.array([*standing, -1], dtype=np.int32)[paths.surfaces]
+    surfaces = np.array([*spanning, -1], dtype=np.int32)[paths.surfaces]
     return replace(paths, surfaces=surfaces, edges=edges)
 
 

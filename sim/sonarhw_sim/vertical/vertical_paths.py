@@ -29,7 +29,7 @@ from sonarhw_sim.vertical.vertical_section import (
 
 
 def vertical_paths(room: Room, place: Place, height: float, search: PathSearch, flat: Paths) -> list[Paths]:
-    """Return the paths that leave the horizontal, one table a plane; `flat` are those of the plan."""
+    """Return the paths that leave the horizontal, one table for each plane; `flat` are those of the plan."""
     if not room.levels and not np.isfinite(room.heights).any():
         return []
     if any(room.heights[k, 0] <= height <= room.heights[k, 1] for k in room.posts_at(place.position)):
@@ -45,7 +45,7 @@ def _wall_planes(view: SectionQuery) -> Iterator[Plane]:
     starts, along = room.walls[:, :2] - view.position, room.walls[:, 2:] - room.walls[:, :2]
     lengths = np.hypot(*along.T)
     foot = -(starts * along).sum(axis=1) / lengths
-    # normals within 0..π, as a plane extends both ways
+    # normals within 0..π, because a plane extends in both directions
     turned = np.arctan2(along[:, 0], -along[:, 1])
     directions = np.mod(turned, math.pi)
     directions[directions > math.pi - PARALLEL] -= math.pi

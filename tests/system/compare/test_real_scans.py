@@ -15,11 +15,11 @@ from benchmarks.real.judged_scans import (
     ON_THE_SPOT,
     Figures,
     RealScan,
+    echoes_of_the_robot,
     figures_of,
     judge,
     judged_of,
     load_scans,
-    of_the_carrier,
     repeated,
 )
 from benchmarks.real.tune_lego_nxt import PROFILE, fingerprint_of, judge_all, known_paths
@@ -94,7 +94,7 @@ def test_echoes_of_the_carrier_appear_at_every_place() -> None:
         ranges = 0.5 + 0.2 * k + 0.01 * np.arange(20.0)
         ranges[10:13] = 0.22 + 0.01 * k / 5
         scans.append(recorded(f"s{k}", float(k), ranges))
-    assert of_the_carrier(scans) == {(f"s{k}", row) for k in range(5) for row in (10, 11, 12)}
+    assert echoes_of_the_robot(scans) == {(f"s{k}", row) for k in range(5) for row in (10, 11, 12)}
 
 
 def test_recordings_of_one_place_are_compared_rotated_and_shifted() -> None:

@@ -65,7 +65,7 @@ def test_both_plans_have_common_pan_and_zoom(qtbot: QtBot, window: MainWindow) -
     assert views[0].plot.vb.viewRange()[0] == pytest.approx([left, right], abs=0.01)
 
 
-def test_a_click_in_the_simulation_chooses_the_reading_at_that_heading(qtbot: QtBot, window: MainWindow) -> None:
+def test_a_click_among_predicted_points_selects_the_reading_at_that_heading(qtbot: QtBot, window: MainWindow) -> None:
     x, y = window.session.shown.scene.pose.position
     view = window.views.side_by_side.predicted
     click(qtbot, view, view.plot.vb, (x - 0.3, y + 0.02))

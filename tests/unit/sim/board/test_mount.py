@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sonarhw_sim.board.mount import CARRIER_REFLECTANCE, Mount
+from sonarhw_sim.board.mount import BODY_REFLECTANCE, Mount
 from sonarhw_sim.board.profile import Board, load_board, parse_board
 from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Unit
@@ -55,7 +55,7 @@ def test_parallel_plate_returns_many_echoes_each_weaker_by_wall_and_face() -> No
     scan = predict(HERE, 0.0, unit=Unit.REFLECT, room=PLATE)
     detected = [*scan.blanked_echoes(0), *scan.echoes(0)]
     ringing = [echo for echo in detected if scan.paths.edges[echo.path] < 0]
-    levels = [20 * math.log10(0.9**n * CARRIER_REFLECTANCE ** (n - 1)) for n in range(1, len(ringing) + 1)]
+    levels = [20 * math.log10(0.9**n * BODY_REFLECTANCE ** (n - 1)) for n in range(1, len(ringing) + 1)]
     assert [echo.range for echo in ringing] == pytest.approx(0.15 * np.arange(1, len(ringing) + 1))
     assert [echo.level_db for echo in ringing] == pytest.approx(levels)
     assert len(ringing) > 20
@@ -152,7 +152,7 @@ def test_round_body_spreads_reflected_sound() -> None:
     second = next(k for k in range(len(scan.paths)) if scan.paths.via(k, scan.room) == ("w[0]", "body", "w[0]"))
     # the tube is 2z wide at the body, opens 1 + 2 (2z) / R times as fast from there, and ends 4z (1 + 2z / R) wide
     z, radius = 0.3, 0.2
-    expected = 0.9 * CARRIER_REFLECTANCE * 0.9 / math.sqrt(1 + 2 * z / radius)
+    expected = 0.9 * BODY_REFLECTANCE * 0.9 / math.sqrt(1 + 2 * z / radius)
     assert scan.paths.gains[second] == pytest.approx(expected, rel=1e-4)
 
 
@@ -169,8 +169,8 @@ threshold_db = -35.0
 
 def test_profile_contains_the_mount() -> None:
     board = parse_board(BOARD + "[mount]\nahead = 0.02\naside = -0.01\n", "mine.toml")
-    assert board.carrier == Mount(ahead=0.02, aside=-0.01)
-    assert parse_board(BOARD, "mine.toml").carrier.turns_about_face
+    assert board.mounting == Mount(ahead=0.02, aside=-0.01)
+    assert parse_board(BOARD, "mine.toml").mounting.turns_about_face
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_carrier_two_ways_at_17_degrees_is_minus_36_decibels() -> None:
 
 def test_peak_of_a_square_burst_there_is_minus_20_and_its_energy_minus_28() -> None:
     burst = square_burst(CARRIER, 16, 4e6)
-    loss = burst_loss(np.radians([17.2]), burst, 4e6, RADIUS, SPEED, ways=2)
+    loss = burst_loss(np.radians([17.2]), burst, 4e6, RADIUS, SPEED, passes=2)
     assert 20 * math.log10(loss.peak[0]) == pytest.approx(-20, abs=0.5)
     assert 20 * math.log10(loss.energy[0]) == pytest.approx(-28, abs=0.5)
 
@@ -42,7 +42,7 @@ def test_no_sound_leaves_to_the_rear() -> None:
     behind = beam_gain(np.radians([90.0, 120.0, 180.0, 250.0]), 17.33)
     assert behind == pytest.approx(np.zeros(4), abs=1e-12)
     assert beam_gain(np.zeros(1), 17.33)[0] == 1.0
-    loss = burst_loss(np.radians([120.0, 180.0]), square_burst(CARRIER, 16, 4e6), 4e6, RADIUS, SPEED, ways=1)
+    loss = burst_loss(np.radians([120.0, 180.0]), square_burst(CARRIER, 16, 4e6), 4e6, RADIUS, SPEED, passes=1)
     assert loss.peak == pytest.approx(np.zeros(2), abs=1e-12)
 
 
@@ -62,8 +62,8 @@ def test_h_r_is_a_function_only_off_the_axis_and_not_behind_the_face(angle: floa
         impulse_response(np.zeros(1), angle, RADIUS, SPEED)
 
 
-@pytest.mark.parametrize("ways", [1, 2])
-def test_pulse_off_the_axis_is_the_convolution_with_h_r(ways: int) -> None:
+@pytest.mark.parametrize("passes", [1, 2])
+def test_pulse_off_the_axis_is_the_convolution_with_h_r(passes: int) -> None:
     rate, angle = 20e6, math.radians(25)
     pulse = square_burst(CARRIER, 16, rate).imag
     crossing = RADIUS * math.sin(angle) / SPEED
@@ -73,11 +73,11 @@ def test_pulse_off_the_axis_is_the_convolution_with_h_r(ways: int) -> None:
     inside = np.maximum(0, 1 - SPEED**2 * t**2 / (RADIUS * math.sin(angle)) ** 2)
     printed = 2 * SPEED * math.cos(angle) / (math.pi * RADIUS * math.sin(angle)) * np.sqrt(inside)
     expected = pulse
-    for _ in range(ways):
+    for _ in range(passes):
         expected = fftconvolve(expected, printed) / rate
 
-    left, begin = convolved(pulse, rate, np.array([angle]), RADIUS, SPEED, ways)
-    first = round((-ways * half / rate - begin) * rate)
+    left, begin = convolved(pulse, rate, np.array([angle]), RADIUS, SPEED, passes)
+    first = round((-passes * half / rate - begin) * rate)
     assert left[0, first : first + len(expected)].real == pytest.approx(expected, abs=2e-4)
     assert np.abs(left.imag).max() < 1e-12
 

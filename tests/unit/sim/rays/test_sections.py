@@ -15,7 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, predict_scan
 from sonarhw_sim.predict.room_echoes import EXACT, RoomEchoes, with_furniture
 from sonarhw_sim.rays.paths import Paths, PathSearch, find_paths
 from sonarhw_sim.room.model import Place, Room, load_room, parse_room
-from sonarhw_sim.vertical.sections import cut, paths_from, standing_at
+from sonarhw_sim.vertical.sections import cut, paths_from, spanning_at
 
 from sonarhw.echo_source import Ping
 from sonarhw.readings import FloatArray
@@ -328,7 +328,7 @@ def test_reading_of_a_place_with_height_is_the_first_of_all_sections() -> None:
     place = room.places["robot"]
     scan = predict_scan(room, place, board, np.array([math.pi / 2]))
     flat = predict_scan(room, replace(place, height=None), board, np.array([math.pi / 2]))
-    tall = cut(room, standing_at(room, 0.25))
+    tall = cut(room, spanning_at(room, 0.25))
     over = predict_scan(tall, replace(place, height=None), board, np.array([math.pi / 2]))
     assert scan.paths.via(int(scan.winners[0]), room) == ("floor", "step")
     assert flat.ranges[0] < scan.ranges[0] < over.ranges[0]
