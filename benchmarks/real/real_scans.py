@@ -1,9 +1,9 @@
 """Comparison of models on real scans: `python -m benchmarks.real.real_scans [FOLDER]`.
 
-Imports each scan of the folder (scans.csv and one CSV file for each scan) as a user would. Fits heading, range offset and
-a position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction, the ROC
-area of silence, and the agreement of two recordings at one place. `--cross-validation` also tunes the board without a
-place or a recording, tests it there, and prints the results of every candidate (minutes;
+Imports each scan of the folder (scans.csv and one CSV file for each scan) as a user would. Fits heading, range offset
+and a position within 3 cm for every model in the same way. Prints the share of echoes within 5 cm of the prediction,
+the ROC area of silence, and the agreement of two recordings at one place. `--cross-validation` also tunes the board
+without a place or a recording, tests it there, and prints the results of every candidate (minutes;
 `benchmarks.real.tune_lego_nxt`). `--besides` prints other variants that were tried (minutes).
 """
 

@@ -88,7 +88,7 @@ def recorded(name: str, x: float, ranges: FloatArray) -> RealScan:
     return RealScan(name, x, 0.0, tuple(readings))
 
 
-def test_echoes_of_the_carrier_appear_at_every_place() -> None:
+def test_echoes_of_the_robot_appear_at_every_place() -> None:
     scans = []
     for k in range(5):
         ranges = 0.5 + 0.2 * k + 0.01 * np.arange(20.0)
