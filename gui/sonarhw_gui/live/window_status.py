@@ -36,7 +36,7 @@ class Status:
     phase: Phase | None = None  # of a live scan
     can_scan: bool = False
     readings: int = 0
-    rate: float = 0.0  # readings a second
+    rate: float = 0.0  # readings per second
     lost: int = 0  # readings
     temperature_c: float | None = None
     recording: Path | None = None

@@ -12,7 +12,7 @@ from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PRED
 
 
 class Unclassed(Enum):
-    """The class of a reading that is not compared: without a room, or not yet."""
+    """The class of a reading that is not compared yet, or cannot be compared without a room."""
 
     MEASURED = auto()
 

@@ -211,7 +211,7 @@ class DevicePanel(QWidget):
     # display
 
     def _show_settings(self) -> None:
-        """Fill the fields from the scan settings. Fields with the same meaning keep the typed text."""
+        """Fill the fields from the scan settings. Fields that describe this scan already keep the typed text."""
         unit = self._look.unit
         fields = (self.start, self.end, self.step, self.sweeps, self.pings, self.max_range, self.traces)
         blocked = [QSignalBlocker(field) for field in fields]

@@ -79,7 +79,7 @@ class ModelGroup(Group):
     def __init__(self, change: Change) -> None:
         super().__init__("Board and model", change)
         self._boards = {name: load_board(name) for name in board_names()}
-        self._own: dict[str, Board] = {}  # the board of the log or the command line, if it does not ship
+        self._own: dict[str, Board] = {}  # the board of the log or the command line, if it is not an included one
         self._named = ""  # the shown board's entry in the list
         self.board = short_list()
         self.board.setToolTip("Profile of the ranging board for the prediction; a log contains its own")

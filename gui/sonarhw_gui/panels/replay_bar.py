@@ -135,7 +135,7 @@ def _button(action: QAction, style: Qt.ToolButtonStyle, repeats: bool = False) -
 
 
 def time_text(state: ReplayState) -> str:
-    """Return position and duration of a replay, and its readings so far of all."""
+    """Return position and duration of a replay, and the number of readings so far and in total."""
     return f"{clock(state.position)} / {clock(state.duration)} · {state.count} of {state.total}"
 
 

@@ -154,7 +154,7 @@ class SurfaceGroup(Group):
         self._draw_surface(room)
 
     def choose(self, name: str | None) -> None:
-        """Choose a wall or post. The name may belong to one that is not shown yet."""
+        """Select a wall or post. The name may belong to one that is not shown yet."""
         self._chosen_name = name or self._chosen_name
         if self._room is not None and self._chosen_name in self._room.names:
             self.surface.setCurrentText(self._chosen_name)

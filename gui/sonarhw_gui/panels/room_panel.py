@@ -51,7 +51,7 @@ class RoomPanel(QWidget):
 
     @Slot(object)
     def choose_surface(self, name: str | None) -> None:
-        """Choose a wall or post."""
+        """Select a wall or post."""
         self.surface.choose(name)
 
     def change(self, edit: Callable[[Scene], Edit], gesture: object = None) -> None:

@@ -73,7 +73,7 @@ class TimeSlider(QSlider):
         return left + span * position * _STEPS_PER_SECOND / max(self.maximum(), 1)
 
     def _groove(self) -> tuple[float, float]:
-        """Return the leftmost middle of the handle and the length of its path, pixels."""
+        """Return the leftmost position of the handle's middle, and the distance that it can move, pixels."""
         handle = self._handle().width()
         return handle / 2, max(1.0, self.width() - handle)
 

@@ -1,4 +1,4 @@
-"""Let the mouse wheel scroll a panel instead of changing the field under the pointer, if that has no focus."""
+"""Let the mouse wheel scroll a panel instead of changing the field under the pointer, if the field has no focus."""
 
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QWidget

@@ -63,7 +63,7 @@ class DrawingContext(Protocol):
         """Show one line of text beside the tools."""
 
     def pick(self, event: MouseClickEvent) -> None:
-        """Choose the reading under a click."""
+        """Select the reading under a click."""
 
 
 class PlanController:
@@ -75,7 +75,7 @@ class PlanController:
         self._busy = False  # during a drag that the tool uses
         self._cancelled = False  # whether to ignore the rest of a cancelled drag
         self.chosen: str | None = None  # name of a wall or post, because indices change
-        self._before: str | None = None  # chosen when the drag began
+        self._before: str | None = None  # `chosen` when the drag began
         self.clock: Callable[[], float] = time.monotonic
         self._last_key, self._key_gesture = -math.inf, object()
         self._last_edit: tuple[Scene, Shown] | None = None  # scene of the last edit, and what was shown before it
@@ -118,7 +118,7 @@ class PlanController:
         return True
 
     def choose_surface(self, name: str | None) -> None:
-        """Choose the wall or post that keys and panel act on."""
+        """Select the wall or post that keys and panel act on."""
         if name != self.chosen:
             self.chosen = name
             self._drawing.draw_room()
@@ -205,7 +205,7 @@ class PlanController:
         return True
 
     def click(self, event: MouseClickEvent) -> None:
-        """Choose a surface with a tool that edits; otherwise choose a reading."""
+        """Select a surface with a tool that edits; otherwise select a reading."""
         if self._drawing.shown is None:
             return
         room = self.scene.room

@@ -75,7 +75,7 @@ class PlanDrawing(Canvas):
             self.sensor.draw(shown)
         if _differ(before, shown, "scene", "cursor"):
             self.pointer.draw(shown)
-        if before is None or _is_elsewhere(before, shown) or (not before.readings and not shown.scene.room):
+        if before is None or _is_another_room(before, shown) or (not before.readings and not shown.scene.room):
             self._fit()
         if before is None or before.chosen != shown.chosen:
             self._show_reading(self._marks.position_of(shown.chosen))
@@ -157,7 +157,7 @@ class PlanDrawing(Canvas):
             self.room.draw(self.shown.scene.room, self.controller.chosen, self.controller.tool.edits)
 
     def pick(self, event: MouseClickEvent) -> None:
-        """Choose the reading nearest to a click, if one is close. Without measured points, choose by heading."""
+        """Select the reading nearest to a click, if one is close. Without measured points, select by heading."""
         if self._measured:
             index = nearest_reading(self._box, self._marks.placed, event.scenePos())
         else:
@@ -240,7 +240,7 @@ def _differ(before: Shown | None, shown: Shown, *parts: str) -> bool:
     return before is None or any(getattr(before, part) is not getattr(shown, part) for part in parts)
 
 
-def _is_elsewhere(before: Shown, shown: Shown) -> bool:
+def _is_another_room(before: Shown, shown: Shown) -> bool:
     """Return whether another room was opened. An edited room keeps its place on the screen."""
     was, now = before.scene, shown.scene
     if was.room is None or now.room is None:

@@ -28,7 +28,7 @@ _NOTHING = np.empty((0, 2))
 
 
 class RoomLayer:
-    """Walls and posts, the chosen one thicker, and handles at the corners."""
+    """Walls and posts, the selected one thicker, and handles at the corners."""
 
     def __init__(self, plot: pg.PlotItem) -> None:
         self._walls = pg.PlotCurveItem(connect="pairs")

@@ -42,7 +42,7 @@ class ToolContext(Protocol):
         """Apply an edit to the scene from before the gesture; return whether it was accepted."""
 
     def choose_surface(self, name: str | None) -> None:
-        """Choose the wall or post that keys and panel act on."""
+        """Select the wall or post that keys and panel act on."""
 
     def measure(self, start: Point, end: Point, text: str) -> None:
         """Draw the ruler."""
@@ -134,7 +134,7 @@ class Pencil(Hand):
         return over or (room_grip(scene.room, at, self._context.pixel) if scene.room else None)
 
     def press(self, at: Point) -> bool:
-        """Begin to drag the part that is there, and choose its wall or post."""
+        """Begin to drag the part that is there, and select its wall or post."""
         taken = super().press(at)
         room, surface = self._context.scene.room, self._held[0].surface if self._held else None
         if room is not None and surface is not None:

@@ -29,7 +29,7 @@ _MOST_RESIDUAL = 0.25  # m; a larger residual is an arrow at the edge
 _BEYOND = 18  # pixels, size of an arrow; it covers the mark of its reading
 _ARROW = (-0.1, -0.5), (0.1, -0.5), (0.1, -0.25), (0.36, -0.25), (0.0, 0.3), (-0.36, -0.25), (-0.1, -0.25)
 _WIDEST = "-000.0"  # tick value on a left axis
-_ANY_DISTANCE = 1e6  # pixels: a click anywhere chooses the nearest point
+_ANY_DISTANCE = 1e6  # pixels: a click anywhere selects the nearest point
 
 
 class RangeView(Canvas):

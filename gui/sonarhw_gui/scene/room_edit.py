@@ -114,7 +114,7 @@ def free_name(room: Room, stem: str, first: int = 1) -> str:
 
 
 def corners(room: Room) -> tuple[Point, ...]:
-    """Return every point where walls end, once."""
+    """Return each point where walls end."""
     return tuple(dict.fromkeys((float(x), float(y)) for x, y in room.walls.reshape(-1, 2)))
 
 

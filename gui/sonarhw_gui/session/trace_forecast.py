@@ -12,7 +12,7 @@ from sonarhw_gui.work.chosen_trace import ChosenTrace
 from sonarhw_gui.work.trace_request import TraceFound, TraceRequest
 from sonarhw_gui.work.worker import Failure, Worker
 
-_PAUSE = 0.05  # s between two traces; a person cannot see fifty readings a second
+_PAUSE = 0.05  # s between two traces; a person cannot see fifty readings per second
 
 
 class TraceForecast:
@@ -54,7 +54,7 @@ class TraceForecast:
         """Fetch the answers since the last call; return whether anything has changed."""
         changed = False
         if self._shown is not None:
-            self._request_trace(self._shown)  # a request that came too soon after the previous one
+            self._request_trace(self._shown)  # if it came too soon after the previous request
         for answer in (*self._tracer.take(), *self._drawer.take()):
             match answer:
                 case Failure(request=BScanRequest()):

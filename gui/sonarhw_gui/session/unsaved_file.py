@@ -49,7 +49,7 @@ class UnsavedRoom(BaseModel):
 def is_changed(opened: Scene, now: Scene) -> bool:
     """Return whether there are unsaved changes of the room, the sensor's place or the fitted board.
 
-    A board with another name was only chosen, so it does not count.
+    A board with another name is another choice and no change.
     """
     fitted = now.board.name == opened.board.name and now.board.text != opened.board.text
     return fitted or room_text(now) != room_text(opened)
