@@ -109,7 +109,7 @@ def _into(threshold: float, above: float, upto: float) -> float:
 def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
     """Return the smallest shift of one wall, with its corners, after which another echo wins at heading `index`.
 
-    To first order in the shift, with unchanged levels. Diffracted echoes and those with the same length as the winner
+    The result is correct to first order in the shift. Levels are assumed not to change. Diffracted echoes and those with the same length as the winner
     are ignored. None without such a wall, without a winner, or if the winner is diffracted.
     """
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths

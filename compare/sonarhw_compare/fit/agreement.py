@@ -20,7 +20,7 @@ def agreement(scans: Sequence[PlacedScan], result: FitResult, prediction: Predic
 
 
 def _ranged(readings: Sequence[Reading], result: FitResult) -> Sequence[Reading]:
-    """Return the readings; where the air was fitted, with ranges from the fitted speed of sound."""
+    """Return the readings, with ranges from the fitted speed of sound if the air was fitted."""
     if not any(isinstance(parameter.quantity, AirQuantity) for parameter in result.parameters):
         return readings
     return [replace(reading, speed_of_sound=result.room.air.speed_of_sound) for reading in readings]

@@ -135,7 +135,7 @@ def _mark_empty(
 def _mark_occupied(
     empty: FloatArray, occupied: FloatArray, cell: float, x: float, y: float, heading: float, distance: float
 ) -> None:
-    """Raise the certainty of occupied cells at the range. One object made the echo, so the sum over its arc is 1."""
+    """Raise the certainty of occupied cells at the range. One object made the echo, so its arc adds 1 in all."""
     first_row, last_row, first_column, last_column = _window(empty.shape, cell, x, y, distance + DEPTH)
     there = np.zeros((max(0, last_row - first_row), max(0, last_column - first_column)))
     for row in range(first_row, last_row):

@@ -20,7 +20,7 @@ from sonarhw_compare.map.arcs import Arc, BoolArray, direction
 RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
 _FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a feature
 _OTHER_PLACE = 0.05  # m, between places that count as different
-_WALLS_FIRST = 1.01  # weight of walls, which win where both fit equally well, because rooms have more walls
+_WALLS_FIRST = 1.01  # weight of walls, which win if both fit equally well, because rooms have more walls
 _AT_CORNER = 0.08  # m, largest distance of a corner from its walls
 _SHORTEST = 0.1  # m, least length of a wall
 

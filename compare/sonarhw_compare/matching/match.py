@@ -118,7 +118,7 @@ def compare_readings(
     """Return each reading with the prediction at its heading.
 
     `heading` (rad in the room) is that of turntable step 0, by default the heading of the place. `offset` (m) is added
-    to every measured range. Known `paths` of this place and board are reused where one search serves all headings.
+    to every measured range. Known `paths` of this place and board are reused if one search serves all headings.
     Raises InputError if the board is a ring and no sensor points along a reading.
     """
     heading = place.heading if heading is None else heading

@@ -50,7 +50,7 @@ def regions_of(
 ) -> tuple[Region, ...]:
     """Return the regions among readings at `headings` (n,) rad with `ranges` (n,) m, NaN for no echo.
 
-    Ranges of one region differ by at most `tolerance` (m), and its `mirrors` (n,), the reflector of each reading where
+    Ranges of one region differ by at most `tolerance` (m), and its `mirrors` (n,), the reflector of each reading if
     known, are the same. Regions narrower than `least_width` (rad) are omitted. Sorted by bearing from 0.
     """
     found = (_region(rows, headings, ranges) for rows in _runs(headings, ranges, tolerance, mirrors))

@@ -164,7 +164,7 @@ def _lost_beyond_the_critical_angle(scene: PaperScene, paths: tuple[tuple[str, .
 
 
 def _off_axis(scene: PaperScene, reading: PredictedReading) -> float:
-    """Return the angle between the axis and the departing sound of an reading, degrees."""
+    """Return the angle between the axis and the departing sound of a reading, degrees."""
     scan = scene.scan
     row = next(k for k, other in enumerate(scene.readings) if other is reading)
     departure = scan.paths.departures[scan.winners[row]]

@@ -1,6 +1,6 @@
 """A scene: one predicted scan of one figure, described by the options of the command line.
 
-A scene names a shipped room, a place and a board. Its scan is predicted once and cached.
+A scene names an included room, a place and a board. Its scan is predicted once and cached.
 """
 
 import math
@@ -81,7 +81,7 @@ class PaperScene:
 
 @lru_cache(maxsize=256)
 def _scan(scene: PaperScene) -> PredictedScan:
-    room, board = shipped_room(scene.room), load_board(scene.board)
+    room, board = included_room(scene.room), load_board(scene.board)
     if scene.reach is not None:
         board = replace(board, max_range=scene.reach)
     start, stop, step = scene.degrees
@@ -105,8 +105,8 @@ def _readings(scene: PaperScene) -> tuple[PredictedReading, ...]:
 
 
 @lru_cache(maxsize=32)
-def shipped_room(name: str) -> Room:
-    """Return the shipped room with this name."""
+def included_room(name: str) -> Room:
+    """Return the included room with this name."""
     return parse_room((files("sonarhw_rooms") / f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
 
 

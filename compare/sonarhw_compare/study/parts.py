@@ -99,7 +99,7 @@ class StudyFolder:
         return [number for number in range(part_count(self._study)) if not self._path("scans", number).exists()]
 
     def write(self, part: Part) -> None:
-        """Write a part. Raises OutputError if it cannot be written, or where its versions differ from those here."""
+        """Write a part. Raises OutputError if it cannot be written, or if its versions differ from those here."""
         if part.versions != versions():
             raise OutputError(
                 f"{self.unfinished}: a worker has {_named(part.versions)}, this computer has {_named(versions())}; "

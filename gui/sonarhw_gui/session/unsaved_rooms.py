@@ -46,7 +46,7 @@ class UnsavedRooms:
     def open(self, scene: Scene, source: Path | None = None) -> None:
         """Follow this scene from now on, and ask about other unsaved changes of its room.
 
-        `source`: the file that the scene was restored from. A file whose changes the scene already contains is updated too.
+        `source`: the file that the scene was restored from. A file is also updated if the scene contains its changes.
         """
         self.write()
         self._opened = self._now = scene

@@ -86,7 +86,7 @@ class Problem:
     board: Board
     parameters: tuple[Parameter, ...]
     prediction: PredictionOptions
-    reported_speed: float | None  # m/s, for ranges from echo times; None where the air is not free
+    reported_speed: float | None  # m/s, for ranges from echo times; None if the air is not free
     rounding: float  # m, of the board
     redundancies: tuple[float, ...] = ()  # readings per independent reading, by scan; empty: 1 each
 
