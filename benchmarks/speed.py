@@ -1,8 +1,8 @@
 """Speed of predictions, as ratios in one run: `python -m benchmarks.speed`.
 
-Prints one table with required and measured values, the machine and the versions, for floors of offices of 64 to 10 000
-walls and rooms of 20. The image-source model of pyroomacoustics takes a minute. If that library is not installed
-(`pip install .[benchmarks]`), its rows are omitted with a note.
+Prints one table with required and measured values, the machine and the versions, for floors of offices of 64 to 10
+000 walls and rooms of 20. The image-source model of pyroomacoustics takes a minute. Without that library (`pip
+install .[benchmarks]`), its rows are omitted.
 """
 
 import importlib.metadata

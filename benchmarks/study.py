@@ -35,7 +35,7 @@ reflectance = {{ uniform = [0.8, 1.0] }}
 
 
 def seconds(spec: Path, out: Path, workers: int) -> tuple[float, float]:
-    """Return wall clock and processor time, s, of a study with so many processes, including their start."""
+    """Return wall clock and processor time, s, of a study with this number of processes, including their start."""
     began, worked = time.perf_counter(), processor_time()
     run_study(load_study(spec), out, workers=workers)
     return time.perf_counter() - began, processor_time() - worked

@@ -1,7 +1,7 @@
 """Speed of traces and of the board's own receiver: `python -m benchmarks.traces`.
 
 Prints the time of a trace of 62 ms at 1 MHz with 100 echoes on one core, of its parts, and of the detection of echoes
-in it, also as ratios to a plain NumPy sum of the same echoes in time in the same run.
+in it. Each time is also printed as a ratio to a plain NumPy sum of the same echoes in the same run.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Paths compared with the wave equation, arrival by arrival: `python -m benchmarks.wave_equation`.
 
-For the scenes of the tests, and some that rays cannot describe, prints the level of each arrival by its path and by the
-wave equation, with the paper's strength of edges and with Keller's, and the largest differences. Levels are in dB
-relative to a flat wall at that length.
+Uses the scenes of the tests, and some that rays cannot describe. Prints the level of each arrival by its path and by
+the wave equation, once with the paper's strength of edges and once with Keller's, and the largest differences. Levels
+are in dB relative to a flat wall at that length.
 """
 
 import math

@@ -5,7 +5,7 @@ live scan with traces, a log of an hour, its replay at 50×, thousands of repain
 the replay runs for an hour. Every job is a separate process.
 
 Times by the wall clock are valid only on an idle machine. Processor times are therefore printed too, and the load at
-the start. With the rights for it, `nice -n -10` approaches an idle machine.
+the start. With the necessary permission, `nice -n -10` approaches an idle machine.
 """
 
 import argparse

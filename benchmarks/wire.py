@@ -16,7 +16,7 @@ from sonarhw.wire.messages import TraceChunk
 
 WIRE = 200  # bytes of a frame
 FRAMES = 20_000
-READ = 4096  # bytes a read
+READ = 4096  # bytes per read
 ROUNDS = 5
 _POLYNOMIAL = 0xEDB88320
 

@@ -28,7 +28,7 @@ class _KernelCache(_Untyped):  # type: ignore[misc]  # numba declares no types f
     """The compiled code of one kernel on disk, valid for one state of all kernels.
 
     numba's own cache checks only the file of the kernel itself. After an upgrade it could use code that contains an
-    older kernel of another file, and it raises an error where its index names a class that no longer exists.
+    older kernel of another file, and it raises an error if its index names a class that no longer exists.
     """
 
     def __init__(self, kernel: Callable[..., Any]) -> None:

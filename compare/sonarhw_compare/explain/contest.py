@@ -109,8 +109,9 @@ def _into(threshold: float, above: float, upto: float) -> float:
 def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
     """Return the smallest shift of one wall, with its corners, after which another echo wins at heading `index`.
 
-    The result is correct to first order in the shift. Levels are assumed not to change. Diffracted echoes and those with the same length as the winner
-    are ignored. None without such a wall, without a winner, or if the winner is diffracted.
+    The result is correct to first order in the shift. Levels are assumed not to change. Diffracted echoes and those
+    with the same length as the winner are ignored. None without such a wall, without a winner, or if the winner is
+    diffracted.
     """
     winner, paths, lengths = int(prediction.winners[index]), prediction.paths, prediction.apparent_lengths
     if winner < 0 or paths.edges[winner] >= 0:

@@ -40,7 +40,7 @@ class Arc:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the bearing of the target, rad. It covers the arc, because a nearer target may hide a side."""
+        """Standard deviation of the bearing of the target, rad; wide, because a nearer target may hide one side."""
         return max(_SURE, self.half_width)
 
 

@@ -45,7 +45,7 @@ def first_among(
     starts: IntArray,
     numbers: IntArray,
 ) -> tuple[float, int]:
-    """Return `first_hit`, for inner loops: unpacking arrays from a tuple costs as much as the test of a wall."""
+    """Return the same as `first_hit`. In inner loops, unpacking a tuple of arrays costs as much as testing a wall."""
     nearest, surface = np.inf, -1
     walk = enter(cells, x, y, dx, dy)
     while walk.inside:
@@ -258,7 +258,7 @@ def _reflected(
 
 @compiled
 def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return both with twice the capacity; numba would need a second to compile a concatenation."""
+    """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
     count = misses.shape[0]
     more, more_misses = np.empty((2 * count, 3), np.int32), np.empty(2 * count)
     for k in range(count):

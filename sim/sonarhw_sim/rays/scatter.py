@@ -55,7 +55,7 @@ def patch_gain(cosines: FloatArray, there: FloatArray, back: FloatArray) -> Floa
     In two dimensions a source of power P lights the patch, `PATCH` = dφ wide as the source sees it, with P dφ/(2π),
     whatever its distance and slant. Lambert's law in two dimensions sends cos(e)/2 of that into each radian at an angle
     e from the normal (its integral over ±90° is 1), which at a distance s′ (`back`) is the intensity
-    P dφ cos(e)/(4π s′). A mirror's at the same length s + s′ is P/(2π (s + s′)). The ratio is
+    P dφ cos(e)/(4π s′). The intensity from a mirror at the same length s + s′ is P/(2π (s + s′)). The ratio is
     dφ cos(e) (s + s′)/(2 s′): dφ cos(i) straight back at incidence i. The amplitude is its root, limited
     to that of a mirror.
     """

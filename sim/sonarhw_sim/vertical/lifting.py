@@ -94,8 +94,9 @@ def _touched(owner: Owner, length: float) -> _Event:
 def _oblique_gain(edge: Mirror, length: float) -> float:
     """Return the gain of an edge met obliquely by a path of this length (m), relative to perpendicular incidence.
 
-    Keller's cone: the coefficient is proportional to 1/sin β for the angle β to the edge. So are the legs, whose root
-    divides it, which leaves 1/√(sin β) (Kouyoumjian and Pathak 1974). The result is limited to the strength of a wall.
+    Keller's cone: the coefficient is proportional to 1/sin β for the angle β to the edge. It is divided by the root
+    of the legs, which are proportional to 1/sin β too, so the gain is proportional to 1/√(sin β) (Kouyoumjian and
+    Pathak 1974). The result is limited to the strength of a wall.
     """
     return min(math.sqrt(length / (2 * edge.at)), 1 / edge.reflectance)
 

@@ -1,8 +1,8 @@
 """Vertical sections: paths by way of floor and ceiling, and over the tops of walls.
 
 Each section is a vertical plane through the transducer (`vertical.vertical_section`), where the two-dimensional core
-follows sound as in the plan. Sound stays in such a plane only if it meets surfaces perpendicularly. Planes therefore go
-to the foot of the perpendicular on a wall, to the axis of a post, and to each vertical edge or inner corner that
+follows sound as in the plan. Sound stays in such a plane only if it meets surfaces perpendicularly. A plane
+therefore contains the foot of the perpendicular on a wall, the axis of a post, or a vertical edge or inner corner that
 returns sound straight back in the plan.
 """
 

@@ -1,1 +1,1 @@
-"""Board profiles that ship with the product."""
+"""The included board profiles."""
