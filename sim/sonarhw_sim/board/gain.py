@@ -29,8 +29,9 @@ def path_loss_db(lengths: FloatArray, board: Board) -> FloatArray:
 def uncompensated_db(lengths: FloatArray, board: Board, air: Air) -> FloatArray:
     """Return the loss over `lengths` (m) that the gain does not compensate, dB, same shape.
 
-    With the ideal gain, this is the absorption beyond the one that it expects. A fixed gain compensates nothing. The loss
-    is then spreading and all absorption, relative to a path of 1 m, so a perfect wall 0.5 m straight ahead has 0 dB.
+    With the ideal gain, this is the absorption beyond the one that it expects. A fixed gain compensates nothing. The
+    loss is then spreading and all absorption, relative to a path of 1 m, so a perfect wall 0.5 m straight ahead has 0
+    dB.
     """
     excess = board.excess_absorption(air) * lengths
     if not board.fixed_gain:

@@ -22,8 +22,8 @@ MOST_RANGE = 1000.0  # m; sound in air fades long before
 
 Positive = Annotated[float, Field(gt=0)]
 
-# The next two values are unverified, so they are only defaults. With this time constant of rise and decay, once as sender
-# and once as receiver, the burst of 12 dB has decayed by 0.75 ms, where BINH may end blanking (6500 data sheet).
+# The next two values are unverified, so they are only defaults. With this time constant of rise and decay, once as
+# sender and once as receiver, the burst of 12 dB has decayed by 0.75 ms, where BINH may end blanking (6500 data sheet).
 RISE_CYCLES = 1.5
 OWN_BURST_DB = 12.0  # dB over full scale
 # REC needs 3 to 16 cycles (from memory), and a barely detected echo is some 45 mm later than a strong one: about 8
