@@ -6,7 +6,7 @@
         for reading in scanner.scan(sector(0, 360, 5)):
             print(reading.angle, reading.range)
 
-Public names; everything else in this package may change between versions:
+Public names, which are loaded when they are first used; everything else in this package may change between versions:
 
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
 - `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`: the pings of a scan.
@@ -16,59 +16,6 @@ Public names; everything else in this package may change between versions:
 - `SonarError`: the base class of all errors in `sonarhw.errors`.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import lazy_loader
 
-if TYPE_CHECKING:
-    from sonarhw.device.endpoint import serve
-    from sonarhw.device.fake_board import FakeBoard
-    from sonarhw.device.fault_schedule import read_faults
-    from sonarhw.device.faulty_board import FaultyDevice
-    from sonarhw.echo_source import EchoSource, Ping, PingResult
-    from sonarhw.errors import SonarError
-    from sonarhw.host.recorder import Recorder
-    from sonarhw.host.scanner import Scanner
-    from sonarhw.log import Log, LogMetadata, LogWriter, read_log
-    from sonarhw.readings import Reading, ScanOrder, Trace, sector
-
-__all__ = [
-    "EchoSource",
-    "FakeBoard",
-    "FaultyDevice",
-    "Log",
-    "LogMetadata",
-    "LogWriter",
-    "Ping",
-    "PingResult",
-    "Reading",
-    "Recorder",
-    "ScanOrder",
-    "Scanner",
-    "SonarError",
-    "Trace",
-    "read_faults",
-    "read_log",
-    "sector",
-    "serve",
-]
-
-_MODULES = {
-    "sonarhw.device.endpoint": ("serve",),
-    "sonarhw.device.fake_board": ("FakeBoard",),
-    "sonarhw.device.fault_schedule": ("read_faults",),
-    "sonarhw.device.faulty_board": ("FaultyDevice",),
-    "sonarhw.echo_source": ("EchoSource", "PingResult", "Ping"),
-    "sonarhw.errors": ("SonarError",),
-    "sonarhw.host.recorder": ("Recorder",),
-    "sonarhw.host.scanner": ("Scanner",),
-    "sonarhw.log": ("Log", "LogMetadata", "LogWriter", "read_log"),
-    "sonarhw.readings": ("Reading", "ScanOrder", "Trace", "sector"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    # imported on demand, so that a program that only uses readings does not load pyserial and the log libraries
-    for module, names in _MODULES.items():
-        if name in names:
-            return getattr(import_module(module), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,8 @@
 """Estimate home angle and range offset of a scanner from a scan of a flat plate at a known distance.
 
-A flat plate appears at one range over the width of the beam (a region of constant depth), symmetrically about its
-perpendicular. The range is the median over the middle of this arc. The direction of the plate is the mean heading,
-each heading weighted by the share of its pings that detected the plate.
+While the plate is in the beam, all headings measure the same range. They form an arc (a region of constant depth) that
+is symmetric about the perpendicular of the plate. The range is the median over the middle of the arc. The direction of
+the plate is the mean heading, each heading weighted by the share of its pings that detected the plate.
 """
 
 import math
@@ -15,7 +15,7 @@ from sonarhw.errors import NoPlate
 from sonarhw.readings import FloatArray, Reading
 
 GATE = 0.30  # m; ranges further from the stated distance are not from the plate
-FEWEST = 5  # headings that must detect the plate
+FEWEST = 5  # smallest number of headings that must detect the plate
 _MIDDLE = 0.5  # share of the arc in which the echo is strong enough to be detected without delay
 
 
@@ -25,10 +25,10 @@ class Calibration:
 
     range_offset: float  # m, measured minus true
     range_spread: float  # m, standard deviation of the ranges in the middle of the arc
-    home_angle: float  # rad, direction of the turntable's zero, counter-clockwise from where it should be
-    home_uncertainty: float  # rad, standard error that follows from the step
-    arc: float  # rad, over which the plate was detected
-    headings: int  # that detected the plate
+    home_angle: float  # rad, actual minus intended direction of the turntable's zero, counter-clockwise
+    home_uncertainty: float  # rad, standard error; depends on the step only
+    arc: float  # rad, width of the arc at which the plate was detected
+    headings: int  # number of headings that detected the plate
 
 
 def calibrate(readings: Sequence[Reading], distance: float, direction: float, gate: float = GATE) -> Calibration:
@@ -53,14 +53,14 @@ def calibrate(readings: Sequence[Reading], distance: float, direction: float, ga
     arc = float(weights.sum()) * step
     central = np.abs(angles - middle) <= _MIDDLE * arc / 2
     measured = np.concatenate([ranges[index] for index in np.flatnonzero(central & (weights > 0))])
-    # each end of the arc is known to a step; a uniform distribution over a step has a standard deviation of step / √12
-    rims = step / math.sqrt(12) / math.sqrt(2)
+    # each end of the arc has a uniform error over one step: standard deviation step / √12; the middle is their mean
+    uncertainty = step / math.sqrt(12) / math.sqrt(2)
     return Calibration(
         range_offset=float(np.median(measured)) - distance,
         range_spread=float(np.std(measured)),
         # + 0.0 turns -0.0 into 0.0
         home_angle=math.remainder(direction - middle, math.tau) + 0.0,
-        home_uncertainty=rims,
+        home_uncertainty=uncertainty,
         arc=arc,
         headings=len(hits),
     )
@@ -69,7 +69,7 @@ def calibrate(readings: Sequence[Reading], distance: float, direction: float, ga
 def _by_heading(
     readings: Sequence[Reading], distance: float, gate: float
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return the headings, (n,) rad, the pings at each that detected the plate, (n,), and its ranges, m."""
+    """Return the headings, (n,) rad, with the number and the ranges, m, of the pings that detected the plate."""
     angles = np.unique([round(reading.angle, 9) for reading in readings]).astype(np.float64)
     ranges: list[list[float]] = [[] for _ in angles]
     for reading in readings:

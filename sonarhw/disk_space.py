@@ -9,10 +9,10 @@ from pathlib import Path
 
 _CHECK_EVERY = 1.0  # s
 _RATE_KNOWN_AFTER = 5.0  # s of writing
-# limits: seconds of recording left, or free bytes at any rate
+# limits of the two warnings: remaining recording time, s, and free bytes
 _NEARLY_FULL = (600.0, 32_000_000)
 _ABOUT_TO_BE_FULL = (60.0, 2_000_000)
-# bytes of a log, with its index
+# bytes of a reading and of a trace sample in a log with its index
 _READING = 800.0
 _SAMPLE = 1.3
 
@@ -28,7 +28,7 @@ class DiskSpaceMonitor:
         self._next_check = 0.0
 
     def written(self, size: int, now: float) -> None:
-        """Check the free space, at most once a second. `size` bytes have been written at `now`, s on any clock."""
+        """Check the free space, at most once a second. `size` bytes have been written until `now`, s on any clock."""
         if self._began is None:
             self._began = self._next_check = now
         if now < self._next_check or not self._limits:
@@ -43,7 +43,7 @@ class DiskSpaceMonitor:
         if reached:
             self._limits = [limit for limit in self._limits if limit not in reached]
             time = f", enough for about {_span(left)} of this scan" if left < float("inf") else ""
-            self._warn(f"{self._path}: its disk is nearly full: {free / 1e6:.1f} MB are free{time}; free disk space")
+            self._warn(f"{self._path}: its disk is nearly full: {free / 1e6:.1f} MB are free{time}; delete other files")
 
 
 def log_size(readings: int, samples: float) -> float:

@@ -1,6 +1,6 @@
 """The interface between a fake scanner and the acoustics of its surroundings.
 
-A ping at a heading goes in; echo times and a trace come out. `sonarhw_sim` has an echo source that simulates a room.
+An echo source computes the echo times and the trace of each ping. The one in `sonarhw_sim` simulates a room.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Ping:
 
     angle: float  # turntable angle, rad
     sweep: int
-    index: int  # of the ping at this heading
+    index: int  # number of the ping at this heading, from 0
     listen: float  # s; echoes later than this are not reported
     trace: bool  # whether the receive signal is needed as well
 

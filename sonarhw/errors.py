@@ -12,11 +12,11 @@
     │   ├── DeviceReset        the device restarted; the session greets it again                   exit 1
     │   ├── WrongDevice        another scanner than before answers                                 exit 1
     │   ├── Incompatible       the device uses another protocol version                            exit 1
-    │   ├── LostSteps          the zero mark is not in its place: angles may be wrong              exit 1
+    │   ├── LostSteps          the zero mark is misplaced or missing: angles may be wrong          exit 1
     │   └── CommandRefused     the device refused a command, with a code and a text                exit 1
     ├── NoPlate                the readings for `calibrate` show no suitable plate                 exit 1
-    ├── Cancelled              long work was cancelled before it was done                          exit 1
-    ├── WorkersLost            processes or a cluster ended before their study was done            exit 1
+    ├── Cancelled              long work was cancelled before it had finished                      exit 1
+    ├── WorkersLost            processes or a cluster ended before their study had finished        exit 1
     ├── NoDisplay              there is no display for a window (`sonarhw_gui.shell.display`)      exit 1
     ├── LogError               a log cannot be written                                             exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
@@ -38,7 +38,7 @@ class InputError(SonarError):
 
 
 class NotALog(InputError):
-    """A file cannot be read as a log: it is of another kind, of a newer format, or too damaged."""
+    """A file cannot be read as a log: it has another or a newer format, or is too damaged."""
 
 
 class LinkError(SonarError):
@@ -78,7 +78,7 @@ class Incompatible(DeviceError):
 
 
 class LostSteps(DeviceError):
-    """The zero mark is not in its place or missing: angles since it was last seen there may be wrong."""
+    """The zero mark is misplaced or missing. Angles since its last correct detection may be wrong."""
 
 
 class CommandRefused(DeviceError):
@@ -94,11 +94,11 @@ class NoPlate(SonarError):
 
 
 class Cancelled(SonarError):
-    """Long work was cancelled before it was done; there is no result."""
+    """Long work was cancelled before it had finished. There is no result."""
 
 
 class WorkersLost(SonarError):
-    """Processes or machines ended before their study was done."""
+    """Processes or a cluster ended before their study had finished."""
 
 
 class LogError(SonarError):

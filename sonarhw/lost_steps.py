@@ -1,8 +1,8 @@
 """Find the readings whose angles may be wrong because the turntable lost steps.
 
 The turntable passes its zero mark once a turn. A device checks the mark whenever it turns counter-clockwise over it. It
-has reported a misplaced or missing mark at the latest when it is MARK_OVERRUN past the mark. After a reset, or after a
-long silence of the host, a device homes again. The error of the turntable before that homing is then unknown.
+reports a misplaced or missing mark before it has turned MARK_OVERRUN past the position of the mark. After a reset, or
+after a long silence of the host, a device homes again. Its angle error before that homing is unknown.
 """
 
 import math
@@ -12,10 +12,10 @@ import numpy as np
 
 from sonarhw.readings import FloatArray
 
-MARK_APPROACH = math.radians(3)  # plus the backlash; enough for the table to move when the mark comes
+MARK_APPROACH = math.radians(3)  # before the mark, plus the backlash: the table then moves when it reaches the mark
 MARK_OVERRUN = math.radians(6)
-_BACKLASH = math.radians(3)  # of a gear whose backlash is unknown
-_EXACT = 1e-6  # rad; less than a microstep
+_BACKLASH = math.radians(3)  # assumed backlash of every gear
+_TOLERANCE = 1e-6  # rad; less than a microstep
 
 
 def nearest_mark(angle: float, lowest: float, highest: float) -> float | None:
@@ -25,31 +25,31 @@ def nearest_mark(angle: float, lowest: float, highest: float) -> float | None:
 
 
 def first_unverified(angles: FloatArray) -> int:
-    """Return the index of the first reading after which the mark was not seen in its place.
+    """Return the index of the first reading that was made after the last check of the mark.
 
-    `angles`, (n,) rad, are those of the readings in the order in which they were made. The turntable was homed just
-    before the first of them. Marks that are passed clockwise verify nothing.
+    `angles`, (n,) rad, are the angles of the readings in order of time. The turntable was homed just before the first
+    reading. A device does not check marks that it passes clockwise.
     """
-    run = unverified = 0  # `run`: index where the latest counter-clockwise movement began
+    run = unverified = 0  # `run`: index of the reading where the latest counter-clockwise movement began
     seen = -math.inf
     for index, angle in enumerate(angles):
         if index and angle < angles[index - 1]:
             run, seen = index, -math.inf
         mark = math.floor((angle - MARK_OVERRUN) / math.tau) * math.tau
         if mark > seen and mark >= angles[run] + MARK_APPROACH + _BACKLASH:
-            seen, unverified = mark, run + int(np.searchsorted(angles[run:index], mark - _EXACT))
+            seen, unverified = mark, run + int(np.searchsorted(angles[run:index], mark - _TOLERANCE))
     return unverified
 
 
 def split_at_homings(times: Sequence[float], angles: Sequence[float], homings: Sequence[float]) -> list[FloatArray]:
-    """Return the angles (rad) of the readings made at `times` (s) in the order of time, split at each homing.
+    """Return the angles (rad) of the readings in order of their times (s), split at each homing.
 
     `homings` are the times of the newest reading before each homing, in ascending order. The result has one (n,) array
     more than `homings` has values.
     """
     order = np.argsort(times, kind="stable")
-    made, turned = np.array(times, dtype=np.float64)[order], np.array(angles, dtype=np.float64)[order]
-    return np.split(turned, np.searchsorted(made, homings, side="right"))
+    in_order, angles_in_order = np.array(times, dtype=np.float64)[order], np.array(angles, dtype=np.float64)[order]
+    return np.split(angles_in_order, np.searchsorted(in_order, homings, side="right"))
 
 
 def lost_steps_clause(runs: Sequence[FloatArray]) -> str | None:
@@ -63,7 +63,7 @@ def lost_steps_clause(runs: Sequence[FloatArray]) -> str | None:
     first = first_unverified(run)
     doubtful = len(run) - first
     these = f"all {total}" if doubtful == total else f"the last {doubtful} of {total}"
-    return f"{these} angles may be off, from {math.degrees(run[first]):.6g}° on"
+    return f"{these} angles may be wrong, from {math.degrees(run[first]):.6g}° on"
 
 
 def unverified_clause(runs: Sequence[FloatArray]) -> str | None:

@@ -79,7 +79,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class ScanOrder:
-    """The pings of a scan: `headings` turntable angles from `start` in steps of `step`, in sweeps to and fro."""
+    """The pings of a scan, at `headings` turntable angles from `start` in steps of `step`. Odd sweeps run backwards."""
 
     start: float  # rad
     step: float  # rad
@@ -98,8 +98,8 @@ class ScanOrder:
 
     def ping_at(self, number: int) -> tuple[int, float, int]:
         """Return sweep, turntable angle (rad) and ping of reading `number`. Odd sweeps run backwards."""
-        place, ping = divmod(number, self.pings)
-        sweep, index = divmod(place, self.headings)
+        heading, ping = divmod(number, self.pings)
+        sweep, index = divmod(heading, self.headings)
         if sweep % 2:
             index = self.headings - 1 - index
         return sweep, self.start + self.step * index, ping
@@ -112,12 +112,12 @@ def headings_between(start: float, stop: float, step: float) -> int:
     """
     if not all(map(math.isfinite, (start, stop, step))) or step == 0 or not 0 < (stop - start) / step < math.inf:
         raise ValueError(f"there is no angle from {start:g} to below {stop:g} in steps of {step:g}")
-    # 1e-9 less, so that 0 to 360 by 0.1 is 3600 headings and not 3601 when rounding makes the quotient too large
+    # rounding may make the quotient too large: without 1e-9, 0 to 360 by 0.1 could give 3601 headings instead of 3600
     return math.ceil((stop - start) / step - 1e-9)
 
 
 def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:
-    """Return the order for one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded.
+    """Return the order of one sweep from `start_deg` in steps of `step_deg`; `stop_deg` is excluded.
 
     0 to 360 by 5 is 72 headings. Raises ValueError if there is no such heading.
     """

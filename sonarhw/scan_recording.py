@@ -1,9 +1,9 @@
 """Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
 
-from sonarhw.log import LogMetadata, LogWriter
+from sonarhw import LogMetadata, LogWriter, sector
 from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
 
-plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir(Air().speed_at))
+plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir(speed_at, room_temperature=20.0))
 record_scan(scanner, plan, LogWriter(path, LogMetadata("scan", time.time())), watcher)
 """
 
@@ -22,7 +22,7 @@ from sonarhw.wire.messages import Outcome
 
 @dataclass(frozen=True)
 class ScanAir:
-    """The air during a scan, as far as ranges depend on it."""
+    """The temperature of the air during a scan, and the speed of sound that follows from it."""
 
     speed_at: Callable[[float], float]  # speed of sound in m/s at a temperature in °C
     room_temperature: float  # °C; used if neither the caller nor a thermometer provides a temperature
@@ -50,10 +50,10 @@ class ScanWatcher(Protocol):
 
     @property
     def stop_wanted(self) -> bool:
-        """Whether the scan should end before its next step. `Scanner.stop` ends the step itself."""
+        """Whether the scan should end before its next step. `Scanner.stop` also ends the current step."""
 
     def homed(self) -> None:
-        """Note that the turntable has homed. Readings follow."""
+        """Receive the news that the turntable has homed. Readings follow."""
 
     def reading(self, reading: Reading) -> None:
         """Receive a new reading."""
@@ -65,8 +65,8 @@ class ScanWatcher(Protocol):
 def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
     """Configure the scanner, home, scan, record everything in `log`, and close it.
 
-    Returns DONE or STOPPED. A scan that ends before its first reading leaves no log, and a log that it would have
-    overwritten is unchanged. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
+    Returns DONE or STOPPED. If the scan is stopped before its first reading, no log is written, and an existing log is
+    not overwritten. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
     states how many readings are kept.
     """
     progress = _Progress(watcher)
@@ -87,7 +87,7 @@ def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanW
 
 @dataclass
 class _Progress:
-    """A watcher, and the number of readings that it has received."""
+    """Counts the readings and passes them to a watcher."""
 
     watcher: ScanWatcher
     count: int = 0
@@ -102,7 +102,7 @@ def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> 
     speed = plan.air.speed_of_sound(scanner)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     _warn_if_disk_is_too_small(scanner, plan, path, watcher)
-    with scanner.sequence():  # a stop between two steps ends the later ones too
+    with scanner.sequence():  # a stop between two steps also ends the later steps
         if watcher.stop_wanted or scanner.home() is Outcome.STOPPED:
             return Outcome.STOPPED
         watcher.homed()
@@ -120,7 +120,7 @@ def _warn_if_disk_is_too_small(scanner: Scanner, plan: ScanPlan, path: Path, wat
     if free is not None and free < need:
         watcher.warn(
             f"{path}: the scan needs about {need / 1e6:.1f} MB and its disk has {free / 1e6:.1f} MB free, "
-            f"enough for {free / need:.0%} of it; free disk space"
+            f"enough for {free / need:.0%} of it; delete other files"
         )
 
 

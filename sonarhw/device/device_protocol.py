@@ -1,7 +1,7 @@
 """The device side of the protocol, shared by the fake board and the replayed log.
 
-Answers, heartbeats and readings leave at the speed of the line. A repeated command is executed once and answered each
-time. The last readings are kept so that they can be sent again.
+Answers, heartbeats and readings are sent at the speed of the line. A repeated command is carried out once and answered
+each time. The last readings are kept so that they can be sent again.
 """
 
 import math
@@ -61,7 +61,7 @@ from sonarhw.wire.messages import (
     WhenBusy,
 )
 
-BACKLOG = 65_536  # bytes waiting for the line; while there are more, commands are dropped
+BACKLOG = 65_536  # bytes; while more are waiting for the line, commands are dropped
 
 
 class RefusalError(Exception):
@@ -82,12 +82,12 @@ class ActionError(Exception):
 
 @dataclass
 class _Action:
-    """A Home, Turn or StartScan: the running one, or the last one."""
+    """The running or last Home, Turn or StartScan."""
 
     key: tuple[int, int, bytes]  # type, sequence and payload of its command
     accepted: Message
     state: State
-    wakes: Iterator[float]  # times at which it continues, s; ends when it is done
+    wakes: Iterator[float]  # times at which the action continues, s; ends with the action
     due: float = 0.0
     finished: Finished | None = None
 
@@ -95,8 +95,8 @@ class _Action:
 class ProtocolDevice(ABC):
     """A `Device` that implements the protocol; subclasses implement its actions.
 
-    Its clock starts at 0 at the first `now` it receives. Homing, turning and scanning are iterators of the times at
-    which they continue. They end when they are done, and are dropped after Stop.
+    Its clock starts at 0 at the first `now` that it receives. Homing, turning and scanning are iterators, which yield
+    the times at which they continue. An iterator is dropped after Stop.
     """
 
     def __init__(self, line: Line) -> None:
@@ -105,14 +105,14 @@ class ProtocolDevice(ABC):
         self._start_time: float | None = None  # the caller's time when the device's clock started
         self._now = 0.0
         self._greeted = False
-        self._expects_signs_of_life = False  # True for hosts since protocol 1.1
+        self._expects_signs_of_life = False  # True for hosts of protocol 1.1 or newer
         self._last_frame = 0.0  # time of the last valid frame
-        self._former_baud: int | None = None  # restored if nothing is received at the new baud rate
+        self._former_baud: int | None = None  # restored if no valid frame arrives at the new baud rate
         self._frames = self._rejected = self._pings = 0
         self._next_heartbeat = 0.0
         self._action: _Action | None = None
         self._kept: deque[ReadingMessage] = deque(maxlen=KEPT_READINGS)
-        self._made = 0
+        self._made = 0  # number of the next reading
         self.plug: int | None = 0
         self.speedup = 1.0
 
@@ -128,7 +128,7 @@ class ProtocolDevice(ABC):
 
     @abstractmethod
     def info(self, sequence: int) -> Info:
-        """Return the identity, in answer to the Hello with that sequence number."""
+        """Return the answer to the Hello with that sequence number."""
 
     @abstractmethod
     def configure(self, request: Configure, sequence: int) -> Settings:
@@ -144,9 +144,9 @@ class ProtocolDevice(ABC):
 
     @abstractmethod
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
-        """Return the number of readings of the whole scan, and the action that makes those from `order.first` on.
+        """Return the number of readings of the whole scan, and the action that makes the requested readings.
 
-        The action passes them to `report`. Raises RefusalError at once.
+        The action passes them to `report`. Raises RefusalError at once, not during the iteration.
         """
 
     @abstractmethod
@@ -155,7 +155,7 @@ class ProtocolDevice(ABC):
 
     def capabilities(self, sequence: int) -> Capabilities:
         """Return the capabilities. Raises RefusalError if they are unknown."""
-        raise RefusalError(Refusal.UNKNOWN, "what this device can is not known")
+        raise RefusalError(Refusal.UNKNOWN, "the capabilities of this device are unknown")
 
     def configure_turntable(self, request: ConfigureTurntable, sequence: int) -> TurntableSettings:
         """Apply turntable settings and return those in force. Raises RefusalError."""
@@ -176,7 +176,7 @@ class ProtocolDevice(ABC):
         self.halt(now)
 
     def statistics(self, sequence: int) -> Statistics:
-        """Return the counts of the device."""
+        """Return the counters of the device."""
         return Statistics(sequence, self._frames, self._rejected, 0, self._pings, 0, ResetCause.POWER, 0)
 
     def report(self, reading: ReadingMessage, trace: Iterable[TraceChunk], now: float) -> None:
@@ -215,7 +215,7 @@ class ProtocolDevice(ABC):
             return None
         start = self._start_time or 0.0
         event = min(due) + start
-        # rounding must not make the event earlier than the due time, or a clock that jumps to events would stop
+        # rounding must not make the event earlier than the due time: a clock that jumps to events would never reach it
         return event if event - start >= min(due) else math.nextafter(event, math.inf)
 
     def advance(self, now: float) -> bytes:
@@ -225,7 +225,7 @@ class ProtocolDevice(ABC):
         return self.line.depart(time)
 
     def hang_up(self) -> None:
-        """Handle the departure of the host: stop and drop the conversation."""
+        """Handle a host that has disconnected: stop, and end the conversation."""
         self._greeted = False
         self._former_baud = None
         self.line.change(self.line.first_baud)
@@ -256,7 +256,7 @@ class ProtocolDevice(ABC):
         return min(due) if due else None
 
     def _silence_deadline(self) -> float | None:
-        """Return the time when the silence of the host has been too long, s; None if it is not limited."""
+        """Return the time until which the host may be silent, s; None if its silence is not limited."""
         if self._former_baud is not None:
             return self._last_frame + BAUD_TIMEOUT * self.speedup
         return self._last_frame + HOST_SILENCE * self.speedup if self._greeted and self._expects_signs_of_life else None
@@ -291,7 +291,7 @@ class ProtocolDevice(ABC):
         try:
             due = next(action.wakes, None)
         except (MessageError, ActionError) as error:
-            # also raised if the settings lead to values that do not fit a message; the host gets the error
+            # a MessageError means that a value does not fit its message, for example because of the settings
             self.halt(now)
             where = f"reading {self._made}: " if isinstance(error, MessageError) else ""
             outcome = error.outcome if isinstance(error, ActionError) else Outcome.FAULT
@@ -317,7 +317,7 @@ class ProtocolDevice(ABC):
     def _parse(self, frame: Frame) -> CommandMessage:
         kind = BY_TYPE.get(frame.type)
         if kind is None or not issubclass(kind, CommandMessage) or self.line.minor < kind.SINCE:
-            raise RefusalError(Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is not known to this firmware")
+            raise RefusalError(Refusal.UNKNOWN, f"message type 0x{frame.type:02x} is unknown to this firmware")
         try:
             message = kind.unpack(frame.payload)
             # older firmware ignores fields that its version does not have
@@ -325,7 +325,7 @@ class ProtocolDevice(ABC):
         except MessageError as error:
             raise RefusalError(Refusal.MALFORMED, f"{kind.__name__}: {error}") from error
         if not self._greeted and not isinstance(message, Hello):
-            raise RefusalError(Refusal.NO_HELLO, "say Hello first")
+            raise RefusalError(Refusal.NO_HELLO, "send Hello first")
         return message
 
     def _carry_out(self, message: CommandMessage, key: tuple[int, int, bytes], now: float) -> None:
@@ -340,7 +340,7 @@ class ProtocolDevice(ABC):
                 self.line.send(self.configure(message, sequence), now)
             case ConfigureTurntable():
                 if message.approach not in [*Approach]:
-                    raise RefusalError(Refusal.OUT_OF_RANGE, f"approach is {message.approach}; it is 0, 1 or 2")
+                    raise RefusalError(Refusal.OUT_OF_RANGE, f"approach is {message.approach}; expected 0, 1 or 2")
                 self.line.send(self.configure_turntable(message, sequence), now)
             case Home():
                 self._start(_Action(key, Accepted(sequence), State.HOMING, self.homing(now)), now)
@@ -376,7 +376,7 @@ class ProtocolDevice(ABC):
 
     def _resend(self, request: Resend, sequence: int, now: float) -> None:
         if not 1 <= request.count <= KEPT_READINGS:
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.count} readings asked for; 1 to {KEPT_READINGS} can be")
+            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.count} readings; expected 1 to {KEPT_READINGS}")
         self.line.send(Accepted(sequence), now)
         for reading in self._kept:
             if request.first <= reading.number < request.first + request.count:
@@ -384,18 +384,17 @@ class ProtocolDevice(ABC):
 
     def _set_baud(self, request: SetBaud, sequence: int, now: float) -> None:
         if request.baud not in self.line.bauds:
-            known = ", ".join(map(str, self.line.bauds)) or "this line has no speed of its own"
-            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.baud} baud; can be: {known}")
+            possible = ", ".join(map(str, self.line.bauds))
+            reason = f"expected {possible}" if possible else "the line has no baud rate"
+            raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.baud} baud; {reason}")
         self.line.send(Accepted(sequence), now)
         self._former_baud = self.line.baud
         self.line.change(request.baud)
 
     def _test_link(self, request: TestLink, sequence: int, now: float) -> None:
         if not 1 <= len(request.data) <= MAX_TEST or request.size > MAX_TESTED:
-            text = (
-                f"{len(request.data)} bytes of which {request.size} are wanted; 1 to {MAX_TEST}, and up to {MAX_TESTED}"
-            )
-            raise RefusalError(Refusal.OUT_OF_RANGE, text)
+            text = f"data of {len(request.data)} bytes, size {request.size}; expected 1 to {MAX_TEST} bytes"
+            raise RefusalError(Refusal.OUT_OF_RANGE, f"{text}, and a size of at most {MAX_TESTED}")
         repeats = -(-request.size // len(request.data))
         self.line.send(LinkTested(sequence, (request.data * repeats)[: request.size]), now)
 
@@ -425,22 +424,22 @@ class ProtocolDevice(ABC):
 def _check_settings(request: Configure) -> None:
     """Raise RefusalError for settings that are invalid for every device."""
     if request.trace not in [*TraceKind]:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"trace is {request.trace}; it is 0, 1 or 2")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"trace is {request.trace}; expected 0, 1 or 2")
     if request.trace_bits not in (0, 8, 16):
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"traces of {request.trace_bits} bits; it is 8 or 16, or 0")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"trace_bits is {request.trace_bits}; expected 0, 8 or 16")
     if not 1 <= request.echoes <= MAX_ECHOES:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"{request.echoes} echoes of a ping; it is 1 to {MAX_ECHOES}")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"echoes is {request.echoes}; expected 1 to {MAX_ECHOES}")
     if request.listen_us == 0:
-        raise RefusalError(Refusal.OUT_OF_RANGE, "listen is 0 us; nothing would be heard")
+        raise RefusalError(Refusal.OUT_OF_RANGE, "listen_us is 0; expected a time after blanking_us")
     if request.speed_of_sound == 0:
-        raise RefusalError(Refusal.OUT_OF_RANGE, "speed of sound is 0 mm/s")
+        raise RefusalError(Refusal.OUT_OF_RANGE, "speed_of_sound is 0; expected mm/s above 0")
 
 
 def _readings_to_make(order: StartScan, total: int) -> int:
     """Return the number of readings that a command requests of a scan of `total`. Raises RefusalError."""
     if total > MOST_READINGS:
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"{total} readings; they are counted up to {MOST_READINGS}")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"{total} readings; expected at most {MOST_READINGS}")
     count = order.count or total - order.first
     if not 0 <= order.first <= order.first + count <= total or (total and not count):
-        raise RefusalError(Refusal.OUT_OF_RANGE, f"readings {order.first} and {count} in all; the scan has {total}")
+        raise RefusalError(Refusal.OUT_OF_RANGE, f"{count} readings from number {order.first}; the scan has {total}")
     return count

@@ -3,8 +3,8 @@
     with emulated_board(echoes) as board:
         Scanner.open(board.url)
 
-The firmware runs in a process of its own, and an echo source answers its pings. Every byte at `url` comes from the
-code of the firmware.
+The firmware runs in a separate process. An echo source supplies the echoes of its pings. The firmware itself sends
+every byte that arrives at `url`.
 """
 
 import queue
@@ -23,7 +23,7 @@ from sonarhw.echo_source import EchoSource, Ping, PingResult
 from sonarhw.errors import InputError, LinkError
 
 BUILT = Path(__file__).parents[2] / "firmware" / "build"
-LISTEN = 0.0655  # s; a little longer than the firmware can listen
+LISTEN = 0.0655  # s; slightly above the longest listening time of the firmware
 _READY_WITHIN = 60.0  # s, on a busy machine
 _ENDS_WITHIN = 30.0  # s, on a busy machine
 _HEADER = struct.Struct("<cI")
@@ -52,7 +52,7 @@ class EmulatedBoard:
         self._send(b"H", b"")
 
     def slip(self, microsteps: float) -> None:
-        """Turn the table back against the motor."""
+        """Turn the table back by some microsteps, against the motor."""
         self._send(b"S", struct.pack("<d", microsteps))
 
     def wedge(self, seconds: float) -> None:
@@ -60,7 +60,7 @@ class EmulatedBoard:
         self._send(b"W", struct.pack("<d", seconds))
 
     def longest_interrupts(self) -> tuple[int, ...]:
-        """Return the most cycles that the handler of each interrupt vector has taken since the start."""
+        """Return the longest duration of the handler of each interrupt vector since the start, cycles."""
         self._send(b"C", b"")
         return self._cycles.get(timeout=_READY_WITHIN)
 
@@ -69,9 +69,9 @@ class EmulatedBoard:
         return self._process.wait()
 
     def end(self) -> None:
-        """Switch it off."""
+        """Switch the board off."""
         self._process.terminate()
-        # the emulator may be waiting for an answer
+        # the emulator may be waiting for the echoes of a ping
         with suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
 
@@ -106,7 +106,7 @@ class EmulatedBoard:
         while len(taken) < size:
             piece = self._line.recv(size - len(taken))
             if not piece:
-                raise EOFError("the emulated board has gone")
+                raise EOFError("the emulated board has ended")
             taken += piece
         return taken
 
@@ -125,20 +125,21 @@ def emulated_board(
     echoes: EchoSource,
     pty: Path | None = None,
     pace: float | Literal["real", "max"] = "real",
-    stands_deg: float = 100.0,
+    start_deg: float = 100.0,
     eeprom: Path | None = None,
     built: Path = BUILT,
 ) -> Iterator[EmulatedBoard]:
     """Run the firmware in the folder `built` until the block ends.
 
-    `stands_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM. Raises
+    `start_deg` is the angle of the turntable at power-on. `eeprom` is a file with the content of the EEPROM. Raises
     InputError if firmware or emulator is not built, and LinkError if the emulator does not start or ends by itself. It
-    ends by itself if the firmware sends or steps while it listens. An error of the echo source is raised at the end.
+    ends by itself if the firmware sends a byte or makes a step while it listens. An error of the echo source is raised
+    at the end of the block.
     """
     for needed in (built / "emulator", built / "sonar.elf"):
         if not needed.exists():
             raise InputError(f"{needed}: not built; run make firmware")
-    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--stands", str(stands_deg)]
+    arguments: list[str | Path] = [built / "emulator", "--firmware", built / "sonar.elf", "--stands", str(start_deg)]
     arguments += ["--pace", {"real": "1", "max": "0"}.get(str(pace), str(pace))]
     arguments += ["--temperature", str(echoes.temperature_c)] if echoes.temperature_c is not None else []
     arguments += ["--eeprom", eeprom] if eeprom else []
@@ -157,7 +158,7 @@ def emulated_board(
 
 @contextmanager
 def _started(arguments: list[str | Path]) -> Iterator[tuple["subprocess.Popen[bytes]", socket.socket]]:
-    """Start the process and return it with the socket to it. It ends with the block."""
+    """Start the process, and yield it with the socket to it. The process ends with the block."""
     ours, its = socket.socketpair()
     ours.settimeout(_READY_WITHIN)
     command = [*arguments, "--parent", str(its.fileno())]
@@ -180,7 +181,7 @@ def _served(board: EmulatedBoard) -> Iterator[None]:
     def run() -> None:
         try:
             board.serve()
-        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the board
+        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that started the board
             failures.append(failure)
             board.end()
 

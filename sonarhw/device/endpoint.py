@@ -3,8 +3,8 @@
     with serve(board, tcp="127.0.0.1:0", pace="max") as endpoint:
         Scanner.open(endpoint.url)
 
-It serves one client after another in one thread. While a client does not read, the time of the device stands still, so
-that unsent bytes do not pile up.
+One thread serves one client after another. While a client does not read, the clock of the device stops, so that only
+a few unsent bytes accumulate.
 """
 
 import math
@@ -25,13 +25,13 @@ __all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_server_port", "serve
 
 Pace = float | Literal["real", "max"]
 _LONGEST_WAIT = 0.1  # s
-# s of real time that pass at once: after a stall of the machine the device runs late but does not jump. It is above the
-# longest wait, or an idle device would lose time.
+# s of real time that are counted at once: if this process was suspended, the clock of the device does not jump. The
+# limit is above the longest wait, because the clock of an idle device would run slow otherwise.
 _LONGEST_STEP = 3 * _LONGEST_WAIT
 
 
 class Clock:
-    """The time of the device: real time × `pace`. It stands still while the client does not read."""
+    """The time of the device: real time × `pace`. It stops while the client does not read."""
 
     def __init__(self, pace: Pace) -> None:
         self.now = 0.0
@@ -40,7 +40,7 @@ class Clock:
         self._last = time.monotonic()
 
     def tick(self, held: bool) -> None:
-        """Let real time pass. If `held`, the time of the device stands still."""
+        """Count the real time since the last call. If `held`, the time of the device does not change."""
         real = time.monotonic()
         if not held:
             self.now += min(real - self._last, _LONGEST_STEP) * self.speed
@@ -86,7 +86,7 @@ class Endpoint:
         return self._port.url
 
     def stop(self) -> None:
-        """Stop serving; callable from any thread and from a signal handler."""
+        """Stop serving. Any thread and any signal handler may call this."""
         self._stopping = True
         with suppress(OSError):
             self._wake.send(b"x")
@@ -132,7 +132,7 @@ class Endpoint:
         if self._pending:
             self._send(wait)
             wait = 0.0
-        # a client that does not read is not read from either, so that its answers do not pile up in the device
+        # no commands are read from a client that does not read, because their answers would accumulate in the device
         if not self._pending:
             self._receive(wait)
 
@@ -175,7 +175,7 @@ def serve(device: Device, pty: Path | None = None, tcp: str | None = None, pace:
     def run() -> None:
         try:
             endpoint.run()
-        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that asked for the endpoint
+        except BaseException as failure:  # noqa: BLE001 - raised again in the thread that called `serve`
             failures.append(failure)
             port.close()  # so that clients notice the error
 

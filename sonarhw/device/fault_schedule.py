@@ -1,8 +1,8 @@
-"""The faults of a fake scanner and their times, as given by `--faults` and `fake:ROOM?faults=`.
+"""The faults of a fake scanner and their times, as in the option `--faults` and in `fake:ROOM?faults=`.
 
 `sonarhw.device.faulty_board` applies them. `docs/how_to/faults.md` documents the format.
 
-    drop=1/5000,reset@r20,unplug=1@~30        loses every 5000th byte, resets after 20 pings, unplugs every 30 s or so
+    drop=1/5000,reset@r20,unplug=1@~30        loses 1 of 5000 bytes, resets after 20 pings, unplugs about every 30 s
 """
 
 import math
@@ -16,21 +16,21 @@ FOREVER = math.inf
 
 @dataclass(frozen=True)
 class At:
-    """Once, this long after the start of the scanner."""
+    """Once, this time after the start of the scanner, s."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class AfterPings:
-    """Once, after this many pings have been reported."""
+    """Once, after this number of reported pings."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class NowAndThen:
-    """Repeatedly at random times, this far apart on average."""
+    """Repeatedly at random times, with this mean interval, s."""
 
     seconds: float
 
@@ -41,11 +41,11 @@ When = At | AfterPings | NowAndThen
 class FaultKind(Enum):
     """A fault: its name in a specification, its default size, and the meaning of the size."""
 
-    STALL = ("stall", 1.0, "s for which the line holds all bytes back; then it delivers them at once")
+    STALL = ("stall", 1.0, "s for which the line delays all bytes; it then delivers them at once")
     DEAF = ("deaf", 1.0, "s for which bytes from the host are lost")
     MUTE = ("mute", 1.0, "s for which bytes from the scanner are lost")
     RESET = ("reset", 0.5, "s for a restart; conversation, zero and readings are lost")
-    WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, whatever steps it receives")
+    WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, although it receives steps")
     SLIP = ("slip", 16.0, "microsteps that the turntable misses at once (below 0: on a backward move)")
     NONSENSE = ("nonsense", FOREVER, "s of text, noise and meaningless frames instead of answers")
     UNPLUG = ("unplug", 1.0, "s for which the cable is unplugged; it comes back under the same name")
@@ -71,7 +71,7 @@ class Faults:
     drop: float = 0.0
     flip: float = 0.0  # one bit of the byte
     insert: float = 0.0
-    drift: float = 0.0  # how much too fast its clock runs, ppm
+    drift: float = 0.0  # ppm; above 0: its clock runs too fast
     protocol: tuple[int, int] | None = None  # protocol version; None: the current one
     events: tuple[Event, ...] = ()
 
@@ -84,7 +84,7 @@ KNOWN = (*_LASTING, *_KINDS)
 
 
 def read_faults(spec: str) -> Faults:
-    """Return the faults of a text such as `drop=1/5000,reset@r20,unplug=1@~30`. An empty text means no faults.
+    """Return the faults in a text such as `drop=1/5000,reset@r20,unplug=1@~30`. An empty text means no faults.
 
     Raises InputError for an unknown fault, value or time.
     """
@@ -102,7 +102,7 @@ def read_faults(spec: str) -> Faults:
             raise InputError(f"fault {entry!r}: {name} is permanent; specify it once, without a time")
         else:
             lasting[name] = _lasting(name, value, entry)
-    return Faults(**lasting, events=tuple(events))  # type: ignore[arg-type]  # each name has the value of its kind
+    return Faults(**lasting, events=tuple(events))  # type: ignore[arg-type]  # each value has the type of its field
 
 
 def _lasting(name: str, value: str, entry: str) -> float | tuple[int, int]:
@@ -131,7 +131,7 @@ def _moment(text: str, entry: str) -> When:
         return AfterPings(int(text[1:]))
     seconds = _number(text.removeprefix("~"), entry)
     if seconds < 0 or (seconds == 0 and text.startswith("~")):
-        raise InputError(f"fault {entry!r}: expected a time: @12.5 (s), @r20 (pings) or @~30 (every 30 s or so)")
+        raise InputError(f"fault {entry!r}: expected a time: @12.5 (s), @r20 (pings) or @~30 (about every 30 s)")
     return NowAndThen(seconds) if text.startswith("~") else At(seconds)
 
 

@@ -1,6 +1,6 @@
 """A fake board with faults in the board and its line. It is a `Device`.
 
-All randomness comes from the seed and the order of the bytes, never from the time of day.
+Random values depend only on the seed and on the order of the bytes.
 """
 
 import heapq
@@ -31,7 +31,7 @@ class FaultyDevice:
     """A fake board with a schedule of faults."""
 
     def __init__(self, make_board: Callable[[int], FakeBoard], faults: Faults, seed: int = 0) -> None:
-        """`make_board` makes a board that was just switched on; its argument is the number of earlier starts."""
+        """`make_board` returns a board that was just switched on. Its argument is the number of earlier starts."""
         self._make_board = make_board
         self._faults = faults
         self._chance = random.Random(seed)
@@ -55,7 +55,7 @@ class FaultyDevice:
 
     @property
     def speedup(self) -> float:
-        """By how much its time passes faster than real time."""
+        """Ratio of device time to real time."""
         return self._speedup
 
     @speedup.setter
@@ -94,7 +94,7 @@ class FaultyDevice:
         return data
 
     def hang_up(self) -> None:
-        """Handle the departure of the host."""
+        """Handle a host that has disconnected."""
         if self._board is not None:
             self._board.hang_up()
         self._held_down.clear()
@@ -114,11 +114,11 @@ class FaultyDevice:
             self._run_board(due)
             action(due)
             if self.plug != plug:
-                return  # the caller must see each change of the cable; the next call does the rest
+                return  # the caller must notice each change of the cable; the next call does the rest
         self._run_board(now)
 
     def _run_board(self, now: float) -> None:
-        # event by event, so that a fault after so many pings comes before the next ping
+        # one event at a time, so that a fault after a number of pings starts before the next ping
         while self._board is not None:
             event = self._board.next_event()
             due = now if event is None else min(now, self._host_time(event))
@@ -133,7 +133,7 @@ class FaultyDevice:
     def _host_time(self, board_time: float) -> float:
         start = self._started or 0.0
         now = start + (board_time - start) / (1 + self._faults.drift * 1e-6)
-        # rounding must not make the time earlier than the due time
+        # rounding must not make this time earlier than that of the board
         while self._board_time(now) < board_time:
             now = math.nextafter(now, math.inf)
         return now

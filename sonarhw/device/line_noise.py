@@ -1,4 +1,4 @@
-"""Damage of bytes on a bad line, and nonsense bytes from a device that is not a scanner.
+"""Damaged bytes of a bad line, and bytes of a device that is not a scanner.
 
 The same seed damages the same bytes.
 """
@@ -15,26 +15,26 @@ _UNUSED_TYPE = 0xE5  # no message has this type
 
 
 class LineNoise:
-    """Damages a stream of bytes: it drops, flips and inserts bytes, each at its rate."""
+    """Damages a stream of bytes: it drops bytes, flips bits and inserts bytes, each at its rate."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self._chance = random.Random(seed)
         self._rates = (faults.drop, faults.flip, faults.insert)
         self._rate = min(1.0, sum(self._rates))
-        self._sound = self._until_next()  # bytes until the next damaged one
+        self._intact = self._until_next()  # bytes before the next damaged one
 
     def damage(self, data: bytes) -> bytes:
         """Return the bytes as they arrive."""
-        if self._sound >= len(data):
-            self._sound -= len(data)
+        if self._intact >= len(data):
+            self._intact -= len(data)
             return data
         arriving, at = bytearray(), 0
-        while self._sound < len(data) - at:
-            victim = at + int(self._sound)
+        while self._intact < len(data) - at:
+            victim = at + int(self._intact)
             arriving += data[at:victim] + self._damaged(data[victim])
             at = victim + 1
-            self._sound = self._until_next()
-        self._sound -= len(data) - at
+            self._intact = self._until_next()
+        self._intact -= len(data) - at
         return bytes(arriving + data[at:])
 
     def _damaged(self, byte: int) -> bytes:

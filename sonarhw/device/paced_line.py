@@ -1,4 +1,4 @@
-"""The sending side of a serial line: frames leave at the speed of the line."""
+"""The sending side of a serial line, which takes time for each byte."""
 
 from collections import deque
 
@@ -12,9 +12,9 @@ BYTE_TIME = BITS / 1_000_000  # s
 
 
 class Line:
-    """A line on which frames leave one after another, each when its last byte has been transmitted.
+    """A line that transmits frames one after another. A frame leaves when its last byte has been transmitted.
 
-    A line with `bauds` starts at the lowest of them. A line without has a fixed speed.
+    A line with `bauds` starts at the lowest of them. A line without `bauds` has a fixed speed.
     """
 
     def __init__(self, byte_time: float = BYTE_TIME, bauds: tuple[int, ...] = ()) -> None:
@@ -24,7 +24,7 @@ class Line:
         self._byte_time = byte_time  # s, for a line without bauds
         self._queue: deque[tuple[float, bytes]] = deque()
         self._sequence = 0
-        self.idle_from = 0.0  # time when the last frame has left, s
+        self.idle_from = 0.0  # time when the last queued frame leaves, s
         self.waiting = 0  # bytes in the queue
 
     def send(self, message: Message, now: float) -> None:
@@ -44,7 +44,7 @@ class Line:
             self.baud = baud
 
     def departure(self) -> float | None:
-        """Return the time when the next frame has left, s; None if the queue is empty."""
+        """Return the time when the next frame leaves, s; None if the queue is empty."""
         return self._queue[0][0] if self._queue else None
 
     def depart(self, now: float) -> bytes:

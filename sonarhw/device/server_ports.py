@@ -9,9 +9,9 @@ from typing import Protocol
 
 from sonarhw.errors import InputError, LinkError
 
-_MOST = 4096  # bytes of one read
+_MOST = 4096  # most bytes of one read
 _CLIENTS_WAITING = 4
-_SEND_BUFFER = 16_384  # bytes; a small buffer lets a slow client delay the device early
+_SEND_BUFFER = 16_384  # bytes; small, so that a slow client delays the device early
 
 
 class ServerPort(Protocol):
@@ -42,13 +42,16 @@ class ServerPort(Protocol):
 
 
 class TcpServerPort:
-    """A listening TCP socket. The next client is accepted when the one before has disconnected."""
+    """A listening TCP socket. The next client is accepted after the previous one has disconnected."""
 
     def __init__(self, address: str) -> None:
-        """Listen on HOST:PORT; port 0 selects a free one. Raises InputError if invalid, LinkError if in use."""
+        """Listen on HOST:PORT; port 0 selects a free one.
+
+        Raises InputError for an invalid address or an address of another machine, and LinkError if the port is in use.
+        """
         host, port = host_and_port(address)
         try:
-            # checked first, because create_server reports an unknown host name as a refused connection
+            # create_server alone would report an unknown host name as a refused connection
             socket.getaddrinfo(host, port, socket.AF_INET)
             self._listener = socket.create_server((host, port), backlog=_CLIENTS_WAITING)
         except socket.gaierror as error:
@@ -106,7 +109,7 @@ class TcpServerPort:
         self._listener.close()
 
     def plug_in(self, socket_number: int) -> None:
-        """Listen again, on the first port or on a free one. Raises LinkError if the port is in use meanwhile."""
+        """Listen again, on the first port or on a free one. Raises LinkError if the port is in use."""
         try:
             self._listener = socket.create_server(
                 (self._host, self._port if socket_number == 0 else 0), backlog=_CLIENTS_WAITING
@@ -129,9 +132,9 @@ class PtyServerPort:
     """A pseudo-terminal behind a symbolic link. Its slave stays open, so that clients may reconnect."""
 
     def __init__(self, link: Path | None) -> None:
-        """Open one; `link` points to it until `close`. Raises InputError if `link` cannot be made."""
+        """Open a pseudo-terminal. `link` points to it until `close`. Raises InputError if `link` cannot be created."""
         if os.name != "posix":
-            raise InputError("this system has no pseudo-terminals; use --tcp 127.0.0.1:0")
+            raise InputError("this operating system has no pseudo-terminals; use --tcp 127.0.0.1:0")
         self._first_link = link
         self._open(link)
 
@@ -226,4 +229,4 @@ def _make_link(link: Path, target: str) -> None:
     except FileExistsError:
         raise InputError(f"{link}: exists already; choose another name for the pseudo-terminal") from None
     except OSError as error:
-        raise InputError(f"{link}: cannot make the link: {error.strerror or error}") from error
+        raise InputError(f"{link}: cannot create the link: {error.strerror or error}") from error

@@ -1,8 +1,7 @@
 """A simulated turntable: its angle at any time. Angles are in rad, times in s.
 
-Homing is short from any angle that the cable allows. A cam on the axle shows on which side of the zero mark the table
-is, also after a power failure, so it turns straight to the mark in the direction that unwinds the cable. There are no
-pings on the way, so it homes at twice the speed of its turns: two whole turns take 2 s.
+A simulated cam on the axle shows on which side of the zero mark the table is, also after a power failure. So the table
+homes directly, in the direction that unwinds the cable. It homes at twice the speed of its turns: two turns take 2 s.
 """
 
 import math
@@ -10,21 +9,21 @@ import math
 SPEED = math.pi  # rad/s
 HOMING_SPEED = 2 * SPEED
 SETTLING = 0.020  # s after a move
-_EXACT = 1e-6  # rad; far less than a microstep
+_TOLERANCE = 1e-6  # rad; far less than a microstep
 
 
 class Turntable:
     """A turntable that turns at constant speed without overshoot. It reports its angle only when it is homed.
 
-    It counts its steps but cannot see whether the table follows them. `wedge` and `slip` make steps fail.
+    It counts its steps, but cannot detect whether the table follows them. `wedge` and `slip` make steps fail.
     """
 
-    def __init__(self, stands: float) -> None:
-        """`stands` is the true angle at power-on, rad, which the turntable does not report."""
+    def __init__(self, initial_angle: float) -> None:
+        """`initial_angle` is the true angle at power-on, rad. The turntable does not report it."""
         self.homed = False
         self.speed = SPEED  # rad/s
         self.settling = SETTLING
-        self._from = self._to = stands
+        self._from = self._to = initial_angle
         self._start = self._arrival = 0.0
         self._slipped = 0.0  # true minus counted angle, rad
         self._stuck: tuple[float, float] | None = None  # angle at which it is blocked, and until when
@@ -39,7 +38,7 @@ class Turntable:
         return self._move(0.0, now, HOMING_SPEED) + SETTLING
 
     def confirm_home(self, now: float) -> bool:
-        """Return whether the zero mark is reached. If so, the table is homed, and this angle is zero."""
+        """Return whether the zero mark is reached. If so, the table is homed and its angle is 0."""
         self._release_if_due(now)
         self.homed = self._stuck is None
         if self.homed:
@@ -52,7 +51,7 @@ class Turntable:
         return arrival + self.settling if arrival > now else now
 
     def halt(self, now: float) -> None:
-        """Stop where it is."""
+        """Stop at the present angle."""
         self._release_if_due(now)
         self._from = self._to = self._position(now)
         self._start = self._arrival = now
@@ -63,18 +62,18 @@ class Turntable:
         return self._slipped if self._stuck is None else self._stuck[0] - self._position(now)
 
     def mark_misplaced(self, now: float) -> bool:
-        """Return whether the mark was misplaced or missing on the last move. It is passed once a turn."""
+        """Return whether the last move passed the mark, or should have passed it, at a wrong angle."""
         error = self.error(now)
         counted = self._from, self._to
         true = self._from + error, self._to + error
-        return abs(error) > _EXACT and any(_passes_mark(min(move), max(move)) for move in (counted, true))
+        return abs(error) > _TOLERANCE and any(_passes_mark(min(move), max(move)) for move in (counted, true))
 
     def slip(self, angle: float) -> None:
         """Miss steps: add `angle` (rad) to the difference of true and counted angle."""
         self._slipped += angle
 
     def wedge(self, now: float, until: float) -> None:
-        """Block the table until then, whatever steps it receives."""
+        """Block the table until that time. It counts the steps that it misses."""
         self._stuck = self._position(now) + self.error(now), until
 
     def _release_if_due(self, now: float) -> None:
@@ -96,4 +95,4 @@ class Turntable:
 
 
 def _passes_mark(low: float, high: float) -> bool:
-    return math.floor((high + _EXACT) / math.tau) >= math.ceil((low - _EXACT) / math.tau)
+    return math.floor((high + _TOLERANCE) / math.tau) >= math.ceil((low - _TOLERANCE) / math.tau)

@@ -1,1 +1,1 @@
-"""Readings as CSV and NPZ, and readings encoded as a log."""
+"""Export of readings as CSV and NPZ, and encoding of readings as a log."""

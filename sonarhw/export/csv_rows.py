@@ -12,10 +12,10 @@ HEADER = "time_s,heading_deg,range_m,echoes_s"
 
 
 def row(reading: Reading, began: float) -> str:
-    """Return one line: time since the start of the scan in s, angle in degrees, range in m, echo times in s with `;`.
+    """Return one line with the columns of HEADER. Echo times are separated by `;`.
 
-    `began` is the start of the scan on the clock of `Reading.time`, the time stamp of the Started frame, in s.
-    Without an echo, range and echo times are empty.
+    `time_s` counts from `began`, the start of the scan on the clock of `Reading.time`, s. Without an echo, range and
+    echo times are empty.
     """
     distance = "" if reading.range is None else number(reading.range)
     echoes = ";".join(map(number, reading.echo_times))

@@ -1,6 +1,6 @@
-"""Write imported and simulated scans as logs, with the frames that a scanner would have sent for the readings.
+"""Write imported and simulated scans as logs, with the frames that a scanner would have sent.
 
-So all logs are decoded in the same way. Only the metadata distinguishes an imported scan from a recorded one.
+So all logs are decoded in the same way. Only their metadata shows whether a scan was recorded, imported or simulated.
 """
 
 import math
@@ -26,9 +26,10 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
 
     Decoding restores angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm, traces to 8 bits, and the earliest 122 echoes.
     Readings are numbered again in their order. Readings with equal or decreasing times are set 1 µs apart. Raises
-    LogError if the file exists (unless `overwrite`) or cannot be written, ValueError if a value fits no frame.
+    LogError if the file exists (unless `overwrite`) or cannot be written, and ValueError if a value does not fit into a
+    frame.
     """
-    # all is encoded before the file is created, so that an error leaves no file
+    # everything is encoded before the file is created, so that an error leaves no file
     pieces = _encode(metadata, readings)
     with LogWriter(path, metadata, overwrite=overwrite, live=False) as writer:
         for frames, reading in pieces:
@@ -50,7 +51,7 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
     first = min((reading.time for reading in readings), default=0.0)
     time, fired = 0.0, -_TICK
     for number, reading in enumerate(readings):
-        # a ping is identified by its time; two at the same time would be taken for a repeated one
+        # a ping is identified by its time, so two pings must not have the same time
         fired = max(reading.time - first, fired + _TICK)
         reading = replace(reading, number=number, time=fired)
         time = max(time, reading.time + seconds_of(settings.listen_us))
@@ -63,7 +64,7 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
 
 
 class _Sender:
-    """Encodes messages as a device that was switched on at the start of the scan."""
+    """Encodes messages like a device that was switched on at the start of the scan."""
 
     def __init__(self) -> None:
         self._sequence = 0
@@ -78,7 +79,7 @@ class _Sender:
 def _speed_of_sound(readings: Sequence[Reading]) -> int:
     speed = readings[0].speed_of_sound if readings else 0.0
     if readings and not (math.isfinite(speed) and speed >= 1):
-        raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; expected at least 1 m/s, or ranges are lost")
+        raise ValueError(f"reading 0 has a speed of sound of {speed} m/s; expected at least 1 m/s")
     return millimetres_per_second_of(speed)
 
 

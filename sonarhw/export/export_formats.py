@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 class ExportFormat:
     """One file format."""
 
-    suffix: str  # of the file's name, in small letters
+    suffix: str  # of the file name, in lower case
     title: str  # in a file dialog
     write: "Callable[[Log, BinaryIO], None]"
 
 
-# the first one is what `--out -` writes
+# `--out -` writes the first format
 FORMATS = (
     ExportFormat(".csv", "Readings", write_csv),
     ExportFormat(".npz", "Readings with traces, for NumPy", write_npz),

@@ -1,4 +1,4 @@
-"""Readings as named arrays in an .npz file, one row per reading.
+"""Export of readings as named arrays in an .npz file, one row per reading.
 
 Traces are written one by one, because the traces of an hour do not fit into memory.
 """
@@ -16,8 +16,8 @@ from sonarhw.readings import FloatArray, Reading
 if TYPE_CHECKING:
     from sonarhw.log import Log
 
-_TRACE_TYPE = np.dtype("<f4")  # holds the converter's 16 bits exactly
-_FAST = 1  # deflate level; the best level saves less than a tenth and takes many times as long
+_TRACE_TYPE = np.dtype("<f4")  # represents 16-bit samples exactly
+_FAST = 1  # deflate level; the highest level saves less than a tenth and takes many times as long
 
 
 def write_npz(log: "Log", file: BinaryIO) -> None:
@@ -70,7 +70,7 @@ def _write_traces(archive: zipfile.ZipFile, readings: Sequence[Reading]) -> None
 def _write(
     archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], kind: np.dtype[Any], pieces: Iterable[NDArray[Any]]
 ) -> None:
-    """Write an array of that shape piece by piece, in the format of `np.savez`."""
+    """Write an array of shape `shape` piece by piece, in the format of `np.savez`."""
     header = {"shape": shape, "fortran_order": False, "descr": np.lib.format.dtype_to_descr(kind)}
     with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
         np.lib.format.write_array_header_2_0(cast(BinaryIO, member), header)

@@ -1,4 +1,4 @@
-"""The jobs that a device can do, and the scripts that do them: configure, request, home, turn and scan."""
+"""The jobs of a device and their scripts: configure, request, home, turn and scan."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import scan_order
 from sonarhw.wire.units import microdegrees_of, radians_of
 
-_MAX_WITHOUT_PROGRESS = 3  # scan commands in a row that bring no reading
+_MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading
 _DEFAULTS = Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=343_200)
 
 
@@ -40,7 +40,7 @@ def configuring_turntable(request: ConfigureTurntable) -> Job:
 
 
 def requesting(message: Message) -> Job:
-    """Return the job that sends a command which may safely be repeated. Its result is the answer."""
+    """Return the job that sends a command, which must be safe to repeat. Its result is the answer."""
     return Job(lambda talk, _: talk.request(message))
 
 
@@ -66,7 +66,7 @@ def home(talk: Conversation, job: Job | None) -> Script[Outcome]:
     """Home the turntable."""
     talk.device.homed = False
     if job:
-        job.home()
+        job.note_homing()
     outcome = yield from talk.act(Home(), job)
     talk.device.homed = outcome is Outcome.DONE
     return outcome
@@ -109,31 +109,31 @@ def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
 def _make_readings(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
     """Send scan commands until all readings have been received."""
     progress, without_progress = job.progress, 0
-    while (stretch := progress.stretch()) and without_progress < _MAX_WITHOUT_PROGRESS:
+    while (missing := progress.next_missing()) and without_progress < _MAX_WITHOUT_PROGRESS:
         before = progress.received
-        outcome = yield from talk.act(_part(talk, order, stretch, job), job)
+        outcome = yield from talk.act(_part(talk, order, missing, job), job)
         if outcome is not Outcome.DONE and job.stop_wanted and not progress.complete:
             return outcome
         without_progress = 0 if progress.received > before else without_progress + 1
-    if stretch:
+    if missing:
         where = talk.device.where
         raise NoAnswer(
-            f"{where}: reading {stretch[0]} did not arrive after {_MAX_WITHOUT_PROGRESS} scan commands; check the cable"
+            f"{where}: reading {missing[0]} did not arrive after {_MAX_WITHOUT_PROGRESS} scan commands; check the cable"
         )
     return Outcome.DONE
 
 
-def _part(talk: Conversation, order: StartScan, stretch: tuple[int, int], job: Job) -> StartScan:
+def _part(talk: Conversation, order: StartScan, missing: tuple[int, int], job: Job) -> StartScan:
     """Return the command for a part of a scan. Protocol 1.0 supports only whole scans."""
     info = talk.device.info
-    whole = stretch == (0, job.progress.total)
+    whole = missing == (0, job.progress.total)
     if whole or info is None or info.minor < 1:
         return order
-    return replace(order, first=stretch[0], count=stretch[1])
+    return replace(order, first=missing[0], count=missing[1])
 
 
 def _verify_mark(talk: Conversation, order: StartScan, job: Job) -> Script[None]:
-    """Turn over the nearest zero mark, where the device reports steps that it lost since the last mark."""
+    """Turn over the nearest zero mark, so that the device reports steps lost since its last check of the mark."""
     capabilities = talk.device.capabilities
     if capabilities is None or not capabilities.features & Feature.LOST_STEPS:
         return

@@ -1,7 +1,7 @@
 """One conversation with a device, from Hello until the device is lost.
 
-It runs one script at a time on a driver. The scripts are in `greeting` and `actions`. This module has their building
-blocks: send a command, wait for its answer, and wait until an action has ended.
+A conversation runs one script at a time on a driver. The scripts are in `greeting` and `actions`. Their building blocks
+are here: send a command, wait for its answer, and wait until an action has ended.
 """
 
 import math
@@ -26,7 +26,7 @@ from sonarhw.wire.messages import (
     Stop,
 )
 
-MOVE_WITHIN = 120.0  # s for a Home or a Turn; the slowest turntable needs less
+MOVE_WITHIN = 120.0  # s; limit for a Home or a Turn
 
 T = TypeVar("T")
 
@@ -110,7 +110,7 @@ class Conversation:
         return answer
 
     def act(self, message: Message, job: Job | None) -> Script[Outcome]:
-        """Run a Home, Turn or StartScan until it ends, is stopped or has made enough. Raises LostSteps, DeviceError."""
+        """Run a Home, Turn or StartScan until it ends or no more readings are needed. Raises LostSteps, DeviceError."""
         command = self.send(message)
         if job:
             job.command = command
@@ -122,7 +122,7 @@ class Conversation:
         yield from self._follow(command, job, math.inf if scan else self.now + MOVE_WITHIN)
         outcome = self._outcome(command)
         if outcome is Outcome.STOPPED and not scan and not (job and job.stop_wanted):
-            # the device stopped by itself because it received nothing from the host for too long
+            # the device stopped by itself, because it received nothing from the host for too long: repeat the command
             return (yield from self.act(message, job))
         return outcome
 
@@ -144,7 +144,7 @@ class Conversation:
         if job is None:
             return False
         info = self.device.info
-        older = info is not None and info.minor < 1  # repeats a whole scan, also the readings already received
+        older = info is not None and info.minor < 1  # would repeat readings that have already been received
         return job.stop_wanted or (older and job.progress.total > 0 and job.progress.complete)
 
     def _outcome(self, command: Command) -> Outcome:
@@ -158,5 +158,5 @@ class Conversation:
 
 
 def settled(command: Command, until: float = math.inf) -> Wait:
-    """Return the wait for the answer of a command, or for the end of its repeats."""
+    """Return the wait until a command is answered or given up."""
     return Wait(lambda: command.settled, until)

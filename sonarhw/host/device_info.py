@@ -13,20 +13,20 @@ class DeviceCapabilities:
     features: Feature
     lowest_angle: float  # rad; limit of the cable
     highest_angle: float  # rad
-    steps: int  # full steps of the motor in a whole turn; 0: unknown
-    fastest: float  # rad/s
+    steps: int  # full motor steps per turn of the table; 0: unknown
+    fastest: float  # highest speed, rad/s
     hardest: float  # highest acceleration, rad/s²; 0: unknown
     backlash: float  # rad
     longest_listen: float  # s
     shortest_blanking: float  # s
-    shortest_rearm: float  # s from an echo until the board can detect the next one
+    shortest_rearm: float  # s from an echo until the board can detect the next echo
     most_pulses: int  # cycles; 0: unknown
     most_echoes: int
-    ping_period: float  # s
+    ping_period: float  # s; shortest time from the start of one ping to the start of the next
     fastest_trace: float  # Hz; 0: no traces
     longest_trace: int  # samples
     fastest_baud: int  # 0: the line has no baud rate
-    readings_kept: int  # newest readings that Resend can repeat
+    readings_kept: int  # number of newest readings that the device keeps for Resend
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class DeviceInfo:
     board: str  # name of the board profile, empty if unknown
     temperature_c: float | None  # air at the board; None: no thermometer
     trace_rate: float  # Hz; 0: no traces
-    microsteps: int  # in a whole turn
+    microsteps: int  # per turn of the table
     boot: int  # number of starts; 0: not counted
     capabilities: DeviceCapabilities | None  # None: the firmware is too old to report them
 
@@ -55,7 +55,7 @@ class PingSettings:
     carrier: bool = False  # traces contain the carrier, not its envelope
     pulses: int = 0  # cycles; 0: unknown
     echoes: int = 0  # most echoes of one ping
-    rearm: float = 0.0  # s from an echo until the board can detect the next one
+    rearm: float = 0.0  # s from an echo until the board can detect the next echo
     trace_rate: float = 0.0  # Hz
     trace_bits: int = 0
 
@@ -111,23 +111,23 @@ def turn_settings(settings: TurntableSettings) -> TurnSettings:
     )
 
 
-def _capabilities(said: Capabilities) -> DeviceCapabilities:
+def _capabilities(message: Capabilities) -> DeviceCapabilities:
     return DeviceCapabilities(
-        features=Feature(said.features),
-        lowest_angle=radians_of(said.lowest_angle),
-        highest_angle=radians_of(said.highest_angle),
-        steps=said.steps,
-        fastest=radians_of(said.fastest),
-        hardest=radians_of(said.hardest),
-        backlash=radians_of(said.backlash),
-        longest_listen=seconds_of(said.longest_listen_us),
-        shortest_blanking=seconds_of(said.shortest_blanking_us),
-        shortest_rearm=seconds_of(said.shortest_rearm_us),
-        most_pulses=said.most_pulses,
-        most_echoes=said.most_echoes,
-        ping_period=seconds_of(said.ping_period_us),
-        fastest_trace=float(said.fastest_trace),
-        longest_trace=said.longest_trace,
-        fastest_baud=said.fastest_baud,
-        readings_kept=said.readings_kept,
+        features=Feature(message.features),
+        lowest_angle=radians_of(message.lowest_angle),
+        highest_angle=radians_of(message.highest_angle),
+        steps=message.steps,
+        fastest=radians_of(message.fastest),
+        hardest=radians_of(message.hardest),
+        backlash=radians_of(message.backlash),
+        longest_listen=seconds_of(message.longest_listen_us),
+        shortest_blanking=seconds_of(message.shortest_blanking_us),
+        shortest_rearm=seconds_of(message.shortest_rearm_us),
+        most_pulses=message.most_pulses,
+        most_echoes=message.most_echoes,
+        ping_period=seconds_of(message.ping_period_us),
+        fastest_trace=float(message.fastest_trace),
+        longest_trace=message.longest_trace,
+        fastest_baud=message.fastest_baud,
+        readings_kept=message.readings_kept,
     )

@@ -1,7 +1,7 @@
 """The host side of the protocol for one conversation, without threads, ports or clock.
 
-The driver repeats commands until they are answered, requests missing readings again, and sends signs of life.
-Silence and resets of the device are errors. The next Hello needs a new driver.
+The driver repeats commands until they are answered, requests missing readings again, and sends signs of life. If the
+device is silent or has been reset, the driver raises an error. Each Hello needs a new driver.
 """
 
 import math
@@ -39,16 +39,17 @@ from sonarhw.wire.messages import (
 )
 from sonarhw.wire.units import microseconds_of
 
-ANSWER_WITHIN = 0.5  # s, then the command is sent again
-TRIES = 6
+ANSWER_WITHIN = 0.5  # s; the command is then sent again
+TRIES = 6  # of a command
 SILENCE = 0.75  # s without a byte; heartbeats come every 0.25 s
-NOTHING_SOUND = 3.0  # s without a valid message
-SIGN_OF_LIFE = 0.5  # s between commands at most; after a longer silence the device would release its motor
-ASK_AGAIN = 0.3  # s after a Resend was accepted
-ASKS = 20  # most requests for one range of readings, or for one Finished
+NO_MESSAGE = 3.0  # s without a valid message
+SIGN_OF_LIFE = 0.5  # s; longest time between two commands: after HOST_SILENCE the device releases its motor
+ASK_AGAIN = 0.3  # s from Accepted to the next Resend
+ASKS = 20  # most requests for the same readings, or for one Finished
 
 
-Tap = Callable[[bool, float, bytes], None]  # True if from the device, time, the frame with its delimiter
+# called with: whether the frame is from the device, its time, and the frame with its delimiter
+Tap = Callable[[bool, float, bytes], None]
 
 
 def _ignore(received: bool, time: float, wire: bytes) -> None:
@@ -66,7 +67,7 @@ class Command:
         self.sent_at = now
         self.sent = 1
         self.tries = tries
-        self.given_up = False  # no answer after fewer tries than usual; the caller handles this
+        self.given_up = False  # unanswered after all tries; the caller handles this if there were fewer than TRIES
         self.answer: AnswerMessage | None = None
         self.answered_us = 0  # time of the answer on the device's clock
         self.finished: Finished | None = None
@@ -94,8 +95,8 @@ class Driver:
     ) -> None:
         """Start with sequence number `first_sequence`.
 
-        `clock` converts the device's time to the host's; it may come from an earlier conversation. `tap` is called
-        with every undamaged frame, as it is on the line.
+        `clock` converts the device's time to the host's. It may come from an earlier conversation. `tap` is called with
+        the bytes of every undamaged frame.
         """
         self.where = where  # for error messages
         self.info: Info | None = None
@@ -132,9 +133,9 @@ class Driver:
     def command(self, message: Message, now: float, tries: int = TRIES) -> Command:
         """Send a command. Its `answer` and `finished` are set when they arrive.
 
-        Only one Home, Turn or StartScan may run at a time: the caller waits for its end or stops it. Without an answer
-        a command with fewer `tries` than usual is `given_up`; with TRIES `advance` raises NoAnswer. Raises MessageError
-        if a value does not fit the message.
+        Only one Home, Turn or StartScan may run at a time: the caller waits for its end or stops it. A command that is
+        not answered after `tries` is `given_up`. If `tries` is TRIES, `advance` also raises NoAnswer. Raises
+        MessageError if a value does not fit the message.
         """
         frame = Frame(message.TYPE, self._sequence, max(0, microseconds_of(now)), message.pack())
         self._sequence = (self._sequence + 1) % 0x10000
@@ -160,7 +161,7 @@ class Driver:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """Counts of the traffic until now."""
+        """Counters of the traffic until now."""
         lost = self._lost_before + self._arrivals.lost
         return LinkStatistics(**self._counted, lost_readings=lost, round_trip=self._round_trip)
 
@@ -168,7 +169,7 @@ class Driver:
     def scan_complete(self) -> bool:
         """Whether the scan has finished and every reading that the device can still send has been received."""
         action = self._action
-        return action is None or (action.finished is not None and self._arrivals.wanted() is None)
+        return action is None or (action.finished is not None and self._arrivals.next_resend() is None)
 
     @property
     def running(self) -> bool:
@@ -176,7 +177,7 @@ class Driver:
         return self._action is not None and self._action.finished is None
 
     def flush(self) -> None:
-        """Complete the readings that wait for their traces, because nothing more will arrive."""
+        """Complete the reading that waits for its trace, because nothing more will arrive."""
         self._readings += self.assembler.flush()
 
     def forget(self, command: Command) -> None:
@@ -218,7 +219,7 @@ class Driver:
         self._send_sign_of_life(now)
 
     def keep_alive(self, now: float) -> None:
-        """Only send signs of life, while received bytes may be waiting unread. No time counts as silence."""
+        """Send signs of life only, while the caller leaves received bytes unread. This time is not silence."""
         if self._last_byte is not None:
             self._last_byte = self._last_message = now
         for command in self._open.values():
@@ -229,10 +230,10 @@ class Driver:
         """Return the time when `advance` is next needed, s."""
         due = [command.due for command in self._open.values()]
         if self._last_byte is not None and self.info is not None:
-            due += [self._last_byte + SILENCE, self._last_message + NOTHING_SOUND]
+            due += [self._last_byte + SILENCE, self._last_message + NO_MESSAGE]
         if self._needs_signs_of_life:
             due.append(self._last_sent + SIGN_OF_LIFE)
-        if self._arrivals.wanted() is not None and self._resend is None:
+        if self._arrivals.next_resend() is not None and self._resend is None:
             due.append(self._resend_at)
         return min(due, default=math.inf)
 
@@ -332,7 +333,7 @@ class Driver:
         return ReadingArrivals(order.first + order.count if order.count else total, order.first, self.kept)
 
     def _expects(self, message: ReadingMessage) -> bool:
-        # a reading of an earlier scan may arrive after the next scan was requested
+        # a reading of an earlier scan may arrive after the next scan was requested; it is ignored
         return self._action is not None and message.fired_us >= self._action_since
 
     def _finish(self, message: Finished) -> None:
@@ -348,7 +349,7 @@ class Driver:
             return
         if isinstance(action.message, StartScan):
             self._arrivals.device_made(message.readings)
-        if message.state == State.IDLE:  # its Finished was lost; the device repeats it when the command is repeated
+        if message.state == State.IDLE:  # Finished was lost; the device sends it again when the command is repeated
             self._repeats_for_finish += 1
             if self._repeats_for_finish > ASKS:
                 raise NoAnswer(f"{self.where}: is idle but sends no Finished for {action.name}; start it again")
@@ -357,7 +358,7 @@ class Driver:
     # missing readings
 
     def _request_missing(self, now: float) -> None:
-        wanted = self._arrivals.wanted()
+        wanted = self._arrivals.next_resend()
         if wanted is None:
             if self._action and self._action.finished:  # no more trace chunks of the last reading will arrive
                 self._readings += self.assembler.flush()
@@ -375,14 +376,14 @@ class Driver:
     # sent commands, silence, counts
 
     def _send(self, command: Command, now: float, repeat: bool = False) -> None:
-        # the delimiter in front ends a damaged frame that the device may have received
+        # the first delimiter ends a damaged frame that the device may have received
         self._last_sent = now
         self._outgoing += DELIMITER + command.wire
         self._count(frames_sent=1, repeated_commands=int(repeat))
         self._tap(False, now, command.wire)
 
     def _repeat(self, command: Command, now: float) -> None:
-        if command is self._resend:  # a new Resend follows: one without an answer must not end a running scan
+        if command is self._resend:  # an unanswered Resend must not end a running scan; a new one follows
             self.forget(command)
             self._resend = None
             return
@@ -405,9 +406,9 @@ class Driver:
             return
         if now >= self._last_byte + SILENCE:
             raise NoAnswer(f"{self.where}: no byte received for {SILENCE:g} s; check the scanner's power and its cable")
-        if now >= self._last_message + NOTHING_SOUND:
+        if now >= self._last_message + NO_MESSAGE:
             raise NoAnswer(
-                f"{self.where}: no valid message for {NOTHING_SOUND:g} s; `sonarhw monitor` shows what arrives"
+                f"{self.where}: no valid message for {NO_MESSAGE:g} s; `sonarhw monitor` shows the received bytes"
             )
 
     def _count_gap(self, sequence: int) -> None:

@@ -20,7 +20,8 @@ from sonarhw.wire.messages import (
     TestLink,
 )
 
-SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)  # after a reset, of protocol 1.0, and left from an earlier conversation
+# a device uses the first after a reset, the second with protocol 1.0, and any of them after an earlier conversation
+SEEK_BAUDS = (FIRST_BAUD, 1_000_000, 500_000)
 LINK_TESTS = 32
 _BACK_AT_OLD_BAUD = BAUD_TIMEOUT + 0.1  # s
 
@@ -28,7 +29,7 @@ _BACK_AT_OLD_BAUD = BAUD_TIMEOUT + 0.1  # s
 def greet(talk: Conversation, quiet: float, patience: float) -> Script[None]:
     """Wait for `quiet` s, then send Hello until Info arrives. Raises NoAnswer, Incompatible, WrongDevice."""
     device = talk.device
-    # a bootloader takes bytes for a new program; a device that sends frames has left its bootloader
+    # a bootloader would interpret bytes as a new program; a device that sends frames has left its bootloader
     yield Wait(lambda: talk.driver.statistics.frames_received > 0, talk.now + quiet)
     deadline = talk.now + patience
     for baud in itertools.cycle(SEEK_BAUDS if talk.bauds else (FIRST_BAUD,)):
@@ -47,7 +48,7 @@ def _check_identity(talk: Conversation, info: Info) -> None:
     where, known = talk.device.where, talk.device.info
     if info.major != PROTOCOL_MAJOR:
         raise Incompatible(
-            f"{where}: {info.firmware} speaks protocol {info.major}.{info.minor}, this program "
+            f"{where}: {info.firmware} uses protocol {info.major}.{info.minor}, this program "
             f"{PROTOCOL_MAJOR}.{PROTOCOL_MINOR}; update the older of the two"
         )
     if known is not None and info.serial != known.serial:
@@ -86,7 +87,7 @@ def _request_capabilities(talk: Conversation) -> Script[None]:
 
 
 def _speed_up(talk: Conversation) -> Script[None]:
-    """Raise the baud rate to the fastest at which the test messages pass without an error."""
+    """Raise the baud rate to the highest at which all test messages are answered correctly."""
     device = talk.device
     slow, baud = device.baud, device.capabilities.fastest_baud if device.capabilities and talk.bauds else 0
     while baud > slow:

@@ -1,7 +1,7 @@
 """A job of the device: its script, its readings and its result.
 
 A script is a generator that yields a `Wait` and returns its result. The session runs the script, drops it when the
-device is lost, and starts it again when the device is back. So all that a script sends may be sent twice. This is safe:
+device is lost, and starts it again when the device is back. So a script may send a command twice. This is safe, because
 settings and angles are absolute, and a scan requests only the missing readings.
 """
 
@@ -27,7 +27,7 @@ class Wait:
     """The condition that a script waits for."""
 
     done: Callable[[], bool]
-    until: float = math.inf  # s; the script continues then in any case
+    until: float = math.inf  # s; the script continues at this time even if it is not done
 
 
 Script: TypeAlias = Generator[Wait, None, T]
@@ -39,18 +39,18 @@ class Job:
     def __init__(self, script: "Callable[[Any, Job], Script[Any]]", readings: int = 0) -> None:
         """`script` creates the script from a `Conversation`, again after each loss of the device.
 
-        `readings` is their number in a scan.
+        `readings` is the number of readings in a scan.
         """
         self.script = script
         self.since = 0.0
         self.moving = False  # whether the device homes, turns or scans for this job
         self.command: Command | None = None  # the newest Home, Turn or StartScan
-        self.losses_in_a_row = 0  # losses of the device in a row, without a reading in between
+        self.losses_in_a_row = 0  # losses of the device since the last reading
         self.stop_wanted = False
         self.done = False
         self.result: Any = None
         self.error: BaseException | None = None
-        # of a scan
+        # the following are for scans
         self.readings: deque[Reading] = deque()
         self.progress = Progress(readings)
         self.began: float | None = None  # on the clock of `Reading.time`, s
@@ -61,7 +61,8 @@ class Job:
     def note_start(self, clock: DeviceClock) -> None:
         """Store start and size of the scan from the answer to StartScan. Call this before its readings are taken.
 
-        The script may run too late for this: the answer may arrive in one piece with readings, or with a loss.
+        The script cannot do this. It may run too late, because readings may arrive together with the answer, or because
+        the device may be lost after the answer.
         """
         if self.command is None or not isinstance(self.command.answer, Started):
             return
@@ -79,13 +80,13 @@ class Job:
             self._angles.append(reading.angle)
         return new
 
-    def home(self) -> None:
+    def note_homing(self) -> None:
         """Store that the turntable homes again."""
         if self._times:
             self._homed.append(max(self._times))
 
     def angles_between_homings(self) -> list[FloatArray]:
-        """Return the angles of its readings, rad, split at each homing."""
+        """Return the angles of the readings, rad, split at each homing."""
         return split_at_homings(self._times, self._angles, self._homed)
 
     def end(self, result: Any = None, error: BaseException | None = None) -> None:

@@ -19,7 +19,7 @@ class Recorder(Protocol):
         """
 
     def reading(self, reading: Reading) -> None:
-        """Record one decoded reading. Its frames have been recorded before."""
+        """Record one decoded reading, after its frames."""
 
 
 class JobRecording:

@@ -6,10 +6,10 @@
         for reading in scanner.scan(sector(0, 360, 5)):
             print(reading.angle, reading.range)
 
-One thread does the conversation: it reads, writes, sends signs of life, and reconnects after the cable was out.
-Readings wait for the caller in a queue of MOST_WAITING. While the queue is full, the thread reads nothing. A TCP
-connection then makes the device wait. A serial line loses bytes, and the readings in them are requested or measured
-again. So a slow caller slows the scan but loses no reading.
+A separate thread reads, writes, sends signs of life, and reconnects after a loss. Readings wait for the caller in a
+queue of MOST_WAITING. While the queue is full, the thread reads nothing. A TCP connection then makes the device wait. A
+serial line loses bytes, and the readings in them are requested or measured again. So a slow caller slows the scan but
+loses no reading.
 """
 
 import threading
@@ -45,14 +45,14 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import start_scan
 from sonarhw.wire.units import microdegrees_of, microseconds_of, millimetres_per_second_of
 
-MOST_WAITING = 1024  # readings; more than a minute of the fastest board
+MOST_WAITING = 1024  # readings; about 100 s at 10 pings a second
 _STOP_WITHIN = 1.5  # s
 T = TypeVar("T")
 _TICK = 0.05  # s; longest delay until `close` takes effect
 
 
 class Scanner:
-    """A connected scanner. One thread uses it; others may call `stop` and read its state."""
+    """A connected scanner. One thread may use it. Other threads may call `stop` and read its state."""
 
     def __init__(self, url: str, session: Session, find: Callable[[], str] | None = None) -> None:
         """Start to connect. Programs call `open` instead."""
@@ -85,7 +85,7 @@ class Scanner:
     ) -> "Scanner":
         """Open `url`, greet the scanner and stop its running action. It must answer within `patience` s.
 
-        If the scanner is lost later and comes back within `reconnect` s, its work continues. `find` returns the URL to
+        If the scanner is lost later and comes back within `reconnect` s, its job continues. `find` returns the URL to
         open each time; by default a USB device is found again under any port name. Raises InputError for an invalid
         URL, LinkError (LinkBusy, LinkForbidden, LinkLost), NoAnswer, and Incompatible for another protocol version.
         """
@@ -119,7 +119,7 @@ class Scanner:
 
     @property
     def loss(self) -> SonarError | None:
-        """Why the device is lost, while the scanner waits for it; None while it is connected."""
+        """Reason of a loss, while the scanner waits for the device; None while it is connected."""
         with self._changed:
             return self._session.loss
 
@@ -139,12 +139,12 @@ class Scanner:
 
     @property
     def baud(self) -> int | None:
-        """Baud rate of the line; None if the line has no baud rate, as a TCP connection."""
+        """Baud rate of the line; None if the line has none, as with TCP."""
         return self._session.device.baud if self._session.bauds else None
 
     @property
     def statistics(self) -> LinkStatistics:
-        """Counts of the traffic since the scanner was opened."""
+        """Counters of the traffic since the scanner was opened."""
         with self._changed:
             return self._session.statistics
 
@@ -192,10 +192,11 @@ class Scanner:
     ) -> PingSettings:
         """Set the listening time (s), the blanking (s), whether to send traces, and the speed of sound (m/s).
 
-        `pulses` is the number of cycles to transmit, `echoes` the most echoes of a ping to report, `rearm` the time
-        from an echo until the board can detect the next one (s), and `trace_rate` is in Hz. For each of them 0 selects
-        the device's default. Returns the settings in force, which may differ from the requested ones. Raises
-        CommandRefused, InputError if a value does not fit the protocol, NoAnswer, LinkLost.
+        `pulses` is the number of cycles to transmit. `echoes` is the highest number of echoes to report of a ping, at
+        least 1. `rearm` is the time from an echo until the board is armed again (s). `trace_rate` is in Hz. For
+        `pulses`, `rearm`, `trace_rate` and `trace_bits`, 0 selects the device's default. Returns the settings in force,
+        which may differ from the requested ones. Raises CommandRefused, InputError if a value does not fit the
+        protocol, NoAnswer, LinkLost.
         """
         request = Configure(
             listen_us=microseconds_of(listen),
@@ -228,7 +229,7 @@ class Scanner:
         return turn_settings(self._answer(configuring_turntable(request), TurntableSettings))
 
     def device_statistics(self) -> Statistics:
-        """Return the counts of the device since it started. Raises CommandRefused if its firmware is too old."""
+        """Return the counters of the device since it started. Raises CommandRefused if its firmware is too old."""
         return self._answer(requesting(AskStatistics()), Statistics)
 
     def home(self) -> Outcome:
@@ -243,11 +244,11 @@ class Scanner:
         return self._outcome(turning(Turn(microdegrees_of(angle))))
 
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
-        """Scan, and yield each reading once when it is complete. A reading that was sent again comes out of order.
+        """Scan, and yield each reading once when it is complete. A reading that was sent again may be out of order.
 
         The default order is a whole turn in steps of 5 degrees. The turntable homes first if needed. If the caller ends
         the iteration early, the board stops. After the last reading the turntable turns over its zero mark. Raises what
-        `home` raises, and LostSteps, after all readings, if the mark is not in its place.
+        `home` raises, and LostSteps, after all readings, if the mark is misplaced.
         """
         with self._using():
             self._scan = job = self._begin(scanning(start_scan(order or sector())))
@@ -260,7 +261,7 @@ class Scanner:
 
     @contextmanager
     def sequence(self) -> Iterator[None]:
-        """Join several actions: a `stop` during one of them, or between two, also ends the later ones as STOPPED.
+        """Combine the actions in a block: a `stop` during or between them also ends the later ones as STOPPED.
 
         Raises DeviceError while another thread uses the scanner.
         """
@@ -274,12 +275,12 @@ class Scanner:
             self._in_use.release()
 
     def stop(self) -> None:
-        """Stop the running action; callable from any thread. It ends as STOPPED; a scan keeps the readings made.
+        """Stop the running action, which then ends as STOPPED. Any thread may call this. A scan keeps its readings.
 
         Raises NoAnswer or LinkLost if no action runs and the device does not answer.
         """
         self._stop_wanted = True
-        if self._in_use.acquire(blocking=False):  # no action runs that would notice the request
+        if self._in_use.acquire(blocking=False):  # no action is running
             try:
                 self._stop_wanted = False
                 self._perform(requesting(Stop()))
@@ -334,7 +335,7 @@ class Scanner:
             return job
 
     def _next_readings(self, job: Job) -> list[Reading]:
-        """Wait for readings and return them. Empty when the scan is over."""
+        """Wait for readings and return them. Empty when the scan has ended."""
         with self._changed:
             while not job.readings and not job.done:
                 self._wait()
@@ -344,7 +345,7 @@ class Scanner:
             return ready
 
     def _abandon(self, job: Job) -> None:
-        """Stop a job that still runs, and wait up to _STOP_WITHIN for its end. Readings are still received."""
+        """Stop a job that still runs, and wait up to _STOP_WITHIN for its end. Its readings are still recorded."""
         until = time.monotonic() + _STOP_WITHIN
         with self._changed:
             if not job.done:
@@ -398,7 +399,7 @@ class Scanner:
                 self._changed.notify_all()
 
     def _open_link(self) -> Link | None:
-        """Open the link if the session wants it. None if it does not, or if the link cannot be opened."""
+        """Return the opened link. None if the session does not need it now, or if it cannot be opened."""
         with self._changed:
             self._session.advance(self._now())
             if not self._session.wants_open(self._now()):
@@ -452,7 +453,7 @@ class Scanner:
             link.write(data)
 
     def _caller_is_behind(self) -> bool:
-        """Whether the queue of readings is full, so that nothing may be read. Signs of life are still sent."""
+        """Return whether the queue of readings is full, so that nothing may be read. If so, send signs of life only."""
         with self._changed:
             job = self._session.job
             if job is None or len(job.readings) < MOST_WAITING or job.stop_wanted:

@@ -5,8 +5,8 @@
                        |           +-------- silence, reset -----------+
                        +-- LOST <----------- port gone, no answer -----+
 
-It has no threads, ports or clock: the caller opens the link and passes bytes and time. A job starts as soon as the
-device is ready, and starts again after each loss. The scripts of the conversation are in `greeting` and `actions`.
+A session has no threads, ports or clock. The caller opens the link, and passes bytes and time. A job starts as soon as
+the device is ready, and starts again after each loss. The scripts of the conversation are in `greeting` and `actions`.
 """
 
 import math
@@ -36,11 +36,11 @@ from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import Outcome
 
-PATIENCE = 10.0  # s for the first greeting: three tries at each baud rate, or fewer if setting the rate is slow
+PATIENCE = 10.0  # s for the first greeting; enough for three attempts at each baud rate
 GREET_AGAIN = 3.0  # s for a greeting on a port that is still open
 RECONNECT = 30.0  # s in which a lost device may come back before the caller gets an error
-MAX_LOSSES = 10  # losses in a row without a reading in between, then the caller gets an error
-PAUSES = (0.25, 0.5, 1.0, 2.0, 4.0)  # s before each try to open the port again
+MAX_LOSSES = 10  # losses without a reading in between; the caller then gets an error
+PAUSES = (0.25, 0.5, 1.0, 2.0, 4.0)  # s before each attempt to open the port again; the last one is repeated
 
 
 class Connection(StrEnum):
@@ -57,7 +57,7 @@ class Connection(StrEnum):
 
 
 class Session:
-    """The connection to one device, greeted again after each loss. All times are s on one monotonic clock."""
+    """The connection to one device, with a new greeting after each loss. All times are s on one monotonic clock."""
 
     def __init__(
         self,
@@ -97,14 +97,14 @@ class Session:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """Counts of the traffic over all connections."""
+        """Counters of the traffic over all connections."""
         talk = self._conversation
         counts = self._earlier + talk.driver.statistics if talk else self._earlier
         return replace(counts, resets=self.clock.resets)
 
     @property
     def loss(self) -> SonarError | None:
-        """Why the device is lost; None while it is connected, and before it was ready for the first time."""
+        """Reason of the loss; None while the device is connected, and before it was ready for the first time."""
         return None if self._lost_at is None else self._cause
 
     @property
@@ -134,7 +134,7 @@ class Session:
         self._step(now)
 
     def keep_alive(self, now: float) -> None:
-        """Only send signs of life, while received bytes are left unread."""
+        """Send signs of life only, while the caller leaves received bytes unread."""
         if self._conversation:
             self._conversation.driver.keep_alive(now)
 
@@ -170,7 +170,7 @@ class Session:
         self._step(now)
 
     def closed(self) -> None:
-        """Note that the caller has closed the port after `wants_close`."""
+        """Handle the closing of the port, which the caller does after `wants_close`."""
         self._open = self.wants_close = False
 
     def outgoing(self) -> bytes:
@@ -204,9 +204,9 @@ class Session:
         self._phase = Connection.GREETING
         driver = Driver(self._rng.randrange(0x10000), self.device.where, self.clock, self.recording.frame)
         self._conversation = Conversation(driver, self.device, self.bauds, now)
-        self._conversation.begin(self._live(self._conversation, quiet, patience))
+        self._conversation.begin(self._converse(self._conversation, quiet, patience))
 
-    def _live(self, talk: Conversation, quiet: float, patience: float) -> Script[None]:
+    def _converse(self, talk: Conversation, quiet: float, patience: float) -> Script[None]:
         yield from greet(talk, quiet, patience)
         self._phase = Connection.PREPARING
         yield from self._prepare(talk, self._jobs[0] if self._jobs else None)
@@ -214,7 +214,7 @@ class Session:
         self._lost_at, self._pauses = None, iter(PAUSES)
         while True:
             yield Wait(lambda: bool(self._jobs))
-            yield from self._work(talk, self._jobs[0])
+            yield from self._run(talk, self._jobs[0])
 
     def _prepare(self, talk: Conversation, job: Job | None) -> Script[None]:
         try:
@@ -224,11 +224,11 @@ class Session:
         except DeviceError as error:
             if not self._was_ready:
                 raise
-            # the device is back but cannot home, or refuses its settings
+            # the device is back, but it cannot home or refuses its settings: only the job fails
             if job:
                 self._end(job, error=error)
 
-    def _work(self, talk: Conversation, job: Job) -> Script[None]:
+    def _run(self, talk: Conversation, job: Job) -> Script[None]:
         if job.stop_wanted:
             self._end(job, Outcome.STOPPED)
             return
@@ -273,7 +273,7 @@ class Session:
             self._jobs[0].end(error=error)
             self._jobs[0].stop_wanted = True
 
-    # losing and finding
+    # loss of the device
 
     def _guarded(self, work: Callable[[], None], now: float) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Counts of the traffic over a link, which show a bad cable."""
+"""Counters of the traffic over a link. They show a bad cable."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -7,7 +7,7 @@ _SMOOTHED = 0.2  # weight of the newest round trip in the average
 
 @dataclass(frozen=True)
 class LinkStatistics:
-    """Counts of the traffic over one connection, or over several together."""
+    """Counters of the traffic over one connection or several."""
 
     frames_received: int = 0
     frames_sent: int = 0
@@ -18,7 +18,7 @@ class LinkStatistics:
     missing_frames: int = 0  # gaps in the device's sequence numbers
     repeated_commands: int = 0
     resends: int = 0  # Resend commands
-    lost_readings: int = 0  # the device no longer had them for a Resend; they are measured again
+    lost_readings: int = 0  # readings that the device no longer kept for a Resend; they are measured again
     losses: int = 0  # times the device was lost: unplugged, silent or reset
     reopened: int = 0  # times the port was opened again
     resets: int = 0  # times the device restarted
@@ -38,6 +38,6 @@ class LinkStatistics:
         return LinkStatistics(**counts, round_trip=self.round_trip if later.round_trip is None else later.round_trip)
 
 
-def smoothed(usual: float | None, newest: float) -> float:
+def smoothed(average: float | None, newest: float) -> float:
     """Return the smoothed round trip, s, after one more measurement."""
-    return newest if usual is None else usual + _SMOOTHED * (newest - usual)
+    return newest if average is None else average + _SMOOTHED * (newest - average)

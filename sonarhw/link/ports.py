@@ -1,6 +1,6 @@
 """The serial ports of this machine, the USB devices behind them, and the processes that use them.
 
-Nothing here opens a port.
+The functions do not open ports.
 """
 
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from serial.tools.list_ports import comports
 
-# vendor and product of USB adapters and boards that scanners use
+# by vendor and product: USB adapters and boards that scanners use
 KNOWN_USB_IDS = {
     (0x2341, 0x0010): "Arduino Mega 2560",
     (0x2341, 0x0042): "Arduino Mega 2560",
@@ -73,7 +73,7 @@ class PortFinder:
         self._usb: Usb | None = None
 
     def __call__(self) -> str:
-        """Return the URL to open now."""
+        """Return the present URL of the device."""
         if "://" in self._url:
             return self._url
         ports = serial_ports()
@@ -100,14 +100,14 @@ def find_port(usb: Usb, ports: list[Port]) -> str | None:
         alike = [port for port in alike if port.usb and port.usb.serial_number == usb.serial_number]
     else:
         alike = [port for port in alike if port.usb and port.usb.location == usb.location] or alike
-    # of several candidates none is chosen, because it may be another scanner
+    # None for several candidates, because one of them may be another scanner
     return alike[0].device if len(alike) == 1 else None
 
 
 def holders(device: str) -> list[str]:
-    """Return name and number of each process that has a port open, as far as the system shows them.
+    """Return name and number of each process that has a port open, if the system shows them.
 
-    This process is listed, as "this program", only if there is no other.
+    If this process is the only one, the list contains "this program".
     """
     real = os.path.realpath(device)
     processes = {process for process, path in _open_files() if path == real}

@@ -1,6 +1,6 @@
-"""pyserial's RFC 2217 port with faster reads and a clean end after the server has gone.
+"""pyserial's RFC 2217 port with faster reads, and without errors after the server has closed the connection.
 
-Without it a socket stays open, and the reader thread ends with a traceback.
+pyserial itself would then leave a socket open and print a traceback from its reader thread.
 """
 
 import threading
@@ -13,8 +13,8 @@ class Rfc2217Port(Serial):
     """A serial port behind a server such as ser2net."""
 
     def read(self, size: int = 1) -> bytes:
-        """Return the received bytes, at most `size`. Raises SerialException if the server has gone."""
-        # pyserial returns a single byte per call if it may not wait, which is too slow for traces
+        """Return the received bytes, at most `size`. Raises SerialException if the server has closed the connection."""
+        # with a timeout of 0, pyserial returns one byte per call, which is too slow for traces
         data = bytearray()
         while len(data) < size and (piece := super().read(1)):
             data += piece
@@ -32,6 +32,6 @@ class Rfc2217Port(Serial):
         try:
             super()._internal_raw_write(data)  # type: ignore[misc]  # missing in the type stubs
         except OSError:
-            # in pyserial's reader thread no caller would catch this; its next read fails as well
+            # no caller catches errors of pyserial's reader thread; its next read fails in any case
             if threading.current_thread() is not getattr(self, "_thread", None):
                 raise

@@ -24,14 +24,14 @@ from sonarhw.wire.limits import FIRST_BAUD
 BOOTLOADER = 2.0  # s for which the bootloader runs after a reset by the opening of the port
 WRITE_WITHIN = 2.0  # s
 READ_PATIENCE = 0.05  # s for which a read waits for the first byte
-MOST = 4096  # bytes that a read returns at most
+MOST = 4096  # most bytes of one read
 _WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
 _KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
 _POLL = 0.005  # s between checks for bytes, for ports without a file descriptor
 
 
 class Link:
-    """An open link and context manager. A second `close` does nothing."""
+    """An open link; a context manager. A second `close` does nothing."""
 
     def __init__(self, url: str) -> None:
         """Open `url`. Raises InputError for an invalid URL, LinkBusy, LinkForbidden, or LinkError if it fails."""
@@ -66,7 +66,7 @@ class Link:
 
     @property
     def quiet(self) -> float:
-        """Time to send nothing after opening, s: on a port with DTR, opening may have reset the board."""
+        """Time after opening in which nothing may be sent, s: on a port with DTR, opening may have reset the board."""
         return BOOTLOADER if self.bauds and _has_modem_lines(self._port) else 0.0
 
     def set_baud(self, baud: int) -> None:
@@ -81,7 +81,7 @@ class Link:
         self._baud = baud
 
     def read(self) -> bytes:
-        """Return the received bytes. Waits up to READ_PATIENCE for the first; empty if none came.
+        """Return the received bytes. Waits up to READ_PATIENCE for the first byte. Empty if none arrives.
 
         Raises LinkLost if the link is lost.
         """
@@ -89,7 +89,7 @@ class Link:
             self._wait()
             return self._port.read(MOST)
         except (SerialException, OSError, ValueError, TypeError) as error:
-            # TypeError: a port that was closed meanwhile has no descriptor, and pyserial passes None to the system
+            # TypeError: the port was closed during the read, and pyserial used its missing descriptor
             raise self._gone(error) from error
 
     def write(self, data: bytes) -> None:
@@ -142,7 +142,7 @@ def _closed_port(url: str) -> serial.Serial:
 
 
 def _check_url(url: str) -> None:
-    """Raise InputError if `url` is invalid, whatever is plugged in."""
+    """Raise InputError if `url` is invalid. The port itself is not checked."""
     scheme, separator, _ = url.partition("://")
     if not url.strip():
         raise InputError("no URL: expected a serial port such as /dev/ttyUSB0, or socket://HOST:PORT")

@@ -1,8 +1,8 @@
 """Logs: `LogWriter` records, `read_log` reads a whole or torn log, `copy_log` writes a repaired copy.
 
-A log is an uncompressed MCAP file with one chunk per reading. It contains the raw frames, which are authoritative, and
-for other tools the decoded readings and one LaserScan per sweep. An index at its end lets it open at once. Traces stay
-in the file.
+A log is an uncompressed MCAP file with one chunk per reading. It contains the raw frames, from which this project
+decodes the readings. For other tools it also contains the decoded readings and one LaserScan per sweep. With the index
+at its end, a log opens at once. Traces are read from the file on access.
 """
 
 from sonarhw.log.contents import Log, LogMetadata, RecordedFrame, RecordedFrames, RecordedScan

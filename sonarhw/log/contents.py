@@ -17,7 +17,7 @@ FRAMES_RECEIVED = "/frames/rx"
 FRAMES_SENT = "/frames/tx"
 READINGS = "/readings"
 SWEEPS = "/scan"
-# in the order of their channel numbers, from 1: used also if the channel records are lost
+# in the order of their channel numbers, from 1, so that a log without its channel records can be read
 TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS)
 
 
@@ -25,13 +25,13 @@ TOPICS = (FRAMES_RECEIVED, FRAMES_SENT, READINGS, SWEEPS)
 class LogMetadata:
     """The origin of a log; the first record of the file."""
 
-    made_by: str  # "scan", "import", "simulate"; "unknown" if a torn file ends before it
-    started: float  # s since the epoch; 0 if a torn file ends before it
+    made_by: str  # "scan", "import", "simulate"; "unknown" if it is missing in a torn file
+    started: float  # s since the epoch; 0 if it is missing in a torn file
     room_file: str = ""  # name of the room file, empty without one
-    room_text: str = ""  # text of the room file at that time
+    room_text: str = ""  # text of the room file when the log was made
     place: str = ""
     board: str = ""  # name of the board profile
-    board_text: str = ""  # text of the board profile at that time
+    board_text: str = ""  # text of the board profile when the log was made
     product_version: str = version("sonarhw")
     format_version: int = FORMAT_VERSION
 
@@ -46,7 +46,7 @@ class RecordedFrame:
 
 
 class RecordedFrames(Protocol):
-    """All frames of a log, in order. Every iteration reads them from the file."""
+    """All frames of a log, in order. Each iteration reads them from the file."""
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -71,7 +71,7 @@ class RecordedScan:
 
     @property
     def angle_warning(self) -> str | None:
-        """The readings that may have wrong angles, and why, as a clause; None if there are none."""
+        """Clause that names the readings whose angles may be wrong, and the reason; None if there are none."""
         slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
         if not slipped and not self.homed:
             return None
@@ -92,8 +92,8 @@ class Log:
     settings: Settings | None  # the last in force
     frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
-    torn: str | None  # clause with the place where the file ends too early or is damaged; None: it is whole
-    damaged: bool = False  # damaged elsewhere than at its end
+    torn: str | None  # clause that states where the file is incomplete or damaged; None: the file is whole
+    damaged: bool = False  # whether it is damaged before its end
 
     @property
     def condition(self) -> str:

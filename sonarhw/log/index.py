@@ -1,8 +1,8 @@
 """The index at the end of a closed log: its readings without traces, and the position of each in the file.
 
-It contains what a `Follower` found in the frames, so that opening a log need not decode them again. It is an MCAP
-attachment, an .npz file of plain columns. The frames remain authoritative: the index is ignored if it has another
-version, or if another tool has copied it into another file.
+It contains the result of a `ScanDecoder`, so that the frames need not be decoded again to open a log. It is an MCAP
+attachment, an .npz file of plain columns. The index is ignored if it has another version, or if another tool has copied
+it into another file. The frames are then decoded.
 """
 
 import json
@@ -16,7 +16,7 @@ import numpy as np
 
 from sonarhw.log.contents import RecordedScan
 from sonarhw.log.reading_columns import Columns
-from sonarhw.log.recorded_scans import FollowedScan, Follower
+from sonarhw.log.recorded_scans import DecodedScan, ScanDecoder
 from sonarhw.wire.messages import Finished, Info, Message, MessageError, Settings
 
 NAME = "sonarhw.index.npz"
@@ -38,7 +38,7 @@ class IndexedScan:
 
 @dataclass(frozen=True)
 class LogIndex:
-    """What the frames of a log contain."""
+    """The decoded contents of the frames of a log."""
 
     info: Info | None
     settings: Settings | None
@@ -46,18 +46,18 @@ class LogIndex:
     scans: tuple[IndexedScan, ...]
 
 
-def index_of(follower: Follower) -> LogIndex:
-    """Return the index of the frames that `follower` has processed."""
-    return LogIndex(follower.info, follower.settings, follower.frames, tuple(map(_indexed, follower.scans())))
+def index_of(decoder: ScanDecoder) -> LogIndex:
+    """Return the index of the frames that `decoder` has processed."""
+    return LogIndex(decoder.info, decoder.settings, decoder.frames, tuple(map(_indexed, decoder.scans())))
 
 
-def _indexed(scan: FollowedScan) -> IndexedScan:
+def _indexed(scan: DecodedScan) -> IndexedScan:
     recorded = RecordedScan(scan.began, scan.expected, scan.settings, (), scan.finished, tuple(scan.homed))
     return IndexedScan(recorded, scan.readings.columns())
 
 
 def pack_index(index: LogIndex, at: int) -> bytes:
-    """Return the bytes of the index at offset `at` of the file."""
+    """Return the bytes of an index that will be at offset `at` of the file."""
     head = {
         "version": _VERSION,
         "at": at,

@@ -1,6 +1,6 @@
 """A sweep as a foxglove.LaserScan protobuf message, which log viewers draw.
 
-No echo is +inf; a heading without a reading is NaN.
+The range is +inf without an echo, and NaN at a heading without a reading.
 """
 
 import math
@@ -14,8 +14,8 @@ from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from sonarhw.readings import Reading
 
 FRAME_ID = "turntable"
-_MOST_RANGES = 36_000  # 0.01° over a whole turn; a finer step is an error of a heading
-_SAME_HEADING = 1e-6  # rad; messages have microdegrees
+_MOST_RANGES = 36_000  # 0.01° over a whole turn; a finer step comes from rounding
+_SAME_HEADING = 1e-6  # rad; messages contain whole microdegrees
 
 
 def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:

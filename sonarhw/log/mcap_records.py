@@ -1,7 +1,7 @@
-"""Read the records of an MCAP file, the container of a log, whole or torn.
+"""Read the records of an MCAP file, whole or torn. Logs are MCAP files.
 
 Damaged places are reported, and reading continues at the next chunk with a correct CRC-32. The index at the end of the
-file is not needed, and only one record at a time is in memory.
+file is not needed. Only one record at a time is in memory.
 """
 
 import math
@@ -32,7 +32,7 @@ _DATA_END_SIZE = _RECORD.size + 4
 _FOOTER_SIZE = _RECORD.size + 20
 _WINDOW = 1 << 20
 _NEAR = 1 << 20
-UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # the last from a damaged length
+UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # OverflowError: a damaged length
 
 
 class OpenFile:
@@ -86,7 +86,7 @@ class Damage:
 
 
 def is_mcap(file: OpenFile) -> bool:
-    """Return whether a file starts as an MCAP file, or has a chunk near its damaged start. Raises OSError."""
+    """Return whether a file starts like an MCAP file, or has an undamaged chunk near its start. Raises OSError."""
     if file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC:
         return True
     found = _next_chunk(file, 0, _NEAR)
@@ -97,16 +97,16 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
     """Yield every readable record and message from offset `start`, and the damage between them. Raises OSError."""
     if start == len(MCAP0_MAGIC) and file.read(0, start) != MCAP0_MAGIC:
         yield Damage("its first bytes are not those of an MCAP file")
-    at = sound = start  # all readable chunks before `sound` have been yielded
+    at = read_until = start  # all readable chunks before `read_until` have been yielded
     last = False  # whether there are no more readable chunks
     while at < file.size:
         record = _record_at(file, at)
         if record is None:
-            again = None if last else _next_chunk(file, sound)
+            again = None if last else _next_chunk(file, read_until)
             if again is None:
                 break
-            yield Damage(f"bytes {at if at < again else sound} to {again} are damaged and left out")
-            at = sound = again
+            yield Damage(f"bytes {at if at < again else read_until} to {again} are damaged and left out")
+            at = read_until = again
             continue
         end = at + _RECORD.size + len(record.content)
         if record.opcode == Opcode.FOOTER:
@@ -117,20 +117,20 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
             yield record
         elif isinstance(inside := _unpacked(record), Damage):
             yield inside
-            # its length may be damaged too, and skip good chunks
+            # its length may be damaged too, so that undamaged chunks would be skipped
             again = None if last else _next_chunk(file, at + 1)
             last = again is None
-            sound = end = again or end
+            read_until = end = again or end
         else:
             yield from inside
-            sound = end
+            read_until = end
         at = end
     where = f", in the record that begins at byte {at}" if at < file.size else ""
     yield Damage(f"the file ends too early at byte {file.size}{where}", at_end=True)
 
 
 def _record_at(file: OpenFile, at: int) -> Record | None:
-    """Return the record at that offset; None if none starts there or it is incomplete."""
+    """Return the record at offset `at`; None if there is none, or if it is incomplete."""
     head = file.read(at, _RECORD.size)
     if len(head) < _RECORD.size:
         return None
@@ -195,9 +195,9 @@ def _is_chunk(file: OpenFile, at: int) -> bool:
 class Ending:
     """The summary at the end of a closed file."""
 
-    checked: bool  # it has checksums for the whole file
-    sound: bool  # its checksums are correct
-    attachments: dict[str, int]  # offset of each, by name
+    checked: bool  # whether it has checksums for the whole file
+    intact: bool  # whether its checksums are correct
+    attachments: dict[str, int]  # offsets, by name
 
 
 def read_ending(file: OpenFile) -> Ending | None:
@@ -213,10 +213,10 @@ def read_ending(file: OpenFile) -> Ending | None:
     summary = file.read(footer.summary_start, footer_at - footer.summary_start)
     data_end = file.read(end, _DATA_END_SIZE)
     data_crc = int.from_bytes(data_end[_RECORD.size :], "little")
-    sound = footer.summary_crc in (0, zlib.crc32(tail[:-4], zlib.crc32(summary))) and (
+    intact = footer.summary_crc in (0, zlib.crc32(tail[:-4], zlib.crc32(summary))) and (
         data_end[0] == Opcode.DATA_END and data_crc in (0, _crc(file, end))
     )
-    return Ending(bool(footer.summary_crc and data_crc), sound, _attachments(summary) if sound else {})
+    return Ending(bool(footer.summary_crc and data_crc), intact, _attachments(summary) if intact else {})
 
 
 def _crc(file: OpenFile, size: int) -> int:
@@ -240,7 +240,7 @@ def _attachments(summary: bytes) -> dict[str, int]:
 
 
 def attachment(file: OpenFile, at: int) -> bytes | None:
-    """Return the data of the attachment at that offset; None if there is none."""
+    """Return the data of the attachment at offset `at`; None if there is none."""
     record = _record_at(file, at)
     if record is None or record.opcode != Opcode.ATTACHMENT:
         return None

@@ -1,7 +1,7 @@
 """Read a log, whole or torn.
 
-A closed and undamaged log is opened through its index, which takes only as long as its checksums. The frames of any
-other log are decoded one by one. Frames and traces stay in the file.
+A closed and undamaged log is opened with its index. This takes only the time to verify its checksums. The frames of any
+other log are decoded one by one. Frames and traces are read from the file on access.
 """
 
 import json
@@ -32,7 +32,7 @@ from sonarhw.log.mcap_records import (
 )
 from sonarhw.log.reading_columns import readings_of
 from sonarhw.log.recorded_frames import LogFrames, StoredTraces, known_topics, recorded_frame
-from sonarhw.log.recorded_scans import Follower
+from sonarhw.log.recorded_scans import ScanDecoder
 
 _Speeds = dict[tuple[int, int], float]  # m/s, by number and device time (µs) of the reading
 
@@ -53,16 +53,16 @@ def read_log(path: Path) -> Log:
             )
         head = _Head(path)
         ending = read_ending(file)
-        index = _closed(file, head, ending) if ending else None
+        index = _stored_index(file, head, ending) if ending else None
         damage: list[Damage] = []
         if index is None:
-            index, damage = _gone_through(file, head)
-            if ending and not ending.sound and not damage:
+            index, damage = _decoded(file, head)
+            if ending and not ending.intact and not damage:
                 damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
     torn = _torn(damage)
-    metadata = head.metadata(torn, talks=bool(index.info or index.scans))
+    metadata = head.metadata(torn, has_frames=bool(index.info or index.scans))
     scans = tuple(_recorded(scan, file) for scan in index.scans)
     damaged = not all(place.at_end for place in damage)
     return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn, damaged)
@@ -74,7 +74,7 @@ def _recorded(indexed: IndexedScan, file: OpenFile) -> RecordedScan:
 
 
 class _Head:
-    """The header of a file, as far as it has been read."""
+    """The part of the header of a file that has been read so far."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -92,20 +92,20 @@ class _Head:
         if name == METADATA_NAME:
             self._fields = fields
 
-    def metadata(self, torn: str | None, talks: bool) -> LogMetadata:
-        """Return the metadata. `talks` states whether there are frames of a scanner. Raises NotALog if it is no log."""
+    def metadata(self, torn: str | None, has_frames: bool) -> LogMetadata:
+        """Return the metadata. `has_frames`: the file has frames of a scanner. Raises NotALog if it is not a log."""
         if self._fields is not None:
             return _metadata(self._path, self._fields)
-        if torn and (self._profile == PROFILE or (self._profile is None and talks)):
+        if torn and (self._profile == PROFILE or (self._profile is None and has_frames)):
             return LogMetadata("unknown", 0.0, product_version="unknown")
         if torn and self._profile is None:
-            raise NotALog(f"{self._path}: nothing in it can be read, the header is unreadable: {torn}")
+            raise NotALog(f"{self._path}: cannot be read: its header is damaged: {torn}")
         raise NotALog(
             f"{self._path}: is an MCAP file, but not a log of this project: it has no {METADATA_NAME} metadata"
         )
 
 
-def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
+def _stored_index(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
     """Return the index of a closed and undamaged log; None if its frames must be decoded."""
     at = ending.attachments.get(NAME)
     if at is None or not ending.checked:
@@ -122,9 +122,9 @@ def _closed(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | None:
     return None
 
 
-def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
+def _decoded(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
     """Decode the readable frames. Return their index, and the damage."""
-    follower, topics = Follower(), known_topics()
+    decoder, topics = ScanDecoder(), known_topics()
     damage: list[Damage] = []
     speeds: _Speeds = {}
     for item in read_records(file):
@@ -133,8 +133,8 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
                 damage.append(item)
             case McapMessage():
                 if frame := recorded_frame(item, topics):
-                    follower.take(frame, item.at)
-                elif topics.get(item.channel) == READINGS and follower.settings is None:
+                    decoder.take(frame, item.at)
+                elif topics.get(item.channel) == READINGS and decoder.settings is None:
                     speeds.update(_decoded_speed(item.data))
             case Record():
                 try:
@@ -142,7 +142,7 @@ def _gone_through(file: OpenFile, head: _Head) -> tuple[LogIndex, list[Damage]]:
                     topics.update(channel_of(item))
                 except UNREADABLE:
                     damage.append(Damage(f"the record that begins at byte {item.at} is left out: it is damaged"))
-    index = index_of(follower)
+    index = index_of(decoder)
     return replace(index, scans=tuple(_with_speed(scan, speeds) for scan in index.scans)), damage
 
 
@@ -160,7 +160,7 @@ def _has_no_speed(scan: IndexedScan) -> bool:
 
 
 def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
-    """Return the scan with the speed of sound of the decoded readings, if its Settings were lost."""
+    """Return the scan. If its Settings were lost, its speed of sound is that of the decoded readings."""
     if not _has_no_speed(scan):
         return scan
     columns = scan.columns
@@ -171,7 +171,7 @@ def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
 
 
 def _torn(damage: list[Damage]) -> str | None:
-    # thousands of records may be damaged; the first is enough for one line
+    # thousands of records may be damaged, so the message names only the first
     more = len(damage) - 1
     others = f" (and {more} more {'place' if more == 1 else 'places'})" if more > 0 else ""
     return f"{damage[0].text}{others}" if damage else None

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from sonarhw.readings import Reading, Trace
 
 Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
-Span = tuple[int, int]  # offsets of the first and last chunk that hold a reading and its trace
+Span = tuple[int, int]  # offsets of the first and last chunk that contain a reading or its trace
 
-_WHOLE = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
-_REAL = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
+_INTEGERS = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
+_FLOATS = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
 NO_TRACE = -1
 
 
@@ -23,13 +23,13 @@ class ReadingColumns:
     """Columns with one row per reading. The trace of a row may be added later."""
 
     def __init__(self) -> None:
-        self._whole = {name: array("q") for name in _WHOLE}
-        self._real = {name: array("d") for name in _REAL}
+        self._integers = {name: array("q") for name in _INTEGERS}
+        self._floats = {name: array("d") for name in _FLOATS}
         self._echo_times = array("d")
         self._rows: dict[int, int] = {}  # by number
 
     def __len__(self) -> int:
-        return len(self._whole["number"])
+        return len(self._integers["number"])
 
     def __contains__(self, number: int) -> bool:
         return number in self._rows
@@ -37,33 +37,33 @@ class ReadingColumns:
     @property
     def latest(self) -> float:
         """Time of the latest reading, s. There must be at least one."""
-        return max(self._real["time"])
+        return max(self._floats["time"])
 
     def add(self, reading: Reading, span: Span | None) -> None:
-        """Append a reading. `span` is None if no part of its trace has been found yet."""
+        """Append a reading. `span` is None as long as no part of its trace has been found."""
         self._rows[reading.number] = len(self)
         first, last = span or (NO_TRACE, NO_TRACE)
-        whole = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
+        integers = (reading.number, reading.sweep, reading.ping, len(reading.echo_times), first, last)
         maybe = (np.nan if value is None else value for value in (reading.temperature_c, reading.host_time))
-        real = (reading.angle, reading.time, reading.speed_of_sound, *maybe)
-        for name, value in zip(_WHOLE, whole, strict=True):
-            self._whole[name].append(value)
-        for name, number in zip(_REAL, real, strict=True):
-            self._real[name].append(number)
+        floats = (reading.angle, reading.time, reading.speed_of_sound, *maybe)
+        for name, value in zip(_INTEGERS, integers, strict=True):
+            self._integers[name].append(value)
+        for name, number in zip(_FLOATS, floats, strict=True):
+            self._floats[name].append(number)
         self._echo_times.extend(reading.echo_times)
 
     def extend_trace(self, number: int, began: int, chunk: int) -> None:
-        """Note that `chunk` has a part of a reading's trace, and the chunk `began` the reading itself."""
+        """Extend the span of a reading to `chunk`, which contains a part of its trace. `began` contains the reading."""
         row = self._rows[number]
-        if self._whole["first_chunk"][row] == NO_TRACE:
-            self._whole["first_chunk"][row] = began
-        self._whole["last_chunk"][row] = chunk
+        if self._integers["first_chunk"][row] == NO_TRACE:
+            self._integers["first_chunk"][row] = began
+        self._integers["last_chunk"][row] = chunk
 
     def columns(self) -> Columns:
         """Return arrays in the order of the rows. `echo_times` has the echoes of all readings, one after another."""
-        whole = {name: np.array(values, np.int64) for name, values in self._whole.items()}
-        real = {name: np.array(values, np.float64) for name, values in self._real.items()}
-        return {**whole, **real, "echo_times": np.array(self._echo_times, np.float64)}
+        integers = {name: np.array(values, np.int64) for name, values in self._integers.items()}
+        floats = {name: np.array(values, np.float64) for name, values in self._floats.items()}
+        return {**integers, **floats, "echo_times": np.array(self._echo_times, np.float64)}
 
 
 def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[Reading, ...]:
@@ -76,7 +76,7 @@ def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[
 def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Reading]:
     echo_times = columns["echo_times"].tolist()
     used = 0
-    names = (*_WHOLE, *_REAL)
+    names = (*_INTEGERS, *_FLOATS)
     for row in zip(*(columns[name].tolist() for name in names), strict=True):
         number, sweep, ping, echoes, first, last, angle, time, speed, *maybe = row
         temperature, host_time = (None if value != value else value for value in maybe)

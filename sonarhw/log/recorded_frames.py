@@ -1,4 +1,4 @@
-"""The frames in the file of a log, and its traces, which are read on demand."""
+"""The frames and traces of a log. They are read from the file on access."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,7 +14,7 @@ from sonarhw.wire.assembly import ReadingAssembler
 from sonarhw.wire.frames import Frame, decode_block
 from sonarhw.wire.messages import MessageError, Settings, unpack_message
 
-_TRACES_AT_HAND = 64
+_CACHED_TRACES = 64
 _UNKNOWN_SETTINGS = Settings(0, 0, 0, 1, 0)
 
 
@@ -47,7 +47,7 @@ def recorded_frame(message: McapMessage, topics: dict[int, str]) -> RecordedFram
 
 
 def known_topics() -> dict[int, str]:
-    """Return the topics by channel, as `LogWriter` registers them."""
+    """Return the topics by channel number, as `LogWriter` registers them."""
     return dict(enumerate(TOPICS, start=1))
 
 
@@ -60,7 +60,7 @@ def _frames(file: OpenFile, span: Span | None = None) -> Iterator[tuple[int, Rec
             if isinstance(item, McapMessage) and (frame := recorded_frame(item, topics)):
                 yield item.at, frame
     except OSError as error:
-        raise NotALog(f"{file.path}: cannot be read any more: {error.strerror}") from error
+        raise NotALog(f"{file.path}: can no longer be read: {error.strerror}") from error
 
 
 class StoredTraces:
@@ -69,10 +69,10 @@ class StoredTraces:
     def __init__(self, file: OpenFile, settings: Settings | None) -> None:
         self._file = file
         self._settings = replace(settings or _UNKNOWN_SETTINGS, trace=1)
-        self.load = lru_cache(maxsize=_TRACES_AT_HAND)(self._load)
+        self.load = lru_cache(maxsize=_CACHED_TRACES)(self._load)
 
     def trace(self, number: int, span: Span) -> Trace:
-        """Return the trace of a reading, whose chunks are in `span`. It is read on first access."""
+        """Return the trace of the reading in the chunks `span`. It is read on first access."""
         return StoredTrace(self, number, span)
 
     def _load(self, number: int, span: Span) -> Trace:
@@ -82,7 +82,7 @@ class StoredTraces:
         return found[-1]
 
     def _assembled(self, span: Span) -> list[Reading]:
-        # the usual decoder, on the chunks of this reading
+        # only the chunks of this reading are decoded
         assembler = ReadingAssembler()
         assembler.feed(self._settings)
         readings: list[Reading] = []
@@ -115,22 +115,22 @@ class StoredTrace(Trace):
 
     @property
     def samples(self) -> FloatArray:
-        """As of any trace."""
+        """See `Trace`."""
         return self._loaded.samples
 
     @property
     def rate(self) -> float:
-        """As of any trace."""
+        """See `Trace`."""
         return self._loaded.rate
 
     @property
     def start(self) -> float:
-        """As of any trace."""
+        """See `Trace`."""
         return self._loaded.start
 
     @property
     def carrier(self) -> bool:
-        """As of any trace."""
+        """See `Trace`."""
         return self._loaded.carrier
 
     @property

@@ -1,6 +1,6 @@
-"""Decode recorded frames to readings and scans, in the same way as the driver decoded the live conversation.
+"""Decode recorded frames to readings and scans, as the driver decoded them during the scan.
 
-Only the positions of traces are noted, because the traces of an hour do not fit into memory.
+Only the positions of traces are stored, because the traces of an hour do not fit into memory.
 """
 
 import struct
@@ -30,22 +30,22 @@ from sonarhw.wire.messages import (
     unpack_message,
 )
 
-_NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding it all would double the time to read a log
-_TRACES_AHEAD = 4  # traces kept that arrive before their readings, which were lost and sent again
+_NUMBER = struct.Struct("<I")  # first field of a TraceChunk; decoding all fields would double the time to read a log
+_TRACES_AHEAD = 4  # traces kept without their readings, which were lost and may be sent again
 
 
 @dataclass
-class FollowedScan:
-    """A scan as far as its frames have been processed."""
+class DecodedScan:
+    """The part of a scan that has been decoded so far."""
 
     command: int  # sequence number of its newest StartScan
     order: StartScan | None  # None if the log has no frames from a host
-    since_us: int  # device time; earlier pings belong to the scan before
+    since_us: int  # device time; earlier pings belong to the previous scan
     settings: Settings | None
     started: float | None = None  # s on the clock of the readings
     expected: int | None = None
     readings: ReadingColumns = field(default_factory=ReadingColumns)
-    first: Reading | None = None  # the one with the lowest number
+    first: Reading | None = None  # reading with the lowest number
     finished: Finished | None = None
     homed: list[float] = field(default_factory=list)  # time of the newest reading before each homing
 
@@ -61,7 +61,7 @@ class FollowedScan:
         known = [] if self.first is None else [self.first.time]
         return min(known if self.started is None else [*known, self.started])
 
-    def goes_on_with(self, order: StartScan) -> bool:
+    def is_continued_by(self, order: StartScan) -> bool:
         """Return whether `order` requests a missing part of this scan, or all of it if there are no readings yet."""
         part = order.first > 0 or order.count > 0
         return self.order is not None and _whole(self.order) == _whole(order) and (part or not self.readings)
@@ -71,11 +71,11 @@ def _whole(order: StartScan) -> StartScan:
     return replace(order, first=0, count=0)
 
 
-class Follower:
-    """Assigns recorded frames to scans.
+class ScanDecoder:
+    """Decodes recorded frames, and assigns their readings to scans.
 
-    A scan begins with the host's StartScan, or with the device's Started if the log has no frames from a host, as in
-    imported and simulated scans. Either may occur twice, because a command is repeated until it is answered. An
+    A scan begins with the StartScan of the host. Logs of imported and simulated scans contain no frames from a host; a
+    scan then begins with Started. Both may occur twice, because a command is repeated until it is answered. An
     interrupted and continued scan is one scan.
     """
 
@@ -85,8 +85,8 @@ class Follower:
         self.frames = 0
         self._clock = DeviceClock()
         self._assembler = ReadingAssembler(self._clock)
-        self._scans: list[FollowedScan] = []
-        self._hello: int | None = None  # sequence number of the newest
+        self._scans: list[DecodedScan] = []
+        self._hello: int | None = None  # sequence number of the newest Hello
         self._greeted_at = 0  # number of scans when the conversation began
         self._homed = False  # whether the turntable has homed since the newest scan was requested
         self._newest_us = 0
@@ -113,7 +113,7 @@ class Follower:
             return []
         if message is None:
             return []
-        # an answer may be unmatched, and the times of unmatched answers must be ignored
+        # Accepted and Refused may be unmatched answers, whose times must be ignored
         if recorded.received and not isinstance(message, Accepted | Refused):
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)
@@ -125,7 +125,7 @@ class Follower:
         """Number of scans requested; a continued scan counts once."""
         return len(self._scans)
 
-    def scans(self) -> list[FollowedScan]:
+    def scans(self) -> list[DecodedScan]:
         """Return all scans so far, in order, without those that the device never answered."""
         return [scan for scan in self._scans if scan.answered]
 
@@ -135,8 +135,8 @@ class Follower:
         if isinstance(message, Home):
             self._homed = True
         if isinstance(message, StartScan) and not self._is_current(frame.sequence):
-            if self._scans and self._scans[-1].goes_on_with(message):
-                self._go_on(frame.sequence)
+            if self._scans and self._scans[-1].is_continued_by(message):
+                self._continue(frame.sequence)
             else:
                 self._begin(frame.sequence, message)
         return []
@@ -147,7 +147,7 @@ class Follower:
                 self.info = message
             case Settings():
                 self.settings = message
-                # so that a reading is complete without its trace
+                # the assembler then completes a reading without its trace
                 message = replace(message, trace=0)
             case Started():
                 if not self._is_current(message.command):
@@ -165,7 +165,7 @@ class Follower:
                 return []
         return self._assembler.feed(message)
 
-    def _finish(self, scan: FollowedScan, message: Finished) -> None:
+    def _finish(self, scan: DecodedScan, message: Finished) -> None:
         # a command for a missing part has fewer readings than the whole scan
         if self._is_current(message.command) and (not scan.finished or message.readings >= scan.finished.readings):
             scan.finished = message
@@ -178,9 +178,9 @@ class Follower:
 
     def _begin(self, command: int, order: StartScan | None = None) -> None:
         self._forget(command)
-        self._scans.append(FollowedScan(command, order, self._newest_us, self.settings))
+        self._scans.append(DecodedScan(command, order, self._newest_us, self.settings))
 
-    def _go_on(self, command: int) -> None:
+    def _continue(self, command: int) -> None:
         scan = self._scans[-1]
         if self._homed and scan.readings:
             scan.homed.append(scan.readings.latest)
@@ -190,7 +190,7 @@ class Follower:
 
     def _forget(self, command: int) -> None:
         self._homed = False
-        # numbers start again in a new scan; a Started resets the assembler
+        # the numbers of readings start again at 0; a Started resets the assembler
         self._assembler.feed(Started(command, 0))
         self._newest, self._ahead = None, {}
 
@@ -198,7 +198,7 @@ class Follower:
         if not readings:
             return []
         if not self._scans:  # the log begins in the middle of a scan
-            self._scans.append(FollowedScan(-1, None, 0, self.settings))
+            self._scans.append(DecodedScan(-1, None, 0, self.settings))
         scan = self._scans[-1]
         fresh = [reading for reading in readings if reading.number not in scan.readings]
         for reading in fresh:
@@ -210,7 +210,7 @@ class Follower:
         return fresh
 
     def _find_trace(self, payload: bytes, place: int) -> None:
-        """Note the position of a part of a trace, of the newest reading or of one that follows."""
+        """Store the position of a part of a trace, which belongs to the newest or to a later reading."""
         if len(payload) < _NUMBER.size:
             return
         (number,) = _NUMBER.unpack_from(payload)

@@ -1,6 +1,6 @@
 """Write the readable part of a torn log as a whole log with index and sweeps.
 
-The new file has the same frames at the same times.
+Its frames and their times are unchanged.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Write a log: an uncompressed MCAP file with one chunk per reading, on disk before the next ping.
+"""Write a log: an uncompressed MCAP file with one chunk per reading.
 
-The file is readable however the process ends. During a scan the frames of a reading are written with it in one chunk;
-otherwise each frame is written at once. So a killed process loses at most the frames of the current reading. Closing
-adds the index, with which a log of an hour opens at once.
+The file is readable even if the process is killed. During a scan, each reading is written at once, in one chunk with
+its frames. Otherwise each frame is written at once. So a killed process loses at most the frames of the current
+reading. Closing adds the index, with which a log of an hour opens at once.
 """
 
 import json
@@ -36,7 +36,7 @@ from sonarhw.log.contents import (
 )
 from sonarhw.log.index import MEDIA_TYPE, NAME, index_of, pack_index
 from sonarhw.log.laser_scan import laser_scan
-from sonarhw.log.recorded_scans import Follower
+from sonarhw.log.recorded_scans import ScanDecoder
 from sonarhw.readings import Reading
 from sonarhw.wire.frames import frame_type
 from sonarhw.wire.limits import KEPT_READINGS
@@ -64,8 +64,8 @@ class LogWriter:
 
     Raises LogError if the file exists (unless `overwrite`), or cannot be created or written. The file then keeps
     everything up to the last whole reading. A file to be overwritten is unchanged until the first reading, or `close`.
-    With `live`, for measurements, each reading is synced to the disk, so that a drive may be pulled out. `warn` gets
-    one line when the disk is nearly full. Any thread may use the writer.
+    With `live`, for measurements, each reading is synced to the disk, so that a removed drive has all readings. `warn`
+    is called with one line when the disk is nearly full. Any thread may use the writer.
     """
 
     def __init__(
@@ -79,10 +79,10 @@ class LogWriter:
     ) -> None:
         self._lock = threading.RLock()  # one thread may close the log while another records
         self._file = LogFile(path, overwrite, live)
-        self._room = DiskSpaceMonitor(path, warn) if warn else None
+        self._disk_space = DiskSpaceMonitor(path, warn) if warn else None
         self._scanning = False
-        self._scans = 0  # number of scans when sweeps were last written
-        self._follower = Follower()
+        self._scans = 0  # number of scans at the newest Started
+        self._decoder = ScanDecoder()
         self._sweeps: dict[int, list[Reading]] = {}  # not yet written, without traces, by number
         self._time = metadata.started
         self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE, enable_data_crcs=True)
@@ -124,14 +124,14 @@ class LogWriter:
         self._time = recorded.time
         kind = frame_type(recorded.wire[:-1]) if recorded.received else None
         if kind == Started.TYPE:
-            self._commit()  # frames of the scan before
+            self._commit()  # frames of the previous scan
             self._scanning = True
-        # the time as a reader will decode it
+        # the time as it will be read from the file, in whole ns
         placed = replace(recorded, time=round(recorded.time * 1e9) * 1e-9)
-        readings = self._follower.take(placed, self._file.tell())
+        readings = self._decoder.take(placed, self._file.tell())
         self._file.readings += len(readings)
-        if kind == Started.TYPE and self._scans != self._follower.begun:
-            self._scans = self._follower.begun
+        if kind == Started.TYPE and self._scans != self._decoder.begun:
+            self._scans = self._decoder.begun
             self._end_sweeps()
         self._add(FRAMES_RECEIVED if recorded.received else FRAMES_SENT, recorded.wire)
         if kind in (Finished.TYPE, Info.TYPE):
@@ -148,11 +148,11 @@ class LogWriter:
     def _reading(self, reading: Reading) -> None:
         self._sweeps.setdefault(reading.sweep, []).append(replace(reading, trace=None))
         for sweep, readings in [*self._sweeps.items()]:
-            # until then the device may send a reading of this sweep again
+            # the device can no longer send a reading of that sweep again
             if sweep < reading.sweep and reading.number - readings[-1].number >= KEPT_READINGS:
                 self._end_sweep(sweep)
         self._add(READINGS, json.dumps(reading_record(reading)).encode())
-        self._file.take_place()
+        self._file.replace_old_file()
         self._commit()
 
     def close(self) -> None:
@@ -165,8 +165,8 @@ class LogWriter:
         try:
             self._end_sweeps()
             self._commit()
-            self._file.take_place()
-            index = pack_index(index_of(self._follower), self._file.tell())
+            self._file.replace_old_file()
+            index = pack_index(index_of(self._decoder), self._file.tell())
             self._writer.add_attachment(0, round(self._time * 1e9), NAME, MEDIA_TYPE, index)
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
@@ -187,14 +187,14 @@ class LogWriter:
 
     def _add(self, topic: str, data: bytes) -> None:
         if self._file.closed:
-            raise LogError(f"{self._file.path}: the log is closed; nothing can be added to it")
+            raise LogError(f"{self._file.path}: the log is closed; open a new one")
         nanoseconds = round(self._time * 1e9)
         self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds)
 
     def _commit(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]
-        if self._room:
-            self._room.written(self._file.tell(), self._time)
+        if self._disk_space:
+            self._disk_space.written(self._file.tell(), self._time)
 
 
 def metadata_record(metadata: LogMetadata) -> dict[str, str]:

@@ -11,9 +11,9 @@ from statistics import median
 
 from sonarhw.log.contents import Log
 
-_REACHED = 1e-6  # s; tolerance, so that rounding does not exclude a reading
-_PAUSE = 1.0  # s between two scans of a log, whatever the recorded pause
-_GAP = 5.0  # a wait longer than this multiple of the median wait, and longer than _PAUSE, is a gap
+_TOLERANCE = 1e-6  # s; without it, rounding could exclude a reading
+_PAUSE = 1.0  # s between two scans of a log; replaces the recorded pause
+_GAP = 5.0  # a wait is a gap if it is longer than _PAUSE and than this multiple of the median wait
 
 
 class Playback:
@@ -29,7 +29,7 @@ class Playback:
         self._skip_gaps = False
         self._speed = 1.0
         self._watched = 0.0  # s; sum of the elapsed times that the viewer has passed
-        self._anchor = (0.0, self.duration)  # a viewer's time and the position at that time
+        self._anchor = (0.0, self.duration)  # value of `_watched`, and position at that time
 
     @property
     def position(self) -> float:
@@ -77,7 +77,7 @@ class Playback:
     @property
     def count(self) -> int:
         """Number of readings made up to the current position."""
-        return bisect_right(self._times, self.position + _REACHED)
+        return bisect_right(self._times, self.position + _TOLERANCE)
 
     def play(self) -> None:
         """Play from the current position, or from the beginning if it is at the end."""
@@ -120,7 +120,7 @@ class Playback:
         self.seek_reading(self._first_of(scan) + range(len(readings))[first])
 
     def step(self, by: int) -> None:
-        """Pause `by` readings after the current one, or before if negative. Wraps around only if `loop` is set."""
+        """Pause `by` readings after the current one, or before it if negative. Wraps around only with `loop`."""
         self.pause()
         if self._times:
             wanted = self.count - 1 + by
@@ -154,7 +154,7 @@ def _without_gaps(times: list[float]) -> list[float]:
     """Return the schedule with every gap shortened to the median wait. It begins with the first reading."""
     waits = [later - earlier for earlier, later in pairwise(times)]
     usual = median(waits) if waits else 0.0
-    longest = max(_GAP * usual, _PAUSE) + _REACHED
+    longest = max(_GAP * usual, _PAUSE) + _TOLERANCE
     shortened = [0.0] if times else []
     for wait in waits:
         shortened.append(shortened[-1] + (usual if wait > longest else wait))

@@ -1,4 +1,4 @@
-"""A log as a live scanner, which answers with the recorded identity and plays recorded scans on their schedule.
+"""A log as a live scanner. It reports the recorded identity and plays the recorded scans at their recorded times.
 
 It is a `Device`, without threads, ports or clock.
 """
@@ -17,9 +17,9 @@ from sonarhw.wire.messages import Configure, Info, Settings, StartScan, Turn
 from sonarhw.wire.reading_messages import reading_message, trace_chunks
 from sonarhw.wire.units import NO_TEMPERATURE, millimetres_per_second_of, seconds_of
 
-_FASTEST_LINE = 1000  # times the recorded speed; on a faster line a long log would leave in one piece
+_FASTEST_LINE = 1000  # times the usual speed of a line; a faster one would send a long log at once
 _TICK = 1e-6  # s
-_DEFAULT_SPACING = 0.1  # s between laps of a scan with a single reading
+_DEFAULT_SPACING = 0.1  # s; time of a lap of a scan with a single reading
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class ReplayDevice(ProtocolDevice):
         )
         listen = seconds_of(settings.listen_us) if settings else 0.0
         sweeps = recording.readings[-1].sweep + 1
-        # the first reading of a part is sent at once
+        # a part of a scan starts with its first reading, without waiting
         skipped = recording.offset(numbers[0]) if numbers and numbers[0] else 0.0
         fired = 0.0
         for number in numbers:
@@ -140,10 +140,10 @@ class ReplayDevice(ProtocolDevice):
             recorded = recording.readings[index]
             offset = recording.offset(number) - skipped
             due = start + (offset + listen) / self._speed
-            # no faster than the line, or a Stop would wait for all queued frames
+            # not before the line is idle, because a Stop would wait for all queued frames
             due = max(due, self.line.idle_from)
             yield due
-            # a ping is identified by its time; two at the same time would be taken for a repeated one
+            # a ping is identified by its time, so two pings must not have the same time
             fired = max(start + offset / self._speed, fired + _TICK)
             sweep = (lap * sweeps + recorded.sweep) % 0x10000
             played = replace(recorded, number=number, sweep=sweep, time=fired)

@@ -1,1 +1,1 @@
-"""The wire protocol: frames, messages and readings."""
+"""The wire protocol: frames, messages, and the readings in them."""

@@ -1,4 +1,4 @@
-"""Records of which readings have arrived, which to request again with Resend, and which to measure again.
+"""Records which readings have arrived, which to request again with Resend, and which to measure again.
 
 `ReadingArrivals` covers one StartScan. `Progress` covers a whole scan, which may take several StartScans.
 """
@@ -38,8 +38,8 @@ class ReadingArrivals:
             self.made = count
         self._give_up({number for number in self._missing if number < self.made - self._kept})
 
-    def wanted(self) -> tuple[int, int] | None:
-        """Return first number and count (1 to `kept`) for the next Resend, or None if nothing is missing."""
+    def next_resend(self) -> tuple[int, int] | None:
+        """Return first number and count (1 to `kept`) of the next Resend, or None if no reading is missing."""
         if not self._missing:
             return None
         first = min(self._missing)
@@ -56,12 +56,12 @@ class ReadingArrivals:
 
 
 class Progress:
-    """Progress of a scan of `total` readings over any number of StartScans. Stores only the numbers of missing ones."""
+    """Progress of a scan of `total` readings over one or more StartScans. Stores the numbers of missing readings."""
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.received = 0
-        self._next = 0  # no reading from this number on has arrived
+        self._next = 0  # one more than the highest number that has arrived
         self._holes: set[int] = set()  # missing numbers below _next
 
     @property
@@ -71,7 +71,7 @@ class Progress:
 
     @property
     def missing(self) -> int:
-        """Number of missing readings before the last that arrived."""
+        """Number of missing readings with lower numbers than the highest that has arrived."""
         return len(self._holes)
 
     def take(self, number: int) -> bool:
@@ -86,8 +86,8 @@ class Progress:
         self.received += 1
         return True
 
-    def stretch(self) -> tuple[int, int] | None:
-        """Return first number and count of the next contiguous missing readings, or None if all have arrived."""
+    def next_missing(self) -> tuple[int, int] | None:
+        """Return first number and count of the next consecutive missing readings, or None if all have arrived."""
         if not self._holes:
             return (self._next, self.total - self._next) if self._next < self.total else None
         first = end = min(self._holes)

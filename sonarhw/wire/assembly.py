@@ -18,18 +18,18 @@ from sonarhw.wire.messages import (
     TraceChunk,
     TraceKind,
 )
-from sonarhw.wire.units import FULL_SCALE, degrees_c, fine_seconds_of, radians_of, sound_speed_of
+from sonarhw.wire.units import FULL_SCALE, degrees_c, radians_of, seconds_of_nanoseconds, sound_speed_of
 
 _WIDE = 16  # bits of a two-byte sample; its full scale is 257 × 255
-_REMEMBERED = 256  # remembered pings; a device keeps fewer for Resend
-_TRACES_HELD = 4  # traces kept for readings that may be sent again
+_REMEMBERED = 256  # pings; a device keeps fewer for Resend
+_TRACES_HELD = 4  # traces kept without their readings, which may be sent again
 
 
 class _PartialTrace:
     """The chunks of one trace that have arrived so far."""
 
     def __init__(self, chunk: TraceChunk) -> None:
-        self._period, self._start = fine_seconds_of(chunk.period_ns), fine_seconds_of(chunk.start_ns)
+        self._period, self._start = seconds_of_nanoseconds(chunk.period_ns), seconds_of_nanoseconds(chunk.start_ns)
         self._carrier = chunk.kind == TraceKind.CARRIER
         self._samples: FloatArray = np.full(chunk.total, np.nan)
 
@@ -58,9 +58,9 @@ def _sample_values(chunk: TraceChunk) -> FloatArray:
 class ReadingAssembler:
     """Assembles readings and their traces from messages in the order of arrival.
 
-    Holds the newest reading until its trace is complete or a later message shows that the rest is lost. A ping is
-    identified by the device clock at its start, so a reading that is sent again is returned only once. Missing samples
-    of a trace are NaN.
+    Holds the newest reading until its trace is complete, or until a later message shows that the rest of the trace is
+    lost. A ping is identified by the device clock at its start. So a reading that is sent again is returned only once.
+    Missing samples of a trace are NaN.
     """
 
     def __init__(self, clock: DeviceClock | None = None) -> None:
@@ -78,7 +78,7 @@ class ReadingAssembler:
 
         `sent_us` is the device time in the frame, µs; `arrived` is the host time of its arrival, s.
         """
-        # a reading from before a reset needs the clock from before the reset
+        # the waiting reading was made before the reset, so its time is converted first
         ended: list[Reading] = []
         if isinstance(message, Info):
             ended = self.flush()
@@ -102,7 +102,7 @@ class ReadingAssembler:
             case TraceChunk():
                 return self._add(message)
             case Heartbeat() | Finished():
-                # a heartbeat may arrive between two chunks; only one after the next ping means that chunks are lost
+                # a heartbeat may arrive between two chunks; one after the next ping shows that chunks are lost
                 if isinstance(message, Finished) or (self._waiting and message.readings > self._waiting.number + 1):
                     return self.flush()
         return []
@@ -124,7 +124,7 @@ class ReadingAssembler:
         if message.fired_us in self._seen:
             return []
         self._seen.append(message.fired_us)
-        if message.fired_us < self._newest:  # sent again; all chunks of its trace that will arrive have arrived
+        if message.fired_us < self._newest:  # sent again, without its trace
             return [self._reading(message)]
         self._newest = message.fired_us
         ended = self.flush()
@@ -154,7 +154,7 @@ class ReadingAssembler:
             ping=message.ping,
             angle=radians_of(message.angle),
             time=time,
-            echo_times=tuple(map(fine_seconds_of, message.echoes)),
+            echo_times=tuple(map(seconds_of_nanoseconds, message.echoes)),
             speed_of_sound=sound_speed_of(self.settings.speed_of_sound) if self.settings else math.nan,
             temperature_c=degrees_c(message.temperature),
             trace=partial.trace() if partial else None,

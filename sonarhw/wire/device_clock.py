@@ -1,6 +1,6 @@
 """Conversion of device time to host time, by a straight line that is fitted to the arrival times of frames.
 
-Frames arrive with varying delay and never early. So the fit uses only the frame with the least delay in each second. A
+Frames arrive with a varying delay, never early. So the fit uses only the frame with the least delay in each second. A
 least-squares line through these frames gives offset and drift. Device time continues across resets of the device.
 """
 
@@ -11,9 +11,9 @@ import numpy as np
 from sonarhw.wire.units import seconds_of
 
 _BUCKET = 1.0  # s
-_BUCKETS = 60  # in the fit; one minute shows a drift of 1 in 10⁵ under 0.5 ms of jitter
-_FEWEST = 5  # buckets; with fewer, a drift of 0 is assumed
-MOST_DRIFT = 0.02  # a ceramic resonator stays below 0.005; a larger fitted drift is limited to this
+_BUCKETS = 60  # in the fit; one minute is enough to measure a drift of 10⁻⁵ with 0.5 ms of jitter
+_FEWEST = 5  # with fewer buckets, a drift of 0 is assumed
+MOST_DRIFT = 0.02  # limit of the fitted drift; that of a ceramic resonator is below 0.005
 _RAN_BACK = 1.0  # s; frames arrive in order, so a larger step back is a reset
 
 _Sample = tuple[float, float]  # device, host
@@ -28,7 +28,7 @@ class DeviceClock:
         self._boot = 0
         self._restarted = False
         self._before = 0.0  # s added to device time, so that it continues across resets
-        self._newest = 0.0  # continued device time
+        self._newest = 0.0  # continued device time of the newest frame, s
         self._best: deque[_Sample] = deque(maxlen=_BUCKETS)
         self._centre = (0.0, 0.0)
 

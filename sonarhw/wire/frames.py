@@ -19,7 +19,7 @@ DELIMITER = b"\0"
 _HEADER = struct.Struct("<BHQ")
 _CRC = struct.Struct("<I")
 _SHORTEST = _HEADER.size + _CRC.size
-# COBS adds one byte per started 254 bytes
+# COBS adds one byte for every 254 bytes or part of them
 LONGEST_BLOCK = _SHORTEST + MAX_PAYLOAD + (_SHORTEST + MAX_PAYLOAD) // 254 + 1
 
 
@@ -93,7 +93,7 @@ class FrameDecoder:
         return map(decode_block, self.blocks(data))
 
     def blocks(self, data: bytes) -> Iterator[bytes]:
-        """Yield the blocks that these bytes complete, for `decode_block`, without empty blocks (doubled delimiters)."""
+        """Yield the blocks that these bytes complete, for `decode_block`. Empty blocks are omitted."""
         *ended, rest = data.split(DELIMITER)
         for piece in ended:
             self._keep(piece)

@@ -7,17 +7,17 @@ PROTOCOL_MAJOR = 1
 PROTOCOL_MINOR = 1
 
 # sizes
-FIRST_BAUD = 250_000  # after every start of a device; exact with a clock of 16 MHz
+FIRST_BAUD = 250_000  # baud rate after every start of a device; exact with a clock of 16 MHz
 MAX_PAYLOAD = 512  # bytes
-MAX_ECHOES = 122  # of one reading; more do not fit in a payload
+MAX_ECHOES = 122  # echoes of one reading; more do not fit into a payload
 MAX_TEXT = 60  # bytes of each text in Info
 MAX_TEST = 64  # bytes of a TestLink
 MAX_TESTED = 480  # bytes of a LinkTested
 CHUNK = 256  # bytes of samples in a TraceChunk
-MOST_READINGS = 0xFFFF_FFFF  # of one scan; Started and Finished count in u32
-KEPT_READINGS = 64  # that a device of version 1.0 keeps for Resend
+MOST_READINGS = 0xFFFF_FFFF  # readings of one scan; Started and Finished count in u32
+KEPT_READINGS = 64  # readings that a device of version 1.0 keeps for Resend
 
 # times of a device, s
 HEARTBEAT = 0.250  # interval between heartbeats
-HOST_SILENCE = 2.0  # without a valid frame; then the device releases the motor and waits for Hello
-BAUD_TIMEOUT = 0.5  # without a valid frame at a new baud rate; then the device returns to the previous one
+HOST_SILENCE = 2.0  # time without a valid frame; the device then releases the motor and waits for Hello
+BAUD_TIMEOUT = 0.5  # time without a valid frame at a new baud rate; the device then returns to the previous one

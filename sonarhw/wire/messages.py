@@ -1,10 +1,10 @@
-"""Definitions of all messages of the wire protocol; code, document and tests are derived from them.
+"""Definitions of all messages of the wire protocol. Code, document and tests are derived from them.
 
-A message is a frozen dataclass. The metadata of its fields describe their encoding; `pack` and `unpack` process the
-fields in order, little-endian, without padding. A field with a default was added in version 1.1: older senders omit it
-and older receivers ignore it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` list every message that is defined here.
-`firmware/generate.py` writes the C structures from this file, and `firmware/protocol_tables.py` writes the tables of
-firmware_protocol.md.
+A message is a frozen dataclass. The metadata of each field describes its encoding. `pack` and `unpack` process the
+fields in order, little-endian, without padding. A field with a default was added in version 1.1. Senders of version 1.0
+omit it, and receivers of version 1.0 ignore it. `BY_TYPE`, `FROM_HOST` and `FROM_DEVICE` contain every message that is
+defined here. `firmware/generate.py` writes the C structures from this file, and `firmware/protocol_tables.py` writes
+the tables of firmware_protocol.md.
 """
 
 from dataclasses import MISSING, dataclass, field, fields
@@ -30,7 +30,7 @@ BY_TYPE: "dict[int, type[Message]]" = {}
 
 @dataclass(frozen=True)
 class Message:
-    """Base of all messages. A class with a TYPE is sent: from the host below 0x80, from the device from 0x80 on."""
+    """Base of all messages. A class with a TYPE can be sent: by the host below 0x80, by the device from 0x80 on."""
 
     TYPE: ClassVar[int]
 
@@ -183,7 +183,7 @@ class Configure(CommandMessage):
     listen_us: int = _on_wire(U32, "how long to listen, from the start of transmission, µs")
     blanking_us: int = _on_wire(U32, "echoes before this time are ignored, from the start of transmission, µs")
     trace: int = _on_wire(U8, "trace code: what to send of each ping besides its echo times")
-    speed_of_sound: int = _on_wire(U32, "mm/s; stored and returned only, so that a log contains all that ranges need")
+    speed_of_sound: int = _on_wire(U32, "mm/s; the device only stores and returns it, for the ranges in logs")
     pulses: int = _since_1_1(U8, "cycles to transmit; 0: the board's default", 0)
     echoes: int = _since_1_1(U8, "maximum number of echoes to report of a ping, 1 to 122", MAX_ECHOES)
     rearm_us: int = _since_1_1(U16, "time from an echo to re-arming the receiver, µs; 0: as short as possible", 0)
@@ -230,7 +230,7 @@ class Stop(CommandMessage):
 
 @dataclass(frozen=True)
 class Resend(CommandMessage):
-    """Send lost readings again. Answer: Accepted, then those of the readings that the device still keeps."""
+    """Send lost readings again. Answer: Accepted, then the requested readings that the device still keeps."""
 
     TYPE = 0x07
     first: int = _on_wire(U32, "number of the first reading to send")
@@ -326,7 +326,7 @@ class Refused(AnswerMessage):
 
 @dataclass(frozen=True)
 class Settings(AnswerMessage):
-    """The settings in force. Answers Configure. May differ from the request where the device does not support it."""
+    """The settings in force. Answers Configure. Values may differ from those requested."""
 
     TYPE = 0x84
     command: int = _on_wire(U16, "sequence number of the answered Configure")
@@ -348,7 +348,7 @@ class Started(AnswerMessage):
     TYPE = 0x85
     command: int = _on_wire(U16, "sequence number of the answered StartScan")
     readings: int = _on_wire(U32, "number of readings that will follow")
-    first: int = _since_1_1(U32, "number of the first of them", 0)
+    first: int = _since_1_1(U32, "number of the first of these readings", 0)
 
 
 @dataclass(frozen=True)
@@ -430,7 +430,7 @@ class Capabilities(AnswerMessage):
 
 @dataclass(frozen=True)
 class TurntableSettings(AnswerMessage):
-    """Turntable settings in force. Answers ConfigureTurntable. May differ from the request, as Settings may."""
+    """Turntable settings in force. Answers ConfigureTurntable. Values may differ from those requested."""
 
     TYPE = 0x8B
     speed: int = _on_wire(U32, "highest speed, µdeg/s; never 0")

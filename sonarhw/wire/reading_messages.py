@@ -1,4 +1,4 @@
-"""Conversion of readings, traces and scan orders to messages; `assembly` decodes readings and traces."""
+"""Conversion of readings, traces and scan orders to messages. `assembly` converts messages to readings and traces."""
 
 from collections.abc import Iterator
 
@@ -43,7 +43,7 @@ def trace_chunks(number: int, trace: Trace) -> Iterator[TraceChunk]:
 
 
 def scan_order(message: StartScan) -> ScanOrder:
-    """Return the whole scan that `message` requests completely or in part."""
+    """Return the whole scan of which `message` requests all or a part."""
     return ScanOrder(
         radians_of(message.start), radians_of(message.step), message.headings, message.sweeps, message.pings
     )

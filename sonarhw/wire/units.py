@@ -16,7 +16,7 @@ def microseconds_of(seconds: float) -> int:
     return round(seconds * 1e6)
 
 
-def fine_seconds_of(nanoseconds: int) -> float:
+def seconds_of_nanoseconds(nanoseconds: int) -> float:
     """Return the time of flight or trace time of a message in s."""
     return nanoseconds * 1e-9
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-LAZY = ("sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit", "sonarhw_compare.study")
+LAZY = ("sonarhw", "sonarhw_sim", "sonarhw_compare", "sonarhw_compare.fit", "sonarhw_compare.study")
 NAMES = [(package, name) for package in LAZY for name in import_module(package).__all__]
 
 

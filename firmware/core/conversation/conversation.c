@@ -23,7 +23,7 @@ static void refuse_unknown(const struct command_frame *frame)
     struct words words = {.size = 0};
     words_add(&words, FLASH_TEXT("message type 0x"));
     words_hex(&words, frame->type);
-    words_add(&words, FLASH_TEXT(" is not known to this firmware"));
+    words_add(&words, FLASH_TEXT(" is unknown to this firmware"));
     answer_refused_in_words(frame, REFUSAL_UNKNOWN, &words);
 }
 
@@ -38,9 +38,9 @@ static void handle(const struct command_frame *frame)
     if (reading == COMMAND_UNKNOWN)
         refuse_unknown(frame);
     else if (reading == COMMAND_CUT_OFF)
-        answer_refused(frame, REFUSAL_MALFORMED, FLASH_TEXT("the payload ends too soon"));
+        answer_refused(frame, REFUSAL_MALFORMED, FLASH_TEXT("the payload is too short"));
     else if (!host_link_greeted() && frame->type != HELLO)
-        answer_refused(frame, REFUSAL_NO_HELLO, FLASH_TEXT("say Hello first"));
+        answer_refused(frame, REFUSAL_NO_HELLO, FLASH_TEXT("send Hello first"));
     else
         command_handle(frame, &command);
 }

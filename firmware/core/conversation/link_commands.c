@@ -80,7 +80,7 @@ void on_set_baud(const struct command_frame *frame, const struct set_baud *reque
     if (refused_while_busy(frame))
         return;
     if (!line_can(request->baud)) {
-        answer_out_of_range(frame, FLASH_TEXT("the line can run at 250000, 500000 or 1000000 baud"));
+        answer_out_of_range(frame, FLASH_TEXT("baud: expected 250000, 500000 or 1000000"));
         return;
     }
     answer_accepted(frame);
@@ -90,7 +90,7 @@ void on_set_baud(const struct command_frame *frame, const struct set_baud *reque
 void on_test_link(const struct command_frame *frame, const struct test_link *request)
 {
     if (!request->data.count || request->data.count > MAX_TEST || request->size > MAX_TESTED) {
-        answer_out_of_range(frame, FLASH_TEXT("1 to 64 bytes, to come back as at most 480"));
+        answer_out_of_range(frame, FLASH_TEXT("expected 1 to 64 bytes of data, size at most 480"));
         return;
     }
     send_link_tested(&(struct link_tested){

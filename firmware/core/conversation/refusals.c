@@ -9,7 +9,7 @@ bool refused_while_busy(const struct command_frame *frame)
 {
     if (!action_running())
         return false;
-    answer_refused(frame, REFUSAL_BUSY, FLASH_TEXT("homes, turns or scans; send Stop first"));
+    answer_refused(frame, REFUSAL_BUSY, FLASH_TEXT("homing, turning or scanning; send Stop first"));
     return true;
 }
 
@@ -17,7 +17,7 @@ bool refused_angle(const struct command_frame *frame, int64_t microdegrees)
 {
     if (!turntable_homed()) {
         answer_refused(frame, REFUSAL_NOT_HOMED,
-                       FLASH_TEXT("the turntable does not know its angle; send Home first"));
+                       FLASH_TEXT("the zero of the turntable is unknown; send Home first"));
         return true;
     }
     if (turntable_reaches(microdegrees))

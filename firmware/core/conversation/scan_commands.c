@@ -12,15 +12,15 @@
 static bool valid(const struct command_frame *frame, const struct configure *request)
 {
     if (request->trace > TRACE_KIND_CARRIER)
-        answer_out_of_range(frame, FLASH_TEXT("trace is 0, 1 or 2"));
+        answer_out_of_range(frame, FLASH_TEXT("trace: expected 0, 1 or 2"));
     else if (request->trace_bits != 0 && request->trace_bits != 8 && request->trace_bits != 16)
-        answer_out_of_range(frame, FLASH_TEXT("traces have 8 or 16 bits; 0 is the board's own"));
+        answer_out_of_range(frame, FLASH_TEXT("trace_bits: expected 0, 8 or 16"));
     else if (request->echoes < 1 || request->echoes > MAX_ECHOES)
-        answer_out_of_range(frame, FLASH_TEXT("1 to 122 echoes of a ping"));
+        answer_out_of_range(frame, FLASH_TEXT("echoes: expected 1 to 122"));
     else if (!request->listen_us)
-        answer_out_of_range(frame, FLASH_TEXT("listen is 0 us; nothing would be heard"));
+        answer_out_of_range(frame, FLASH_TEXT("listen_us is 0; expected a time after blanking_us"));
     else if (!request->speed_of_sound)
-        answer_out_of_range(frame, FLASH_TEXT("speed of sound is 0 mm/s"));
+        answer_out_of_range(frame, FLASH_TEXT("speed_of_sound is 0; expected mm/s above 0"));
     else
         return true;
     return false;
@@ -52,11 +52,11 @@ void on_configure(const struct command_frame *frame, const struct configure *req
     struct configure can = feasible(*request);
     if (can.listen_us <= can.blanking_us) {
         struct words words = {.size = 0};
-        words_add(&words, FLASH_TEXT("nothing is heard with "));
+        words_add(&words, FLASH_TEXT("blanking_us is "));
         words_number(&words, can.blanking_us);
-        words_add(&words, FLASH_TEXT(" us of blanking in "));
+        words_add(&words, FLASH_TEXT("; expected less than the listening time, "));
         words_number(&words, can.listen_us);
-        words_add(&words, FLASH_TEXT(" us of listening"));
+        words_add(&words, FLASH_TEXT(" us"));
         answer_refused_in_words(frame, REFUSAL_OUT_OF_RANGE, &words);
         return;
     }
@@ -80,11 +80,11 @@ void on_start_scan(const struct command_frame *frame, const struct start_scan *o
     if (refused_while_busy(frame))
         return;
     if (!order->step || !order->headings || !order->sweeps || !order->pings)
-        answer_out_of_range(frame, FLASH_TEXT("step, headings, sweeps and pings are not 0"));
+        answer_out_of_range(frame, FLASH_TEXT("step, headings, sweeps and pings must not be 0"));
     else if (refused_angle(frame, order->start) || refused_angle(frame, scan_end(order)))
         return;
     else if (!scan_count(order))
-        answer_out_of_range(frame, FLASH_TEXT("not that many readings; a scan has at most 4294967295"));
+        answer_out_of_range(frame, FLASH_TEXT("too many readings; expected at most 4294967295"));
     else
         action_scan(frame, order);
 }
@@ -98,7 +98,7 @@ void on_stop(const struct command_frame *frame)
 void on_resend(const struct command_frame *frame, const struct resend *request)
 {
     if (request->count < 1 || request->count > KEPT_MOST) {
-        answer_out_of_range(frame, FLASH_TEXT("1 to 64 readings can be sent again"));
+        answer_out_of_range(frame, FLASH_TEXT("count: expected 1 to 64 readings"));
         return;
     }
     answer_accepted(frame);

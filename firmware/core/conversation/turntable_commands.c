@@ -30,7 +30,7 @@ void on_configure_turntable(const struct command_frame *frame, const struct conf
     if (refused_while_busy(frame))
         return;
     if (request->approach > APPROACH_CLOCKWISE) {
-        answer_out_of_range(frame, FLASH_TEXT("approach is 0, 1 or 2"));
+        answer_out_of_range(frame, FLASH_TEXT("approach: expected 0, 1 or 2"));
         return;
     }
     uint32_t speed = microsteps(request->speed);

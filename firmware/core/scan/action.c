@@ -106,9 +106,9 @@ static void answer_ended(void)
 {
     struct words words = {.size = 0};
     if (action.trouble == TROUBLE_NO_MARK)
-        words_add(&words, FLASH_TEXT("no zero mark: are home switch and cam in place, and does the table turn?"));
+        words_add(&words, FLASH_TEXT("no zero mark found; check home switch, cam and motor"));
     else if (action.trouble == TROUBLE_LOST_STEPS)
-        words_add(&words, FLASH_TEXT("the zero mark is not where it was: steps were lost; home again"));
+        words_add(&words, FLASH_TEXT("the zero mark is out of place: steps were lost; send Home"));
     send_finished(&(struct finished){
         .command = action.sequence,
         .outcome = action.outcome,

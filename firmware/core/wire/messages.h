@@ -113,7 +113,7 @@ struct configure {
     uint32_t listen_us; // how long to listen, from the start of transmission, µs
     uint32_t blanking_us; // echoes before this time are ignored, from the start of transmission, µs
     uint8_t trace; // trace code: what to send of each ping besides its echo times
-    uint32_t speed_of_sound; // mm/s; stored and returned only, so that a log contains all that ranges need
+    uint32_t speed_of_sound; // mm/s; the device only stores and returns it, for the ranges in logs
     uint8_t pulses; // cycles to transmit; 0: the board's default · 1.1, else 0
     uint8_t echoes; // maximum number of echoes to report of a ping, 1 to 122 · 1.1, else 122
     uint16_t rearm_us; // time from an echo to re-arming the receiver, µs; 0: as short as possible · 1.1, else 0
@@ -196,7 +196,7 @@ struct settings {
 struct started {
     uint16_t command; // sequence number of the answered StartScan
     uint32_t readings; // number of readings that will follow
-    uint32_t first; // number of the first of them · 1.1, else 0
+    uint32_t first; // number of the first of these readings · 1.1, else 0
 };
 
 struct finished {

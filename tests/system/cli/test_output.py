@@ -195,7 +195,7 @@ def test_a_new_file_has_default_permissions(tmp_path: Path) -> None:
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["simulate", str(ROOM), "--place", "figure9", "--out"]
     assert run([*command, "/dev/full"]) == 1
-    message = "sonarhw: /dev/full: No space left on device; free disk space or choose another --out\n"
+    message = "sonarhw: /dev/full: No space left on device; delete other files or choose another --out\n"
     assert capsys.readouterr().err == message
     assert run([*command, "/dev/null"]) == 0
     assert Path("/dev/null").is_char_device()

@@ -307,7 +307,7 @@ def test_a_slipped_table_is_detected_at_the_mark() -> None:
 def test_steps_lost_in_a_single_sweep_are_detected_after_it(mishap: str) -> None:
     readings = []
     with scanner_on(Echoes(0.020)) as (board, scanner):
-        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be off, from 40° on"):  # noqa: PT012
+        with pytest.raises(LostSteps, match="9 readings are kept; all 9 angles may be wrong, from 40° on"):  # noqa: PT012
             for reading in scanner.scan(sector(40, 130, 10)):
                 readings.append(reading)
                 if reading.number == 3:
@@ -325,7 +325,7 @@ def test_homing_a_blocked_table_reports_the_missing_mark() -> None:
 
 def test_the_table_is_at_rest_at_the_reported_angle_during_a_ping() -> None:
     echoes = Echoes(0.020)
-    with scanner_on(echoes, stands_deg=-300) as (_, scanner):
+    with scanner_on(echoes, start_deg=-300) as (_, scanner):
         order = replace(sector(-45, 45, 4.5), sweeps=2)
         reported = [reading.angle for reading in scanner.scan(order)]
     assert [ping.angle for ping in echoes.pings] == pytest.approx(reported, abs=1e-9)

@@ -89,7 +89,7 @@ def test_a_link_left_behind_is_replaced_and_anything_else_is_kept(tmp_path: Path
             pass
     assert file.read_text() == "precious"
     with (
-        pytest.raises(InputError, match="cannot make the link"),
+        pytest.raises(InputError, match="cannot create the link"),
         serve(FakeBoard(PlainEchoes()), pty=folder / "no" / "x"),
     ):
         pass

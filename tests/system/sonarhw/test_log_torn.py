@@ -357,7 +357,7 @@ def test_a_full_disk_gives_an_error_of_one_line_and_the_log_keeps_its_readings(t
     path = tmp_path / "scan.mcap"
     done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
     taken, line = done.stdout.strip().split("|")
-    assert "cannot be written any further: File too large" in line
+    assert "can no longer be written: File too large" in line
     log = read_log(path)
     assert len(log.readings) == int(taken) > 5
     size = path.stat().st_size

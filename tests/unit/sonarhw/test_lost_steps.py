@@ -44,7 +44,7 @@ def test_steps_lost_in_a_single_sweep_are_reported_after_its_last_reading(faults
     readings, message = scan_that_loses_steps(Plugged(faulty(faults)), WHOLE_TURN)
     assert len(readings) == 72
     assert "microsteps from its place" in message
-    assert "72 readings are kept; all 72 angles may be off, from 0° on" in message
+    assert "72 readings are kept; all 72 angles may be wrong, from 0° on" in message
     assert "\n" not in message
 
 
@@ -57,7 +57,7 @@ def test_whole_torn_and_copied_logs_have_every_reading_and_the_warning(faults: s
     for file in whole_torn_and_copied(path):
         (scan,) = read_log(file).scans
         assert len(scan.readings) == 72
-        assert scan.angle_warning == "the turntable lost steps; all 72 angles may be off, from 0° on"
+        assert scan.angle_warning == "the turntable lost steps; all 72 angles may be wrong, from 0° on"
 
 
 def test_steps_lost_after_a_home_do_not_affect_the_scan_before_it(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_angles_before_a_homing_during_a_scan_are_reported_at_once_and_in_the_lo
 
 def test_steps_lost_after_a_homing_do_not_affect_readings_before_it_which_are_unverified() -> None:
     _, message = scan_that_loses_steps(Plugged(faulty("reset@r30,slip=40@r50")), WHOLE_TURN)
-    assert f"72 readings are kept; the last 42 of 72 angles may be off, from 150° on; 30 {UNVERIFIED}" in message
+    assert f"72 readings are kept; the last 42 of 72 angles may be wrong, from 150° on; 30 {UNVERIFIED}" in message
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -165,14 +165,14 @@ def test_readings_are_split_at_a_homing() -> None:
     assert [run.tolist() for run in runs] == [[*angles[:2]], [angles[2], angles[4], angles[3]]]
     assert unverified_clause(runs[:1]) is None
     assert "2 of 5 angles, from -20° on" in str(unverified_clause(runs))
-    assert lost_steps_clause(runs) == "the last 3 of 5 angles may be off, from 0° on"
+    assert lost_steps_clause(runs) == "the last 3 of 5 angles may be wrong, from 0° on"
     assert lost_steps_clause([angles, angles[:0]]) is None
 
 
 def test_a_mark_passed_counter_clockwise_verifies_the_readings_before_it() -> None:
     to_and_fro = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
     assert first_unverified(to_and_fro) == 22
-    assert lost_steps_clause([to_and_fro]) == "the last 5 of 27 angles may be off, from 0° on"
+    assert lost_steps_clause([to_and_fro]) == "the last 5 of 27 angles may be wrong, from 0° on"
     assert first_unverified(to_and_fro[:9]) == 4
     # marks that are passed clockwise, or only reached, verify nothing
     assert first_unverified(to_and_fro[:18]) == 4

@@ -225,7 +225,7 @@ def another_programs_mcap(path: Path) -> None:
         (lambda path: path.write_bytes(b""), "is empty"),
         (lambda path: path.write_bytes(b"time_s\n"), "is not an MCAP file"),
         (another_programs_mcap, "is an MCAP file, but not a log of this project"),
-        (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "nothing in it can be read"),
+        (lambda path: path.write_bytes(MCAP0_MAGIC + bytes(100)), "its header is damaged"),
     ],
 )
 def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(

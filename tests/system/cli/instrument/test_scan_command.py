@@ -165,12 +165,12 @@ def test_lost_steps_give_an_error_and_a_warning_of_every_command_that_reads_the_
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("\n") == 1
-    assert "72 readings are kept; all 72 angles may be off, from 0° on" in err
+    assert "72 readings are kept; all 72 angles may be wrong, from 0° on" in err
     assert run(["log", "info", str(log)]) == 0
     out, err = capsys.readouterr()
     assert "72 of 72 readings" in out
-    assert "; the turntable lost steps; all 72 angles may be off" in out
-    assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be off, from 0° on\n"
+    assert "; the turntable lost steps; all 72 angles may be wrong" in out
+    assert err == f"sonarhw: warning: {log}: the turntable lost steps; all 72 angles may be wrong, from 0° on\n"
 
 
 def test_angles_not_checked_for_lost_steps_give_a_warning_of_every_command_that_reads_the_log(
@@ -261,8 +261,8 @@ def test_a_full_disk_ends_a_scan_with_an_error_of_one_line_and_keeps_the_written
     kept = len(recorded.readings)
     assert done.returncode == 1
     assert done.stderr == (
-        f"sonarhw: {log}: cannot be written any further: File too large; {kept} readings are kept in it; "
-        "free disk space or record to another disk\n"
+        f"sonarhw: {log}: can no longer be written: File too large; {kept} readings are kept in it; "
+        "delete other files or record to another disk\n"
     )
     # every printed reading had been written before
     assert 5 < len(done.stdout.splitlines()) - 1 <= kept
@@ -286,7 +286,9 @@ def test_a_disk_too_small_for_the_scan_gives_a_warning_before_it_starts(
     with serve(FakeBoard(Interrupting(), seed=2), tcp="127.0.0.1:0", pace=5.0) as endpoint:
         assert run(["scan", endpoint.url, "--out", str(log), "--sweeps", "600", "--traces"]) == 130
     line, _ = capsys.readouterr().err.splitlines()
-    message = r": the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; free disk space"
+    message = (
+        r": the scan needs about \d+\.\d MB and its disk has 40.0 MB free, enough for \d+% of it; delete other files"
+    )
     assert re.fullmatch(rf"sonarhw: warning: {log}{message}", line)
 
 

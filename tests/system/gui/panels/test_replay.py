@@ -141,7 +141,7 @@ def test_a_log_of_a_scan_with_lost_steps_shows_a_banner(qtbot: QtBot, window: Ma
     assert scan.finished is not None
     lost = replace(scan.finished, outcome=Outcome.LOST_STEPS)
     window.session.show_log(replace(log, scans=(replace(scan, finished=lost),)), "bench.mcap")
-    warning = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be off"
+    warning = f"⚠ bench.mcap: the turntable lost steps; all {ORDER.readings} angles may be wrong"
     until(qtbot, lambda: window.banner.message.startswith(warning))
 
 

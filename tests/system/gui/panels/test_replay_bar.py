@@ -191,7 +191,7 @@ def test_a_lost_drive_shows_a_banner_and_stops_the_replay(
     window.session.replay.toggle()
     until(qtbot, lambda: seen(window) >= 3)
     monkeypatch.setattr(OpenFile, "read", gone)
-    until(qtbot, lambda: f"{recorded}: cannot be read any more" in window.banner.message)
+    until(qtbot, lambda: f"{recorded}: can no longer be read" in window.banner.message)
     assert "shown without traces" in window.banner.message
     assert not window.session.replay.state.playing
     kept = seen(window)

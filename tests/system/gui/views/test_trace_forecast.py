@@ -23,7 +23,7 @@ SETTINGS = BScanSettings((Pane.MEASURED,), polar=False, decibels=True)
 class Unreadable(Trace):
     @property
     def times(self) -> FloatArray:
-        raise NotALog("scan.mcap: cannot be read any more")
+        raise NotALog("scan.mcap: can no longer be read")
 
 
 def readings(count: int, trace: type[Trace] = Trace) -> tuple[Reading, ...]:
@@ -62,7 +62,7 @@ def test_an_unreadable_trace_is_reported_and_the_next_is_shown(
 ) -> None:
     forecast.follow(Shown(scene, readings=readings(1, Unreadable), chosen=0))
     taken(qtbot, forecast, lambda: bool(forecast.failures))
-    assert forecast.failures == ["scan.mcap: cannot be read any more"]
+    assert forecast.failures == ["scan.mcap: can no longer be read"]
     assert forecast.trace is None
     forecast.follow(Shown(scene, readings=readings(3), chosen=2))
     taken(qtbot, forecast, lambda: degrees(forecast) == 20.0)

@@ -9,7 +9,7 @@ import pytest
 
 from sonarhw.device.fake_board import FakeBoard
 from sonarhw.errors import NoAnswer
-from sonarhw.host.driver import NOTHING_SOUND, SIGN_OF_LIFE, SILENCE, TRIES, Driver
+from sonarhw.host.driver import NO_MESSAGE, SIGN_OF_LIFE, SILENCE, TRIES, Driver
 from sonarhw.wire.frames import Frame, FrameDecoder, encode_frame
 from sonarhw.wire.messages import (
     Accepted,
@@ -399,7 +399,7 @@ def test_noise_does_not_count_as_a_sign_of_life() -> None:
     began = joined.now
     with pytest.raises(NoAnswer, match="no valid message"):
         joined.until(lambda: False)
-    assert joined.now - began == pytest.approx(NOTHING_SOUND, abs=0.3)
+    assert joined.now - began == pytest.approx(NO_MESSAGE, abs=0.3)
 
 
 def test_an_unanswered_command_is_an_error_after_the_last_try() -> None:

@@ -43,7 +43,7 @@ def test_warnings_come_ten_minutes_and_one_minute_before_the_disk_is_full(monkey
             told.append(second)
     assert told == pytest.approx([3000, 3540], abs=10)
     assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for about 10 minutes of ")
-    assert " s of this scan; free disk space" in lines[1]
+    assert " s of this scan; delete other files" in lines[1]
 
 
 def test_a_nearly_full_disk_is_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +52,7 @@ def test_a_nearly_full_disk_is_reported_at_once(monkeypatch: pytest.MonkeyPatch)
     room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
     room.written(1000, STARTED)
     room.written(2000, STARTED + 2)
-    assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; free disk space"]
+    assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; delete other files"]
 
 
 def test_free_space_is_checked_once_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +135,7 @@ def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
     with pytest.raises(LogError) as raised:
         record_on(log, drive)
     assert str(raised.value) == (
-        f"{tmp_path / 'scan.mcap'}: cannot be written any further: Input/output error; 3 readings are kept in it; "
+        f"{tmp_path / 'scan.mcap'}: can no longer be written: Input/output error; 3 readings are kept in it; "
         "record to another disk"
     )
     log.close()

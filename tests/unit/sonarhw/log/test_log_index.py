@@ -99,12 +99,12 @@ def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(sonarhw.log.reader, "_gone_through", refuse)
+    monkeypatch.setattr(sonarhw.log.reader, "_decoded", refuse)
 
 
 def gone_through(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
     with monkeypatch.context() as without:
-        without.setattr(sonarhw.log.reader, "_closed", lambda *_: None)
+        without.setattr(sonarhw.log.reader, "_stored_index", lambda *_: None)
         return read_log(path)
 
 

@@ -16,7 +16,7 @@ def test_every_reading_made_is_received_missing_or_lost(total: int, events: list
         elif arrivals.arrived(number):
             assert number not in received
             received.add(number)
-        wanted = arrivals.wanted()
+        wanted = arrivals.next_resend()
         if wanted:
             first, count = wanted
             assert first not in received
@@ -29,16 +29,16 @@ def test_readings_no_longer_kept_are_lost_and_not_requested() -> None:
     arrivals = ReadingArrivals(1000)
     arrivals.device_made(100)
     assert arrivals.lost == 36
-    assert arrivals.wanted() == (36, 64)
+    assert arrivals.next_resend() == (36, 64)
     arrivals.arrived(150)
-    assert arrivals.wanted() == (87, 63)
+    assert arrivals.next_resend() == (87, 63)
     assert arrivals.lost == 87
 
 
 def test_an_absurd_count_needs_no_memory() -> None:
     arrivals = ReadingArrivals(2**32 - 1)
     arrivals.device_made(2**32 - 1)
-    assert arrivals.wanted() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
+    assert arrivals.next_resend() == (2**32 - 1 - KEPT_READINGS, KEPT_READINGS)
 
 
 def test_a_number_beyond_the_scan_is_rejected() -> None:
@@ -54,7 +54,7 @@ def test_progress_finds_missing_readings_in_any_order_of_arrival(total: int, num
         arrived |= {number} & set(range(total))
         assert progress.received == len(arrived)
         missing = sorted(set(range(total)) - arrived)
-        stretch = progress.stretch()
+        stretch = progress.next_missing()
         assert progress.complete == (stretch is None) == (not missing)
         if stretch is not None:
             first, count = stretch
@@ -67,16 +67,16 @@ def test_progress_finds_missing_readings_in_any_order_of_arrival(total: int, num
 def test_readings_before_the_first_are_rejected() -> None:
     arrivals = ReadingArrivals(10, first=6)
     assert not arrivals.arrived(5)
-    assert arrivals.wanted() is None
+    assert arrivals.next_resend() is None
     assert arrivals.arrived(7)
-    assert arrivals.wanted() == (6, 1)
+    assert arrivals.next_resend() == (6, 1)
     assert arrivals.arrived(6)
     arrivals.device_made(10)
-    assert arrivals.wanted() == (8, 2)
+    assert arrivals.next_resend() == (8, 2)
 
 
 def test_requests_never_exceed_what_the_device_keeps() -> None:
     arrivals = ReadingArrivals(100, kept=8)
     arrivals.device_made(30)
     assert arrivals.lost == 22
-    assert arrivals.wanted() == (22, 8)
+    assert arrivals.next_resend() == (22, 8)
