@@ -28,7 +28,7 @@ def right_at_right_angles(walk: tuple[PaperScene, ...] = WALK) -> Claim:
     """Check the readings across the corridor."""
     worst = float(np.abs([errors(scene)[_row(scene, degrees)] for scene in walk for degrees in _ACROSS]).max())
     return Claim(
-        "parts at right angles are correct",
+        "readings at right angles to the walls are correct",
         f"at 90 and 270° the largest error of {2 * len(walk)} readings is {worst * 1000:.1f} mm",
         worst < 1e-3,
     )
@@ -67,7 +67,7 @@ def errors_are_correlated_between_places(walk: tuple[PaperScene, ...] = WALK) ->
     rest = np.ma.filled(masked - masked.mean(axis=0), np.nan)
     left, _ = correlation(rest[:-1], rest[1:])
     return Claim(
-        "and from one position to the next",
+        "errors are correlated from one position to the next",
         f"coefficient {found:.2f}, over {pairs} pairs of readings {_STEP:g} m apart; {left:.2f} after the mean error "
         "of each heading is subtracted",
         min(found, left) > _ALIKE,
@@ -125,7 +125,7 @@ EXHIBITS = (
         "corridor",
         "Section 3: along a corridor",
         f"{len(WALK)} places {_STEP:g} m apart, 0.5 m from one wall, one reading every "
-        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command is that of the first place.",
+        f"{WALK[0].degrees[2]:g}°. The dimensions are ours. The command predicts the scan at the first place.",
         WALK[:1],
         _draw,
         (

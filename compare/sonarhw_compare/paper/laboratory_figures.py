@@ -75,7 +75,7 @@ def pillar_is_half_lost(scenes: tuple[PaperScene, ...] = SCANS, pillar: str = "p
     loud = sum(_loud_headings(scene, pillar) for scene in scenes)
     read = len(_readings_off(scenes, pillar))
     return Claim(
-        "a pillar is half lost",
+        "only half of a pillar is detected",
         f"its echo is above the threshold at {loud} headings and is the first echo at {read} of them; at the others "
         "the nearer person is read",
         loud > 0 and 0.35 <= read / loud <= 0.65,

@@ -31,7 +31,8 @@ Every figure of Dudek, Jenkin, Milios, Wilkes, *Reflections on modelling a sonar
 again by the model. Each table lists what the paper says, what the model shows, and whether they agree.
 `sonarhw figures DIR` writes this page and its pictures; the tests check every line. The commands of each figure
 predict the same scans. The paper's own pictures are not included, and no readings were taken from them: only its text
-and its dimensions are compared. Plans are cropped where they would show only distant readings.
+and its dimensions are compared. A value that is *ours* was chosen here, because the paper does not state it. Plans are
+cropped where they would show only distant readings.
 """
 
 

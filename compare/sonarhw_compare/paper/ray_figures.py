@@ -35,7 +35,7 @@ def legs_of_the_reading(scene: PaperScene = READING) -> Claim:
     return Claim(
         "the rays of one reading: the lower wall, past the unit, the upper wall, past the unit, the lower wall",
         f"legs of {', '.join(f'{leg * 1000:.0f}' for leg in legs)} mm, "
-        f"{legs.sum():.3f} m in all, read as {legs.sum() / 2:.3f} m",
+        f"{legs.sum():.3f} m in total, a range of {legs.sum() / 2:.3f} m",
         expected,
     )
 
@@ -91,7 +91,7 @@ EXHIBITS = (
         "figure14",
         "Figure 14: the rays of one reading",
         "The reading of figure 9 at 270° with thick rays, and the next three echoes with thin rays. The paper does not "
-        "say which reading it shows. Rays that run back and forth on one line are shifted sideways, by 50 mm in all.",
+        "say which reading it shows. Rays that run back and forth on one line are shifted sideways, by 50 mm in total.",
         (READING,),
         _draw,
         (legs_of_the_reading, level_is_the_product_of_reflectances),

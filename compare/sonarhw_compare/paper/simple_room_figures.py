@@ -81,8 +81,8 @@ def nothing_near_at_the_right(scene: PaperScene = FIGURE_8) -> Claim:
     """Check the side on which the paper's simulation is silent."""
     nearest = min(ranges(_within(scene, 6.0)), default=math.inf)
     return Claim(
-        "on the right the simulation returns infinity (ours follows the sound for longer, and a closed room of "
-        "reflectance 0.95 is never silent: no echo is near, and the echoes that exist appear far outside the room)",
+        "on the right the simulation returns infinity (our model follows the sound for longer, and a closed room of "
+        "reflectance 0.95 always returns an echo: here only echoes that appear far outside the room)",
         f"nearest reading between -6 and 6°: {nearest:.3f} m; the wall is 0.094 m away",
         nearest > 1.5,
     )
