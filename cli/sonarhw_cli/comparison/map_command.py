@@ -48,8 +48,9 @@ def map_logs(
 ) -> None:
     """Estimate a room from scans.
 
-    A map has a certainty grid, and walls, corners and edges from regions of constant depth. It is made twice: from all
-    readings, and without the readings that came by several reflections. Sound is followed in the room to find those.
+    A map has a certainty grid, and walls, corners and edges from regions of constant depth. Two maps are made: one
+    from all readings, and one without the readings that came by several reflections. Those readings are found by
+    following sound in the room.
     """
     from sonarhw_compare.map import map_scans
     from sonarhw_sim.board.profile import load_board

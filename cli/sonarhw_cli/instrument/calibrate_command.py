@@ -39,14 +39,16 @@ def calibrate_scanner(
     ] = 0.0,
     board: BoardName = DEFAULT_BOARD,
     width: Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)] = 60.0,
-    step: Annotated[float, typer.Option(help="Step from one heading to the next, degrees.", min=0.05, max=10)] = 0.5,
-    pings: Annotated[int, typer.Option(help="Pings at each heading.", min=1, max=255)] = 3,
+    step: Annotated[
+        float, typer.Option(help="Step from one turntable angle to the next, degrees.", min=0.05, max=10)
+    ] = 0.5,
+    pings: Annotated[int, typer.Option(help="Pings at each angle.", min=1, max=255)] = 3,
     temperature: Annotated[
         float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")
     ] = None,
     force: Force = False,
 ) -> None:
-    """Measure range offset and home angle with a flat plate. The plate is scanned, and a board profile written."""
+    """Measure range offset and home angle with a flat plate. The result is written to a board profile."""
     from sonarhw_sim.air import Air
     from sonarhw_sim.board.profile import load_board
 

@@ -21,7 +21,7 @@ _FAR = 20.0  # m; beyond the range of all these boards
 
 
 class TurnDirection(StrEnum):
-    """The direction in which the headings of a file increase."""
+    """The direction in which the turntable angles of a file increase."""
 
     CCW = "ccw"
     CW = "cw"
@@ -30,12 +30,12 @@ class TurnDirection(StrEnum):
 def import_csv(
     file: Annotated[Path, typer.Argument(help="CSV file with a header line.", metavar="CSV")],
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
-    heading: Annotated[str, typer.Option("--heading", help="Column of the heading, degrees.", metavar="COL")],
+    heading: Annotated[str, typer.Option("--heading", help="Column of the turntable angle, degrees.", metavar="COL")],
     distance: Annotated[
         str, typer.Option("--range", help="Column of the range; an empty field means no echo.", metavar="COL")
     ],
     scale: Annotated[float, typer.Option(help="Metres per unit of the range column.")] = 1.0,
-    turn: Annotated[TurnDirection, typer.Option(help="Direction in which the headings increase.")] = TurnDirection.CCW,
+    turn: Annotated[TurnDirection, typer.Option(help="Direction in which these angles increase.")] = TurnDirection.CCW,
     heading_zero: Annotated[
         float, typer.Option("--heading-zero", help="Turntable angle for the value 0 in the column, degrees.")
     ] = 0.0,

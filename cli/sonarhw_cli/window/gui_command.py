@@ -40,7 +40,7 @@ def gui(
     sources: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Log, CSV scan, serial port, socket://HOST:PORT or fake:ROOM?place=NAME; also a room file.",
+            help="Log, CSV scan, room file, serial port, socket://HOST:PORT or fake:ROOM?place=NAME.",
             metavar="LOG|CSV|URL|ROOM",
         ),
     ] = None,

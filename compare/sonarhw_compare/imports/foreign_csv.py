@@ -117,7 +117,7 @@ def _opened(file: Path) -> Iterator[TextIO]:
         with file.open(encoding="utf-8-sig", newline="") as text:
             yield text
     except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}; a CSV file was expected") from error
+        raise InputError(f"{file}: cannot be read: {error.strerror}; expected a CSV file") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file}: not a CSV text file: {error}") from error
 
