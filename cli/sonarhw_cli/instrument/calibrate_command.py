@@ -39,9 +39,7 @@ def calibrate_scanner(
     ] = 0.0,
     board: BoardName = DEFAULT_BOARD,
     width: Annotated[float, typer.Option(help="Sector to scan around the plate, degrees.", min=2, max=180)] = 60.0,
-    step: Annotated[
-        float, typer.Option(help="Step from one turntable angle to the next, degrees.", min=0.05, max=10)
-    ] = 0.5,
+    step: Annotated[float, typer.Option(help="Step from one angle to the next, degrees.", min=0.05, max=10)] = 0.5,
     pings: Annotated[int, typer.Option(help="Pings at each angle.", min=1, max=255)] = 3,
     temperature: Annotated[
         float | None, typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else 20.")

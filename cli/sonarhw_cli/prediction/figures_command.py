@@ -16,7 +16,7 @@ def figures(
     folder: Annotated[Path, typer.Argument(help="Folder for the pictures and figures.md.", metavar="DIR")],
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of these names.")] = False,
 ) -> None:
-    """Draw the paper's figures again and check each. DIR/figures.md states whether each figure agrees with the paper."""
+    """Draw the paper's figures again and check each. DIR/figures.md states whether each agrees with the paper."""
     from sonarhw_compare.paper.page import EXHIBITS, PAGE, claims, page, picture, picture_name
 
     text = folder / PAGE
