@@ -69,7 +69,7 @@ def _loss(degrees: float, radius: float) -> Loss:
 
 
 def _convolved(burst: ComplexArray, angle: float, radius: float, passes: int) -> ComplexArray:
-    """Return the burst convolved with the response of the face at an angle (rad), once for each of `passes`."""
+    """Return the burst convolved `passes` times with the response of the face at an angle (rad)."""
     half = math.ceil(radius * math.sin(angle) / _SPEED * _RATE) + 1
     times = np.arange(-half, half + 1) / _RATE
     response = impulse_response(times, angle, radius, _SPEED)
