@@ -275,7 +275,7 @@ def test_one_recording_given_twice_is_rejected_even_with_traces(readings: list[R
         return PlacedScan([replace(one, trace=Trace(np.zeros(3), 1e5, 0.0)) for one in readings], TRUTH)
 
     free = free_parameters(("position",), ["one", "other"], ARENA, BOARD)
-    with pytest.raises(InputError, match="one recording given twice"):
+    with pytest.raises(InputError, match="contain the same readings; give each log once"):
         fit_scans([read_anew(), read_anew()], ARENA, BOARD, free)
 
 
