@@ -5,7 +5,7 @@ import random
 from tests.conftest import Count
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plugged import Plugged
-from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_right
+from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_correct
 
 LASTING = ("drop=1/2000", "flip=1/2000", "insert=1/2000", "drift=300", "drift=-3000", "protocol=1.9")
 SHORT = ("stall", "deaf", "mute", "reset", "nonsense", "unplug", "move")
@@ -32,7 +32,7 @@ def test_a_scan_recovers_from_every_mixture_of_faults(count: Count) -> None:
         try:
             readings = plugged.scan(SECTOR, trace=run % 3 == 0)
             assert sorted(reading.number for reading in readings) == list(range(80))
-            assert_right(readings)
+            assert_correct(readings)
         except BaseException as error:
             error.add_note(f"faults {faults}, run {run}")
             raise

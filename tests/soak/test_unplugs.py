@@ -5,7 +5,7 @@ import random
 from tests.conftest import Count
 from tests.fixtures.faulty_boards import faulty
 from tests.fixtures.plugged import Plugged
-from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_right
+from tests.unit.sonarhw.device.test_under_faults import SECTOR, assert_correct
 
 WITHIN = 1.0  # s
 
@@ -20,7 +20,7 @@ def test_every_pulled_cable_is_detected_within_a_second_and_every_scan_completes
         plugged = Plugged(faulty(f"{fault}={seconds}@~10{powered}", seed=run), vanishes=run % 2 == 0, seed=run)
         readings = plugged.scan(SECTOR, trace=run % 4 == 0)
         assert sorted(reading.number for reading in readings) == list(range(80))
-        assert_right(readings)
+        assert_correct(readings)
         noticed += plugged.noticed
         unnoticed += plugged.unnoticed
         run += 1

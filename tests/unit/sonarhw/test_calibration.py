@@ -1,4 +1,4 @@
-"""A plate at a known distance gives back the offset and the zero that were put in."""
+"""Calibration with a plate at a known distance finds the given range offset and zero."""
 
 import math
 
@@ -14,7 +14,7 @@ SPEED = 343.2
 
 
 def scan(distance: float, direction: float, offset: float, *, step: float = 0.5, width: float = 60.0) -> list[Reading]:
-    """A sector round a plate, by a scanner that adds `offset` to each range."""
+    """Return a sector around a plate, measured by a scanner that adds `offset` to each range."""
     degrees = np.arange(-width / 2, width / 2, step)
     return [
         Reading(
@@ -23,11 +23,11 @@ def scan(distance: float, direction: float, offset: float, *, step: float = 0.5,
             ping=0,
             angle=math.radians(angle),
             time=0.1 * number,
-            echo_times=() if told is None else (2 * (told + offset) / SPEED,),
+            echo_times=() if measured is None else (2 * (measured + offset) / SPEED,),
             speed_of_sound=SPEED,
         )
         for number, angle in enumerate(degrees)
-        for told in [plate_range(math.radians(angle), distance, direction)]
+        for measured in [plate_range(math.radians(angle), distance, direction)]
     ]
 
 

@@ -24,7 +24,7 @@ FAULTS = ["wedge@r5", "wedge=0.3@r30", "slip=40@r5", "slip=-3@r70", "slip@r72"]
 
 
 def scan_that_loses_steps(plugged: Plugged, order: StartScan) -> tuple[list[Reading], str]:
-    """The readings that came, and the text of the error."""
+    """Run a scan that loses steps; return its readings and the text of the error."""
     job = scanning(order)
     with pytest.raises(LostSteps) as error:
         plugged.do(job, within=600)
@@ -142,12 +142,12 @@ def test_only_reported_readings_before_a_homing_have_wrong_angles(seed: int) -> 
     reset = slip + choice.randrange(1, 8)
     plugged = Plugged(faulty(f"slip=30@r{slip},reset@r{reset}"))
     job = scanning(order)
-    with suppress(LostSteps):  # where the mark came by before the reset
+    with suppress(LostSteps):  # the turntable may pass the mark before the reset
         plugged.do(job, within=600)
     times, angles = zip(*((reading.time, reading.angle) for reading in job.readings), strict=True)
-    right = [reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9) for reading in job.readings]
+    correct = [reading.echo_times[0] == pytest.approx(echo_time(reading.angle), abs=2e-9) for reading in job.readings]
     if job.error:
-        assert all(right[: first_unverified(np.array(angles))])
+        assert all(correct[: first_unverified(np.array(angles))])
         return
     before, after = split_at_homings(times, angles, [times[reset - 1]])
     first = first_unverified(before)
@@ -155,8 +155,8 @@ def test_only_reported_readings_before_a_homing_have_wrong_angles(seed: int) -> 
     assert str(job.unverified_angles).startswith(
         f"{reset - first} of 80 angles, from {math.degrees(before[first]):.6g}° on"
     )
-    assert all(right[:first] + right[reset:])
-    assert not all(right)
+    assert all(correct[:first] + correct[reset:])
+    assert not all(correct)
 
 
 def test_readings_are_split_at_a_homing() -> None:
@@ -170,12 +170,12 @@ def test_readings_are_split_at_a_homing() -> None:
 
 
 def test_a_mark_passed_counter_clockwise_verifies_the_readings_before_it() -> None:
-    to_and_fro = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
-    assert first_unverified(to_and_fro) == 22
-    assert lost_steps_clause([to_and_fro]) == "the last 5 of 27 angles may be wrong, from 0° on"
-    assert first_unverified(to_and_fro[:9]) == 4
+    angles = np.radians([*range(-40, 45, 10), *range(40, -45, -10), *range(-40, 45, 10)])
+    assert first_unverified(angles) == 22
+    assert lost_steps_clause([angles]) == "the last 5 of 27 angles may be wrong, from 0° on"
+    assert first_unverified(angles[:9]) == 4
     # marks that are passed clockwise, or only reached, verify nothing
-    assert first_unverified(to_and_fro[:18]) == 4
+    assert first_unverified(angles[:18]) == 4
     assert first_unverified(np.radians([*range(0, 360, 10)])) == 0
     assert first_unverified(np.radians([*range(0, 365, 10)])) == 0
     assert first_unverified(np.radians([-5, 0, 5])) == 0

@@ -1,4 +1,4 @@
-"""The public names of the package are there, sorted, and each is described."""
+"""Every public name of the package can be imported and is listed in its docstring."""
 
 import sonarhw
 

@@ -1,4 +1,4 @@
-"""What the fake board says to what it cannot do, and what it does at the edges of its settings."""
+"""The refusals of the fake board, and its behaviour at the limits of its settings."""
 
 import math
 
@@ -36,7 +36,7 @@ from tests.fixtures.plain_echoes import PlainEchoes, echo_time
 
 
 def refusal(joined: Joined, message: Message) -> Refusal:
-    """The code with which a message is refused."""
+    """Return the code with which the board refuses a message."""
     answer = joined.ask(message).answer
     assert isinstance(answer, Refused), answer
     assert answer.text
@@ -46,7 +46,7 @@ def refusal(joined: Joined, message: Message) -> Refusal:
 def raw_answers(
     board: FakeBoard, kind: int, payload: bytes, sequence: int = 9, at: float = 1.0
 ) -> list[Message | None]:
-    """What the board sends within 10 ms of a frame with any type and payload."""
+    """Return what the board sends within 10 ms after a frame with this type and payload."""
     board.receive(encode_frame(Frame(kind, sequence, 0, payload)), at)
     frames = FrameDecoder().feed(board.advance(at + 0.01))
     return [unpack_message(frame.type, frame.payload) for frame in frames if isinstance(frame, Frame)]
@@ -113,7 +113,7 @@ def test_a_busy_board_refuses_commands_until_it_is_stopped(homed: Joined, messag
     homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
     running = homed.driver._action
     command = homed.driver.command(message, homed.now)
-    homed.driver._action = running  # the driver itself would have waited
+    homed.driver._action = running  # otherwise the driver waits until the board is idle
     homed.until(lambda: command.answer is not None)
     assert isinstance(command.answer, Refused)
     assert command.answer.code == Refusal.BUSY
@@ -141,7 +141,7 @@ def test_the_listening_time_is_clamped_and_the_answer_reports_it(greeted: Joined
 
 
 def test_echoes_inside_blanking_and_beyond_listening_are_not_reported(homed: Joined) -> None:
-    first = echo_time(0.0)  # 15 ms, and 30 ms
+    first = echo_time(0.0)  # 15 ms; the second echo takes 30 ms
     for listen, blanking, expected in (
         (62_500, 2_380, 2),
         (62_500, 15_100, 1),
@@ -260,17 +260,17 @@ def test_homing_after_a_stop_continues_from_the_angle_reached(homed: Joined) -> 
     assert refusal(homed, Turn(0)) is Refusal.NOT_HOMED
     began = homed.now
     homed.act(Home())
-    assert homed.now - began < 0.6  # a quarter of the way is left
+    assert homed.now - began < 0.6  # a quarter of the way remains
 
 
 def test_hello_keeps_zero_settings_and_readings_and_drops_old_messages(homed: Joined) -> None:
     homed.ask(Configure(62_500, 15_100, 0, 343_200))  # the first of two echoes is blanked
     homed.ask(StartScan(0, 1_000_000, 50, 1, 1))
     homed.until(lambda: len(homed.readings) == 5)
-    said = raw_answers(homed.board, Hello.TYPE, Hello(1, 0).pack(), at=homed.now)
-    assert [type(message) for message in said if not isinstance(message, Heartbeat)] == [Finished, Info]
-    said = raw_answers(homed.board, Resend.TYPE, Resend(0, 64).pack(), sequence=10, at=homed.now)
-    assert [item.number for item in said if isinstance(item, ReadingMessage)][:5] == [0, 1, 2, 3, 4]
+    sent = raw_answers(homed.board, Hello.TYPE, Hello(1, 0).pack(), at=homed.now)
+    assert [type(message) for message in sent if not isinstance(message, Heartbeat)] == [Finished, Info]
+    sent = raw_answers(homed.board, Resend.TYPE, Resend(0, 64).pack(), sequence=10, at=homed.now)
+    assert [item.number for item in sent if isinstance(item, ReadingMessage)][:5] == [0, 1, 2, 3, 4]
     homed.driver = Driver(first_sequence=7000)
     homed.ask(Hello(1, 0))
     (reading,) = homed.scan(StartScan(0, 1_000_000, 1, 1, 1))  # not refused with NOT_HOMED

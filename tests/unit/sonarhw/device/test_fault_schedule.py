@@ -1,4 +1,4 @@
-"""What goes wrong with a fake scanner is what was asked for: read as docs/how_to/faults.md says, and carried out."""
+"""Schedules of faults are parsed as docs/how_to/faults.md states, and the fake scanner produces these faults."""
 
 import math
 import re
@@ -21,7 +21,7 @@ MICROSTEP = math.tau / 3200
 
 
 def joined_with(spec: str) -> Joined:
-    """A driver and a board under these faults."""
+    """Return a driver and a board with these faults."""
     return Joined(board=faulty(spec))
 
 
@@ -32,8 +32,8 @@ def test_the_table_of_the_document_lists_every_fault_with_its_default_size() -> 
     rows = re.findall(r"^\| `(\w+)=\w+[\w.]*` \|.*\| (.*?) ?\|$", DOCUMENT, flags=re.MULTILINE)
     assert [name for name, _ in rows] == list(KNOWN)
     for kind in FaultKind:
-        said = dict(rows)[kind.text]
-        assert kind.size == (math.inf if said == "for ever" else float(said))
+        default = dict(rows)[kind.text]
+        assert kind.size == (math.inf if default == "for ever" else float(default))
 
 
 def test_every_example_of_the_document_is_a_schedule() -> None:
@@ -123,7 +123,7 @@ def test_a_drifting_clock_gives_other_times_than_the_host() -> None:
         began = joined.now
         joined.scan(StartScan(0, 1_000_000, 50, 1, 1))
         periods.append(joined.now - began)
-    # told by its own clock the pings are as far apart as ever; by the host's they are not
+    # the ping period is unchanged on the clock of the board, but not on the clock of the host
     assert periods[2] == pytest.approx(periods[0], abs=2e-6)
     assert periods[3] == pytest.approx(periods[1] / 1.0005, rel=1e-6)
 
@@ -164,7 +164,7 @@ def test_missed_steps_are_detected_at_the_zero_mark_and_end_the_scan(fault: str)
     scan = joined.ask(StartScan(-10_000_000, 2_000_000, 12, 4, 1))
     joined.until(lambda: scan.finished is not None)
     assert scan.finished is not None
-    # each sweep passes the mark once; what came before is known to be right up to the mark passed before that
+    # each sweep passes the mark once; readings are verified up to the previous pass
     assert scan.finished.outcome == Outcome.LOST_STEPS
     assert scan.finished.readings <= 5 + 12
     assert "microsteps from its place" in scan.finished.text
@@ -181,7 +181,7 @@ def test_a_released_turntable_has_missed_the_steps_of_the_jam() -> None:
     joined.greet()
     joined.act(Turn(90_000_000))
     joined.scan(StartScan(90_000_000, 1, 1, 1, 1))
-    joined.act(Turn(120_000_000))  # 0.17 s, all of it wedged
+    joined.act(Turn(120_000_000))  # takes 0.17 s, all of it while jammed
     joined.until(lambda end=joined.now + 1: joined.now > end)  # type: ignore[misc]
     (reading,) = joined.scan(StartScan(120_000_000, 1, 1, 1, 1))
     assert reading.echo_times[0] == pytest.approx(echo_time(math.radians(90)), abs=1e-8)

@@ -1,4 +1,4 @@
-"""Laws of a session under every kind of fault: what can be mended is, what cannot is told, nothing wrong is shown."""
+"""A session under every kind of fault: it recovers or ends with an error, and delivers no wrong reading."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from tests.fixtures.plain_echoes import echo_time
 from tests.fixtures.plugged import Plugged
 
 SECTOR = StartScan(start=10_000_000, step=2_500_000, headings=40, sweeps=2, pings=1)
-MENDED = [
+RECOVERABLE = [
     "",
     "drop=1/2000",
     "flip=1/2000",
@@ -54,7 +54,7 @@ MENDED = [
     "move@~6,reset@~11",
     "stall=0.5@~9,reset@~17,unplug@~13,drop=1/5000,flip=1/5000,drift=300",
 ]
-TOLD = {
+UNRECOVERABLE = {
     "wedge": (DeviceError, "zero mark was not found"),
     "wedge@r20": (DeviceError, "zero mark"),
     "slip=3@r20": (DeviceError, "3 microsteps from its place"),
@@ -67,8 +67,8 @@ TOLD = {
 }
 
 
-def assert_right(readings: Sequence[Reading]) -> None:
-    """Each reading at its angle, with the echoes that are to be heard there; of its trace, what came."""
+def assert_correct(readings: Sequence[Reading]) -> None:
+    """Assert angle and echoes of each reading, and the samples of its trace that arrived."""
     for reading in readings:
         sweep, index = divmod(reading.number, 40)
         angle = math.radians(10 + 2.5 * (39 - index if sweep else index))
@@ -76,33 +76,33 @@ def assert_right(readings: Sequence[Reading]) -> None:
         assert reading.angle == pytest.approx(angle, abs=1e-8)
         assert reading.echo_times == pytest.approx((echo_time(angle), 2 * echo_time(angle)), abs=2e-9)
         samples = reading.trace.samples if reading.trace else np.full(3125, math.nan)
-        came = ~np.isnan(samples)
-        np.testing.assert_allclose(samples[came], np.linspace(0, 1, 3125)[came], atol=0.5 / 255 + 1e-12)
+        arrived = ~np.isnan(samples)
+        np.testing.assert_allclose(samples[arrived], np.linspace(0, 1, 3125)[arrived], atol=0.5 / 255 + 1e-12)
 
 
 @pytest.mark.parametrize("vanishes", [True, False], ids=["port vanishes", "port stays"])
 @pytest.mark.parametrize("trace", [False, True], ids=["echoes", "traces"])
-@pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
+@pytest.mark.parametrize("faults", RECOVERABLE, ids=lambda faults: faults or "none")
 def test_recoverable_faults_lose_and_repeat_no_reading(faults: str, trace: bool, vanishes: bool) -> None:
     plugged = Plugged(faulty(faults), vanishes)
     readings = plugged.scan(SECTOR, trace)
     assert sorted(reading.number for reading in readings) == list(range(80))
-    assert_right(readings)
+    assert_correct(readings)
 
 
-@pytest.mark.parametrize("faults", MENDED, ids=lambda faults: faults or "none")
+@pytest.mark.parametrize("faults", RECOVERABLE, ids=lambda faults: faults or "none")
 def test_a_log_of_a_faulty_scan_contains_the_delivered_readings(faults: str, tmp_path: Path) -> None:
     path, plugged = tmp_path / "scan.mcap", Plugged(faulty(faults))
     with LogWriter(path, METADATA) as log:
         plugged.session.recording.use(log)
-        shown = plugged.scan(SECTOR, trace=True)
+        delivered = plugged.scan(SECTOR, trace=True)
     recorded = read_log(path)
     assert recorded.torn is None
     kept = {reading.number: reading for reading in recorded.readings}
-    assert len(kept) == len(recorded.readings) == len(shown) == 80
-    for reading in shown:
+    assert len(kept) == len(recorded.readings) == len(delivered) == 80
+    for reading in delivered:
         assert (kept[reading.number].angle, kept[reading.number].echo_times) == (reading.angle, reading.echo_times)
-        # over a reset the clock of the board is continued by what was heard, of which a log has a part
+        # after a reset, the time is continued from the received frames; a log contains only some of them
         assert kept[reading.number].time == pytest.approx(reading.time, abs=0.01)
 
 
@@ -110,18 +110,18 @@ def test_a_log_of_a_faulty_scan_contains_the_delivered_readings(faults: str, tmp
 def test_an_interrupted_turn_is_completed(faults: str) -> None:
     plugged = Plugged(faulty(faults))
     plugged.do(homing())
-    for angle in (700_000_000, 10_000_000):  # 4 s each
+    for angle in (700_000_000, 10_000_000):  # each takes 4 s
         assert plugged.do(turning(Turn(angle))).result is Outcome.DONE
     readings = plugged.scan(SECTOR)
     assert len(readings) == 80
-    assert_right(readings)
+    assert_correct(readings)
 
 
-@pytest.mark.parametrize(("faults", "told"), TOLD.items(), ids=TOLD.keys())
-def test_unrecoverable_faults_give_an_error_of_one_line(faults: str, told: tuple[type[SonarError], str]) -> None:
+@pytest.mark.parametrize(("faults", "expected"), UNRECOVERABLE.items(), ids=UNRECOVERABLE.keys())
+def test_unrecoverable_faults_give_an_error_of_one_line(faults: str, expected: tuple[type[SonarError], str]) -> None:
     plugged = Plugged(faulty(faults))
     order = StartScan(-10_000_000, 2_500_000, 10, 40, 1)
     job = scanning(order)
-    with pytest.raises(told[0], match=told[1]) as error:
+    with pytest.raises(expected[0], match=expected[1]) as error:
         plugged.do(job, within=120)
     assert "\n" not in str(error.value)

@@ -1,4 +1,4 @@
-"""Laws of the conversation: whatever the cable does, each reading arrives once and at its angle."""
+"""The conversation of driver and board: over any cable, each reading arrives once and at its angle."""
 
 import itertools
 import math
@@ -58,7 +58,7 @@ def test_every_reading_arrives_exactly_once_at_its_angle(cable: "type[Cable]", t
         assert reading.sweep == reading.number // 40
         assert reading.echo_times[0] == pytest.approx(echo_time(angle), abs=1e-9)
     assert joined.driver.statistics.lost_readings == 0
-    # the board pinged each of them once: nothing was measured again for a lost frame
+    # the board measured each reading once: a lost frame causes no new measurement
     assert len(joined.echoes.pings) == 80
 
 
@@ -83,8 +83,8 @@ def test_the_statistics_show_a_bad_cable_only() -> None:
     assert poor.rejected_blocks > 0
     assert poor.missing_frames > 0
     assert poor.resends > 0
-    signs_of_life = clean.frames_sent - 4
-    assert 0 < signs_of_life < good.now / SIGN_OF_LIFE
+    keepalives = clean.frames_sent - 4
+    assert 0 < keepalives < good.now / SIGN_OF_LIFE
 
 
 def test_traces_arrive_complete_over_a_good_cable() -> None:
@@ -97,7 +97,7 @@ def test_traces_arrive_complete_over_a_good_cable() -> None:
 
 
 def test_a_resent_reading_keeps_the_traces_of_its_neighbours() -> None:
-    # every third reading frame is lost, its trace is not
+    # every third frame of a reading is lost, but not its trace
     lost = 0
 
     def cable(data: bytes) -> bytes:
@@ -124,7 +124,7 @@ def test_a_resent_reading_keeps_the_traces_of_its_neighbours() -> None:
 
 
 def test_the_reading_rate_is_limited_by_turning_listening_and_ten_per_second() -> None:
-    # 5 degrees at 180 degrees a second and 20 ms of settling, then 62.5 ms of listening: 110.3 ms
+    # 5° at 180°/s, 20 ms of settling and 62.5 ms of listening take 110.3 ms
     for step, period in ((1_000_000, 0.1), (5_000_000, 5 / 180 + 0.020 + 0.0625)):
         joined = Joined()
         joined.greet()
@@ -151,7 +151,7 @@ def test_a_move_between_two_pings_fits_inside_the_ping_period() -> None:
     joined = Joined()
     joined.greet()
     joined.ask(Configure(30_000, 2_380, 0, 343_200))
-    # 5 degrees and settling take 48 ms, after 30 ms of listening; the first heading is where the turntable stands
+    # turning by 5° and settling take 48 ms, after 30 ms of listening; the turntable is already at the first heading
     times = [reading.time for reading in joined.scan(StartScan(0, 5_000_000, 10, 1, 2))]
     assert np.diff(times) == pytest.approx([0.1] * 19, abs=2e-6)
 
@@ -216,9 +216,9 @@ def test_a_repeated_command_is_answered_again_and_not_executed_again() -> None:
     joined.until(lambda: scan.finished is not None)
     assert len(joined.echoes.pings) == 80
     assert sorted(reading.number for reading in joined.readings) == list(range(80))
-    joined.board.receive(scan.wire, joined.now)  # and once more after its end
-    heard_again = joined.driver.statistics.frames_received
-    joined.until(lambda: joined.driver.statistics.frames_received >= heard_again + 4)
+    joined.board.receive(scan.wire, joined.now)  # repeat it after its end
+    before = joined.driver.statistics.frames_received
+    joined.until(lambda: joined.driver.statistics.frames_received >= before + 4)
     assert len(joined.echoes.pings) == 80
 
 
@@ -236,7 +236,7 @@ def test_a_lost_answer_is_recovered_after_the_command_has_finished() -> None:
     joined = Joined()
     joined.greet()
     joined.up = without(the_first(Accepted))
-    turn = joined.act(Turn(1_000_000))  # done in 26 ms
+    turn = joined.act(Turn(1_000_000))  # takes 26 ms
     assert isinstance(turn.answer, Accepted)
     joined.up = without(the_first(Started))
     assert len(joined.scan(StartScan(0, 1_000_000, 2, 1, 1))) == 2
@@ -256,7 +256,7 @@ def test_a_lost_reading_is_requested_at_the_next_heartbeat_before_the_next_readi
     joined = Joined()
     joined.greet()
     joined.up = without(the_first(ReadingMessage))
-    # 120 degrees apart: 0.75 s between readings
+    # 120° apart: 0.75 s between readings
     joined.ask(StartScan(0, 120_000_000, 3, 1, 1))
     joined.until(lambda: len(joined.readings) == 1)
     assert joined.readings[0].number == 0
@@ -268,7 +268,7 @@ def test_a_reading_of_the_previous_scan_is_left_out_of_the_next_one() -> None:
     joined.greet()
     late: list[bytes] = []
 
-    def keeping(data: bytes) -> bytes:
+    def keep_readings(data: bytes) -> bytes:
         late.extend(
             encode_frame(frame)
             for frame in FrameDecoder().feed(data)
@@ -279,12 +279,12 @@ def test_a_reading_of_the_previous_scan_is_left_out_of_the_next_one() -> None:
     joined.up = without(lambda message: isinstance(message, ReadingMessage) and message.number == 3)
     lost = joined.up
     joined.driver.command(StartScan(0, 1_000_000, 5, 1, 1), joined.now)
-    joined.up = lambda data: lost(keeping(data))
+    joined.up = lambda data: lost(keep_readings(data))
     joined.until(lambda: len(joined.readings) == 4)
     joined.ask(Stop())
     joined.up = unchanged
     second = joined.driver.command(StartScan(90_000_000, 1_000_000, 5, 1, 1), joined.now)
-    joined.driver.receive(b"\0".join([b"", *late]), joined.now)  # answers to a Resend that came twice
+    joined.driver.receive(b"\0".join([b"", *late]), joined.now)  # repeated answers to a Resend
     joined.until(lambda: second.finished is not None and joined.driver.scan_complete)
     angles = [math.degrees(reading.angle) for reading in joined.readings[4:]]
     assert angles == pytest.approx([90, 91, 92, 93, 94])
@@ -302,7 +302,7 @@ def test_answers_to_an_earlier_conversation_are_ignored() -> None:
 
 def test_noise_before_a_command_does_not_damage_it() -> None:
     joined = Joined()
-    joined.board.receive(b"what the terminal program before us sent", 0.0)
+    joined.board.receive(b"bytes of a terminal program used before", 0.0)
     joined.ask(Hello(1, 1))
     assert joined.driver.statistics.repeated_commands == 0
 
@@ -316,22 +316,22 @@ def test_readings_of_the_previous_scan_are_not_resent_in_the_next_one() -> None:
     joined.ask(Resend(0, 64))
     end = joined.now + 0.02  # the first reading of this scan takes longer
     joined.until(lambda: joined.now >= end)
-    assert joined.driver.statistics.frames_received == before + 1  # Accepted, and no reading
+    assert joined.driver.statistics.frames_received == before + 1  # only Accepted
 
 
 def test_the_tap_receives_each_frame_unchanged() -> None:
     passed: list[bytes] = []
     joined = Joined(driver=Driver(first_sequence=100, tap=lambda received, time, wire: passed.append(wire)))
     joined.greet()
-    # COBS allows a last byte behind a full piece of 254; an encoder of this project leaves it out
+    # COBS allows a last byte after a full block of 254 bytes; the encoder of this project omits it
     wire = next(wire for wire in map(unknown_frame, range(1, 256)) if len(wire) == 256)
-    also_valid = wire[:-1] + b"\x01\0"
-    joined.driver.receive(also_valid, joined.now)
-    assert passed[-1] == also_valid
+    padded = wire[:-1] + b"\x01\0"
+    joined.driver.receive(padded, joined.now)
+    assert passed[-1] == padded
 
 
 def unknown_frame(filling: int) -> bytes:
-    """A frame of a type that no version has, 254 bytes long before stuffing."""
+    """Return a frame of an unknown type, 254 bytes long before byte stuffing."""
     return encode_frame(Frame(0xF0, 0x0101, 0x0101_0101_0101_0101, bytes([filling]) * (254 - 15)))
 
 

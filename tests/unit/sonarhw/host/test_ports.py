@@ -1,4 +1,4 @@
-"""Ports by known USB ids, and a device that comes back under another name."""
+"""Ports with known USB ids, and a device that returns under another name."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ MEGA = (0x2341, 0x0042)
 
 
 def port(device: str, vendor: int | None, product: int | None, serial: str | None, location: str) -> SimpleNamespace:
-    """A port as pyserial tells of it."""
+    """Return a port as pyserial describes it."""
     return SimpleNamespace(
         device=device, description="serial", vid=vendor, pid=product, serial_number=serial, location=location
     )
@@ -20,7 +20,7 @@ def port(device: str, vendor: int | None, product: int | None, serial: str | Non
 
 @pytest.fixture
 def plugged(monkeypatch: pytest.MonkeyPatch) -> list[SimpleNamespace]:
-    """What is plugged in."""
+    """Return the list of connected ports."""
     ports: list[SimpleNamespace] = []
     monkeypatch.setattr("sonarhw.link.ports.comports", lambda: _Sortable.all(ports))
     return ports
@@ -56,7 +56,7 @@ def test_a_device_is_found_at_any_port_by_its_serial_number(plugged: list[Simple
     assert find() == str(first)
     first.unlink()
     plugged[:] = [port("/dev/other", *MEGA, "11111", "1-1")]
-    assert find() == str(first)  # not yet back
+    assert find() == str(first)  # the device has not returned yet
     plugged.append(port(str(second), *MEGA, "74932", "1-2"))
     assert find() == str(second)
 

@@ -1,4 +1,4 @@
-"""Laws of a session: whatever happens to cable and board, the scan comes whole, from the same device, or is told of."""
+"""A session under faults of cable and board: the scan is complete and from one device, or ends with an error."""
 
 import itertools
 import math
@@ -25,7 +25,7 @@ TRACES = Configure(20_000, 2_380, 1, 343_200)
 
 
 def check(readings: "list[Reading]", order: StartScan = ORDER) -> None:
-    """Every reading of a scan, none twice, each right."""
+    """Assert that every reading of the scan is present once and correct."""
     total = order.headings * order.sweeps * order.pings
     assert sorted(reading.number for reading in readings) == list(range(total))
     for reading in readings:
@@ -46,13 +46,13 @@ def test_two_hundred_random_unplugs_lose_no_reading_and_each_is_detected_within_
 
 
 def scan_with_unplugs(bench: Bench, chance: random.Random) -> int:
-    """Scan, pulling the cable five times; how often that was before the scan was done."""
+    """Scan and pull the cable five times; return the number of unplugs before the scan was done."""
     scan, unplugs = bench.scan(ORDER), 0
     for _ in range(5):
         bench.until(lambda: scan.done or bench.session.state is Connection.STREAMING)
-        kind = chance.randrange(4)
-        away = chance.choice((0.1, 1.0, 3.0, 9.0))
-        bench.pull(away, port_vanishes=kind < 2, power=kind % 2 == 0, after=chance.uniform(0, 1.5))
+        fault = chance.randrange(4)
+        duration = chance.choice((0.1, 1.0, 3.0, 9.0))
+        bench.pull(duration, port_vanishes=fault < 2, power=fault % 2 == 0, after=chance.uniform(0, 1.5))
         bench.until(lambda: not bench.pulls)
         if not scan.done:
             unplugs += 1
@@ -84,7 +84,7 @@ def test_readings_that_the_device_no_longer_keeps_are_measured_again() -> None:
     bench = Bench().connect()
     scan = bench.scan(ORDER)
     bench.until(lambda: len(scan.readings) == 5)
-    # heartbeats pass, nothing else does: the readings go out of what the device keeps
+    # these readings are lost until the device no longer keeps them
     bench.up = without(lambda message: isinstance(message, ReadingMessage) and 10 <= message.number < 13)
     bench.until(lambda: bench.session.statistics.lost_readings == 3)
     bench.up = lambda data: data
@@ -159,7 +159,7 @@ def test_a_device_of_version_1_0_gets_no_keepalive_and_continues_after_an_unplug
     bench.pull(1.0, power=True)
     bench.until(lambda: scan.done)
     check([*scan.readings])
-    # nothing the old firmware does not know was sent to it
+    # the old firmware received no unknown command
     assert bench.board.statistics(0).rejected == 0
     assert bench.session.statistics.rejected_messages == 0
 
@@ -338,16 +338,16 @@ def test_a_recorder_receives_nothing_between_jobs() -> None:
     bench.session.recording.use(recorder)
     assert recorder.frames == 2  # the greeting
     bench.run(homing())
-    heard, now = recorder.frames, bench.now
-    assert heard > 4
+    count, now = recorder.frames, bench.now
+    assert count > 4
     bench.until(lambda: bench.now > now + 5)
-    assert recorder.frames == heard
+    assert recorder.frames == count
 
 
 def test_a_missing_scanner_and_another_major_version_are_reported_at_once() -> None:
-    mute = Bench()
-    mute.up = lambda data: b""
-    assert isinstance(mute.connect().session.failed, NoAnswer)
+    silent = Bench()
+    silent.up = lambda data: b""
+    assert isinstance(silent.connect().session.failed, NoAnswer)
     newer = Bench(BoardIdentity(major=2, minor=0)).connect()
     assert isinstance(newer.session.failed, Incompatible)
     assert newer.session.state is Connection.DISCONNECTED
@@ -397,26 +397,26 @@ def test_a_possible_bootloader_receives_nothing_for_two_seconds() -> None:
     session = Session("the port", rng=random.Random(1))
     session.connect(0.0)
     session.opened(0.0, quiet=BOOTLOADER)
-    said_at = []
+    sent_at = []
     for tenth in range(40):
         session.advance(tenth / 10)
         if session.outgoing():
-            said_at.append(tenth / 10)
-    assert said_at[0] == pytest.approx(2.0)
-    assert said_at[1] == pytest.approx(2.5)
+            sent_at.append(tenth / 10)
+    assert sent_at[0] == pytest.approx(2.0)
+    assert sent_at[1] == pytest.approx(2.5)
 
 
 def test_a_first_greeting_tries_each_speed_of_the_line_three_times_before_it_gives_up() -> None:
     session = Session("the port", rng=random.Random(1))
     session.connect(0.0)
     session.opened(0.0, bauds=True)
-    spoken, now = [], 0.0
+    bauds, now = [], 0.0
     while session.failed is None:
         if session.outgoing():
-            spoken.append(session.device.baud)
+            bauds.append(session.device.baud)
         now = session.next_event()
         session.advance(now)
-    assert min(Counter(baud for baud, _ in itertools.groupby(spoken)).values()) >= 3
+    assert min(Counter(baud for baud, _ in itertools.groupby(bauds)).values()) >= 3
     assert isinstance(session.failed, NoAnswer)
 
 

@@ -131,7 +131,7 @@ def test_nothing_can_be_added_to_a_closed_log(tmp_path: Path) -> None:
         log.reading(example_reading(0))
 
 
-# what other tools see
+# other tools
 
 
 def test_other_tools_read_frames_readings_and_one_laser_scan_per_sweep(tmp_path: Path) -> None:
@@ -197,13 +197,13 @@ def record(path: Path, frames: list[tuple[bool, bytes]]) -> None:
             log.frame(received, STARTED + 0.01 * number, wire)
 
 
-ORDER = StartScan(0, 5_000_000, 2, 1, 1)
+REQUEST = StartScan(0, 5_000_000, 2, 1, 1)
 
 
 def test_a_log_contains_several_scans(tmp_path: Path) -> None:
     frames = []
     for command, began in ((7, 1.0), (8, 2.0)):
-        frames += [(False, frame_of(ORDER, command)), (True, frame_of(Started(command, 2), time=began))]
+        frames += [(False, frame_of(REQUEST, command)), (True, frame_of(Started(command, 2), time=began))]
         frames += [(True, reading_frame(0, began)), (True, reading_frame(1, began))]
         frames += [(True, frame_of(Finished(command, 0, 2, ""), time=began + 0.5))]
     record(tmp_path / "scan.mcap", frames)
@@ -216,11 +216,11 @@ def test_a_log_contains_several_scans(tmp_path: Path) -> None:
 def test_a_late_reading_of_the_previous_scan_is_left_out_of_the_next_scan(
     tmp_path: Path,
 ) -> None:
-    first = [(False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
-    heard = (True, frame_of(Finished(7, 1, 1, ""), time=1.5))
-    again = [(False, frame_of(ORDER, 8)), (True, frame_of(Started(8, 2), time=2.0))]
+    first = [(False, frame_of(REQUEST, 7)), (True, frame_of(Started(7, 2), time=1.0)), (True, reading_frame(0, 1.0))]
+    finished = (True, frame_of(Finished(7, 1, 1, ""), time=1.5))
+    again = [(False, frame_of(REQUEST, 8)), (True, frame_of(Started(8, 2), time=2.0))]
     late = (True, reading_frame(1, 1.0))
-    record(tmp_path / "scan.mcap", [*first, heard, *again, late, (True, reading_frame(1, 2.0))])
+    record(tmp_path / "scan.mcap", [*first, finished, *again, late, (True, reading_frame(1, 2.0))])
     scans = read_log(tmp_path / "scan.mcap").scans
     assert [[round(r.time, 3) for r in scan.readings] for scan in scans] == [[1.0], [2.1]]
 
@@ -230,7 +230,7 @@ def test_a_repeated_answer_does_not_begin_a_second_scan(tmp_path: Path) -> None:
     record(
         tmp_path / "scan.mcap",
         [
-            (False, frame_of(ORDER, 7)),
+            (False, frame_of(REQUEST, 7)),
             started,
             (True, reading_frame(0)),
             started,
@@ -246,15 +246,15 @@ def test_a_repeated_answer_does_not_begin_a_second_scan(tmp_path: Path) -> None:
 
 
 def test_readings_before_a_delayed_started_belong_to_its_scan(tmp_path: Path) -> None:
-    order, late = (False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2), time=5.0))
-    record(tmp_path / "scan.mcap", [order, (True, reading_frame(0)), order, late, (True, reading_frame(1))])
+    request, late = (False, frame_of(REQUEST, 7)), (True, frame_of(Started(7, 2), time=5.0))
+    record(tmp_path / "scan.mcap", [request, (True, reading_frame(0)), request, late, (True, reading_frame(1))])
     (scan,) = read_log(tmp_path / "scan.mcap").scans
     assert [r.number for r in scan.readings] == [0, 1]
     assert scan.began == scan.readings[0].time
 
 
 def test_the_same_command_number_after_a_new_greeting_is_a_new_scan(tmp_path: Path) -> None:
-    once = [(False, frame_of(ORDER, 7)), (True, frame_of(Started(7, 2))), (True, reading_frame(0))]
+    once = [(False, frame_of(REQUEST, 7)), (True, frame_of(Started(7, 2))), (True, reading_frame(0))]
     record(tmp_path / "scan.mcap", [*once, (False, frame_of(Hello(1, 0), 6)), *once])
     assert len(read_log(tmp_path / "scan.mcap").scans) == 2
 

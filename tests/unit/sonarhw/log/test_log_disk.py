@@ -1,4 +1,4 @@
-"""A log and the disk under it: warned of before it is full, cut clean when it is, sure of what a drive has taken."""
+"""A log and its disk: warnings before the disk is full, full and removed disks, and replaced logs."""
 
 import errno
 import os
@@ -19,29 +19,29 @@ from tests.unit.sonarhw.log.test_log import reading_frame
 
 
 class Disk:
-    """What is said of a disk; bytes."""
+    """A disk with a given number of free bytes."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, free: float) -> None:
         self.free = free
-        self.looks = 0
-        monkeypatch.setattr(sonarhw.disk_space, "free_bytes", self._look)
+        self.checks = 0
+        monkeypatch.setattr(sonarhw.disk_space, "free_bytes", self._free_bytes)
 
-    def _look(self, _: Path) -> int:
-        self.looks += 1
+    def _free_bytes(self, _: Path) -> int:
+        self.checks += 1
         return round(self.free)
 
 
 def test_warnings_come_ten_minutes_and_one_minute_before_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
     pace, lines = 1e6, []  # bytes a second
     disk = Disk(monkeypatch, 3600 * pace)
-    room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
-    told = []
+    monitor = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
+    seconds = []
     for second in range(3600):
-        room.written(round(second * pace), STARTED + second)
+        monitor.written(round(second * pace), STARTED + second)
         disk.free -= pace
-        if len(lines) > len(told):
-            told.append(second)
-    assert told == pytest.approx([3000, 3540], abs=10)
+        if len(lines) > len(seconds):
+            seconds.append(second)
+    assert seconds == pytest.approx([3000, 3540], abs=10)
     assert lines[0].startswith("scan.mcap: its disk is nearly full: 599.0 MB are free, enough for about 10 minutes of ")
     assert " s of this scan; delete other files" in lines[1]
 
@@ -49,18 +49,18 @@ def test_warnings_come_ten_minutes_and_one_minute_before_the_disk_is_full(monkey
 def test_a_nearly_full_disk_is_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[str] = []
     Disk(monkeypatch, 20e6)
-    room = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
-    room.written(1000, STARTED)
-    room.written(2000, STARTED + 2)
+    monitor = DiskSpaceMonitor(Path("scan.mcap"), lines.append)
+    monitor.written(1000, STARTED)
+    monitor.written(2000, STARTED + 2)
     assert lines == ["scan.mcap: its disk is nearly full: 20.0 MB are free; delete other files"]
 
 
 def test_free_space_is_checked_once_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch, 1e12)
-    room = DiskSpaceMonitor(Path("scan.mcap"), pytest.fail)
+    monitor = DiskSpaceMonitor(Path("scan.mcap"), pytest.fail)
     for tick in range(1000):
-        room.written(tick * 100, STARTED + tick * 0.01)
-    assert disk.looks == 10
+        monitor.written(tick * 100, STARTED + tick * 0.01)
+    assert disk.checks == 10
 
 
 @pytest.mark.parametrize("trace", [False, True])
@@ -77,27 +77,27 @@ def test_a_log_warns_of_a_full_disk_while_it_is_written(tmp_path: Path, monkeypa
 
 
 class Drive:
-    """A drive that can be pulled out: from then on nothing reaches it."""
+    """A drive that can be removed; after that, fsync fails."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
-        self.pulled = False
+        self.removed = False
         self._path = path
-        self._pushed = queue.Queue[int]()
+        self._synchronised = queue.Queue[int]()
         self._fsync = os.fsync
-        monkeypatch.setattr(os, "fsync", self._push)
+        monkeypatch.setattr(os, "fsync", self._synchronise)
 
-    def _push(self, descriptor: int) -> None:
+    def _synchronise(self, descriptor: int) -> None:
         size = os.fstat(descriptor).st_size
-        if not self.pulled:
+        if not self.removed:
             self._fsync(descriptor)
-        self._pushed.put(size)
-        if self.pulled:
+        self._synchronised.put(size)
+        if self.removed:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     def wait(self) -> None:
-        """Until all that was written has been pushed, or once in vain."""
+        """Wait until everything written is synchronised, or until one attempt has failed."""
         size = self._path.stat().st_size
-        while self._pushed.get(timeout=HANG) < size and not self.pulled:
+        while self._synchronised.get(timeout=HANG) < size and not self.removed:
             pass
 
 
@@ -115,8 +115,8 @@ def record_one(log: LogWriter, number: int) -> None:
     log.reading(example_reading(number))
 
 
-def record_on(log: LogWriter, drive: Drive) -> None:
-    """Until it fails: the system takes the first for a drive that is gone."""
+def record_until_error(log: LogWriter, drive: Drive) -> None:
+    """Record readings until an error occurs; the first writes after the removal may still succeed."""
     for number in range(3, 1000):
         record_one(log, number)
         drive.wait()
@@ -131,9 +131,9 @@ def test_a_removed_drive_gives_an_error_with_the_number_of_kept_readings(
     for number in range(3):
         record_one(log, number)
         drive.wait()
-    drive.pulled = True
+    drive.removed = True
     with pytest.raises(LogError) as raised:
-        record_on(log, drive)
+        record_until_error(log, drive)
     assert str(raised.value) == (
         f"{tmp_path / 'scan.mcap'}: can no longer be written: Input/output error; 3 readings are kept in it; "
         "record to another disk"
@@ -145,12 +145,12 @@ def test_a_log_is_synchronised_to_disk_when_it_is_closed(tmp_path: Path, monkeyp
     drive = Drive(monkeypatch, tmp_path / "scan.mcap")
     log = LogWriter(tmp_path / "scan.mcap", METADATA, live=False)
     log.reading(example_reading(0))
-    drive.pulled = True
+    drive.removed = True
     with pytest.raises(LogError, match="Input/output error"):
         log.close()
 
 
-# in the place of an old log
+# replacing an old log
 
 
 def old_log(path: Path) -> bytes:
@@ -201,14 +201,14 @@ def test_a_dropped_log_is_deleted_but_a_device_is_kept(tmp_path: Path) -> None:
     log = LogWriter(tmp_path / "scan.mcap", METADATA)
     log.drop()
     assert not (tmp_path / "scan.mcap").exists()
-    null = tmp_path / "null"
-    os.mkfifo(null)
-    reader = os.open(null, os.O_RDONLY | os.O_NONBLOCK)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     try:
-        LogWriter(null, METADATA).drop()
+        LogWriter(pipe, METADATA).drop()
     finally:
         os.close(reader)
-    assert null.exists()
+    assert pipe.exists()
 
 
 def test_a_log_that_cannot_be_started_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A closed log opened by its index says what going through its frames says, and its traces stay in the file."""
+"""A closed log opened by its index gives the same data as its frames, and its traces are read on first use."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from tests.unit.sonarhw.log.test_log import frame_of
 
 Conversation = list[tuple[bool, bytes]]
 SOUND = round(SPEED * 1000)
-ORDER = StartScan(0, 5_000_000, 4, 1, 1)
+REQUEST = StartScan(0, 5_000_000, 4, 1, 1)
 SETTINGS = (True, frame_of(Settings(1, 60_000, 0, 1, SOUND), time=0.1))
 
 
@@ -38,15 +38,15 @@ def reading_frames(number: int, began: float = 0.0, *, leave_out: tuple[int, ...
     return [(True, frame_of(message, time=reading.time + 0.06)) for message in messages]
 
 
-def conversation(*, order: StartScan = ORDER, command: int = 7, began: float = 1.0) -> Conversation:
-    """A scan of four readings."""
+def conversation(*, request: StartScan = REQUEST, command: int = 7, began: float = 1.0) -> Conversation:
+    """Return the frames of a scan of four readings."""
     readings = [frame for number in range(4) for frame in reading_frames(number, began)]
     end = (True, frame_of(Finished(command, 0, 4, ""), time=began + 1))
-    return [(False, frame_of(order, command)), (True, frame_of(Started(command, 4), time=began)), *readings, end]
+    return [(False, frame_of(request, command)), (True, frame_of(Started(command, 4), time=began)), *readings, end]
 
 
 def resent() -> Conversation:
-    """Reading 1 is lost, its trace is not; it is sent again after reading 2."""
+    """Return a scan in which reading 1 is lost, but not its trace, and is resent after reading 2."""
     first, *_ = [*reading_frames(1, 1.0)]
     whole = conversation()
     at = whole.index(first)
@@ -55,11 +55,11 @@ def resent() -> Conversation:
     return [SETTINGS, *without[:later], first, *without[later:]]
 
 
-def gone_on() -> Conversation:
-    """The board is reset after two readings; its clock begins anew and the scan goes on."""
+def continued() -> Conversation:
+    """Return a scan that continues after a reset of the board after two readings; the clock of the board restarts."""
     whole = conversation(began=5.0)
     third = whole.index(reading_frames(2, 5.0)[0])
-    rest = replace(ORDER, first=2)
+    rest = replace(REQUEST, first=2)
     again = [
         (False, frame_of(Hello(1, 1), 20)),
         (True, frame_of(Info(20, 1, 1, "fake", "", "", 2000, 50_000, 3200, boot=2), time=0.5)),
@@ -77,16 +77,16 @@ CONVERSATIONS: dict[str, Callable[[], Conversation]] = {
     "two scans": lambda: [SETTINGS, *conversation(), *conversation(command=8, began=3.0)],
     "no settings": conversation,
     "no host": lambda: [SETTINGS, *conversation()[1:]],
-    "an answer given twice": lambda: [SETTINGS, *conversation(), *conversation()[1:]],
-    "a reading sent again": resent,
-    "a scan that went on after a reset": gone_on,
+    "a repeated answer": lambda: [SETTINGS, *conversation(), *conversation()[1:]],
+    "a resent reading": resent,
+    "a scan continued after a reset": continued,
     "nothing at all": list,
-    "an order that was never answered": lambda: [SETTINGS, (False, frame_of(ORDER, 7))],
+    "a request without an answer": lambda: [SETTINGS, (False, frame_of(REQUEST, 7))],
 }
 
 
 def record(path: Path, frames: Conversation) -> None:
-    """As a driver does: the readings are handed over when they are whole."""
+    """Record the frames, and some readings, as a driver does."""
     with LogWriter(path, METADATA, live=False) as log:
         for number, (received, wire) in enumerate(frames):
             log.frame(received, STARTED + 0.01 * number, wire)
@@ -102,13 +102,13 @@ def only_by_index(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sonarhw.log.reader, "_decoded", refuse)
 
 
-def gone_through(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
+def read_by_frames(path: Path, monkeypatch: pytest.MonkeyPatch) -> Log:
     with monkeypatch.context() as without:
         without.setattr(sonarhw.log.reader, "_stored_index", lambda *_: None)
         return read_log(path)
 
 
-def assert_alike(one: Log, other: Log) -> None:
+def assert_equal(one: Log, other: Log) -> None:
     assert (one.metadata, one.info, one.settings) == (other.metadata, other.info, other.settings)
     assert len(one.frames) == len(other.frames) == len([*one.frames])
     assert len(one.scans) == len(other.scans)
@@ -117,7 +117,7 @@ def assert_alike(one: Log, other: Log) -> None:
             (theirs.began, theirs.expected, theirs.settings, theirs.finished)
         )
         for a, b in zip(mine.readings, theirs.readings, strict=True):
-            assert repr(replace(a, trace=None)) == repr(replace(b, trace=None))  # NaN is no NaN's equal
+            assert repr(replace(a, trace=None)) == repr(replace(b, trace=None))  # repr, because NaN does not equal NaN
             assert (a.trace is None) == (b.trace is None)
             if a.trace and b.trace:
                 assert np.array_equal(a.trace.samples, b.trace.samples, equal_nan=True)
@@ -129,7 +129,7 @@ def test_the_index_and_the_frames_give_the_same_log(
 ) -> None:
     path = tmp_path / "scan.mcap"
     record(path, frames())
-    assert_alike(read_log(path), gone_through(path, monkeypatch))
+    assert_equal(read_log(path), read_by_frames(path, monkeypatch))
 
 
 @pytest.mark.usefixtures("only_by_index")
@@ -151,7 +151,7 @@ def test_the_index_contains_every_field_of_a_reading(tmp_path: Path) -> None:
 
 
 def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path) -> None:
-    record(tmp_path / "scan.mcap", gone_on())
+    record(tmp_path / "scan.mcap", continued())
     (scan,) = read_log(tmp_path / "scan.mcap").scans
     assert [reading.number for reading in scan.readings] == [0, 1, 2, 3]
     assert (scan.expected, scan.finished) == (4, Finished(22, 0, 4, ""))
@@ -163,7 +163,7 @@ def test_a_scan_continued_after_a_reset_is_one_scan_on_one_clock(tmp_path: Path)
 def test_a_sweep_continued_after_a_reset_is_one_laser_scan(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     with LogWriter(path, METADATA, live=False) as log:
-        for received, wire in gone_on():
+        for received, wire in continued():
             for reading in log.take(RecordedFrame(STARTED, received, wire)):
                 log.reading(reading)
     with path.open("rb") as file:
@@ -212,7 +212,7 @@ def test_a_trace_is_read_on_first_use(tmp_path: Path, monkeypatch: pytest.Monkey
     reading = read_log(path).readings[2]
     assert isinstance(reading.trace, Trace)
     content = path.read_bytes()
-    path.write_bytes(bytes(len(content)))  # the same file, spoilt meanwhile
+    path.write_bytes(bytes(len(content)))  # the same file with other content
     with pytest.raises(NotALog, match="the trace of reading 2 cannot be read"):
         _ = reading.trace.samples
 

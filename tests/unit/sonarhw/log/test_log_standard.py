@@ -1,4 +1,4 @@
-"""What other tools find in a log: a healthy MCAP file, with channels after the schemas that were published."""
+"""A log is a valid MCAP file, and its channels match their published schemas."""
 
 import json
 import math
@@ -28,8 +28,8 @@ def test_logs_with_many_sweeps_copies_and_repaired_logs_are_healthy(tmp_path: Pa
     write_scan(tmp_path / "scan.mcap", METADATA, readings)
     (tmp_path / "torn.mcap").write_bytes((tmp_path / "scan.mcap").read_bytes()[:-20_000])
     copy_log(read_log(tmp_path / "scan.mcap"), tmp_path / "copy.mcap")
-    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
-    for name in ("scan", "copy", "mended"):
+    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "repaired.mcap")
+    for name in ("scan", "copy", "repaired"):
         assert complaints(tmp_path / f"{name}.mcap") == [], name
 
 
@@ -40,8 +40,8 @@ def test_the_doctor_reports_damage(tmp_path: Path) -> None:
     (tmp_path / "scan.mcap").write_bytes(content[:room] + b"S" + content[room + 1 :])
     assert complaints(tmp_path / "scan.mcap") == []
     (tmp_path / "scan.mcap").write_bytes(content[:room] + b"s" + content[room + 1 :])
-    (told,) = complaints(tmp_path / "scan.mcap")
-    assert "crc validation failed in DataEnd" in told
+    (complaint,) = complaints(tmp_path / "scan.mcap")
+    assert "crc validation failed in DataEnd" in complaint
 
 
 def test_sweeps_have_the_published_schema(tmp_path: Path) -> None:
@@ -81,10 +81,10 @@ def test_decoded_readings_match_their_schema(tmp_path: Path) -> None:
         assert schema is not None
         assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
         published = json.loads(schema.data)
-        told = json.loads(message.data)
+        decoded = json.loads(message.data)
         assert published["type"] == "object"
-        assert told.keys() == published["properties"].keys()
-        for name, value in told.items():
+        assert decoded.keys() == published["properties"].keys()
+        for name, value in decoded.items():
             wanted = published["properties"][name]["type"]
             allowed = wanted if isinstance(wanted, list) else [wanted]
             assert any(isinstance(value, kinds[kind]) for kind in allowed), name

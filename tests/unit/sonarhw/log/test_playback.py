@@ -1,4 +1,4 @@
-"""A log played back: any speed, steps, loops and jumps, always on the recorded schedule."""
+"""Playback of a log: speed, steps, loops and seeking, on the recorded schedule."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ COUNT = 12  # readings, three sweeps of four, at 0, 0.1, ... 1.1 s
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
-    """Two scans of the same readings."""
+    """Return a log of two scans with the same readings."""
     path = tmp_path_factory.mktemp("playback") / "scan.mcap"
     write_scan(path, METADATA, [example_reading(number, sweep=number // 4) for number in range(COUNT)])
     log = read_log(path)
@@ -100,7 +100,7 @@ def test_playback_seeks_forwards_and_backwards(log: Log) -> None:
     playback.advance(1.0)
     playback.seek(0.35)
     assert playback.count == 4
-    playback.advance(0.1)  # and plays on
+    playback.advance(0.1)  # and continues
     assert playback.count == 5
     playback.seek(-3.0)
     assert playback.count == 1
@@ -119,9 +119,9 @@ def test_playback_seeks_to_a_reading_a_scan_and_a_sweep(log: Log) -> None:
     assert playback.count == COUNT + 8 + 1
     playback.seek_sweep(0, 1)
     assert playback.count == 4 + 1
-    for nowhere in (lambda: playback.seek_reading(2 * COUNT), lambda: playback.seek_scan(2)):
+    for missing in (lambda: playback.seek_reading(2 * COUNT), lambda: playback.seek_scan(2)):
         with pytest.raises(IndexError):
-            nowhere()
+            missing()
 
 
 def test_seeking_to_a_missing_sweep_raises_index_error(log: Log) -> None:
@@ -152,15 +152,15 @@ def test_playback_of_a_log_without_readings_ends_at_once(log: Log) -> None:
     assert (playback.count, playback.position, playback.playing) == (0, 0.0, False)
 
 
-def waiting(log: Log, scan: int, number: int, wait: float) -> Log:
-    """The log with a wait before a reading of one scan."""
+def with_pause(log: Log, scan: int, number: int, pause: float) -> Log:
+    """Return a log of one scan with a pause before one of its readings."""
     readings = log.scans[0].readings
-    late = tuple(replace(reading, time=reading.time + wait * (reading.number >= number)) for reading in readings)
+    late = tuple(replace(reading, time=reading.time + pause * (reading.number >= number)) for reading in readings)
     return replace(log, scans=(replace(log.scans[scan], readings=late),))
 
 
 def test_gaps_are_skipped_and_other_intervals_are_kept(log: Log) -> None:
-    playback = Playback(waiting(log, 0, 6, 60.0))
+    playback = Playback(with_pause(log, 0, 6, 60.0))
     assert playback.duration == pytest.approx(1.1 + 60.0)
     playback.seek_reading(8)
     playback.skip_gaps = True
