@@ -398,7 +398,7 @@ def test_the_conversation_with_a_silent_host_ends_until_the_next_hello(free_url:
             quiet *= 2
             wait_until_quiet(talk, quiet)
         assert answer.code == Refusal.NO_HELLO
-        # somebody may have turned the turntable meanwhile
+        # the turntable may have been turned by hand meanwhile
         assert talk.greet().homed == 0
         assert talk.ask(Turn(0), Refused).code == Refusal.NOT_HOMED
 

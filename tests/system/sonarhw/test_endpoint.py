@@ -1,4 +1,4 @@
-"""What an endpoint owes the system around it: addresses, links, time, and bounded memory."""
+"""An endpoint and the system: addresses, links, time and bounded memory."""
 
 import os
 import socket
@@ -19,8 +19,8 @@ from tests.fixtures.plain_echoes import PlainEchoes
 from tests.hang_guard import HANG, wait_until
 
 
-class Chatterbox:
-    """A device that would send without end."""
+class EndlessSender:
+    """A device that always has bytes to send."""
 
     busy = True
     plug = 0
@@ -31,41 +31,41 @@ class Chatterbox:
         self.hung_up = threading.Event()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Nothing matters to it."""
+        """Ignore the data."""
 
     def next_event(self) -> float | None:
-        """Always."""
+        """Return a time that has always passed."""
         return 0.0
 
     def advance(self, now: float) -> bytes:
-        """A page."""
+        """Return 4096 bytes."""
         self.sent += 4096
         return bytes(4096)
 
     def hang_up(self) -> None:
-        """Somebody has gone."""
+        """Record the disconnect."""
         self.hung_up.set()
 
 
-class Busy(Chatterbox):
-    """A device that has something to send whenever it is looked at, but less than the line takes."""
+class SlowSender(EndlessSender):
+    """A device that always has bytes to send, but fewer than the line carries."""
 
-    heard = b""
+    received = b""
 
     def receive(self, data: bytes, now: float) -> None:
-        """Keep what comes."""
-        self.heard += data
+        """Keep the data."""
+        self.received += data
 
     def advance(self, now: float) -> bytes:
-        """A word."""
+        """Return four bytes."""
         return b"word"
 
 
-class Failing(Chatterbox):
-    """A device that breaks."""
+class Failing(EndlessSender):
+    """A device that raises an exception."""
 
     def advance(self, now: float) -> bytes:
-        """Break."""
+        """Raise an exception."""
         raise ZeroDivisionError("broken device")
 
 
@@ -129,16 +129,16 @@ def test_a_pace_is_real_max_or_a_factor(pace: float) -> None:
 
 @pytest.mark.parametrize("line", ["pty", "tcp"])
 def test_a_client_that_does_not_read_blocks_the_device(line: str, tmp_path: Path) -> None:
-    device = Chatterbox()
-    where = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
-    with serve(device, pace="max", **where) as endpoint:  # type: ignore[arg-type]
+    device = EndlessSender()
+    options = {"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}
+    with serve(device, pace="max", **options) as endpoint:  # type: ignore[arg-type]
         client = None
         if line == "tcp":
             host, _, port = endpoint.url.removeprefix("socket://").partition(":")
             client = socket.create_connection((host, int(port)))
-        settled, before = 0, -1
-        while settled < 5:  # until it has sent nothing for five looks
-            settled = settled + 1 if device.sent == before else 0
+        idle_checks, before = 0, -1
+        while idle_checks < 5:  # until nothing was sent between five checks
+            idle_checks = idle_checks + 1 if device.sent == before else 0
             before = device.sent
             threading.Event().wait(0.02)
         assert device.sent < 16_000_000
@@ -148,22 +148,22 @@ def test_a_client_that_does_not_read_blocks_the_device(line: str, tmp_path: Path
 
 
 def test_a_device_that_always_sends_still_receives() -> None:
-    device, taken = Busy(), 0
+    device, count = SlowSender(), 0
     with serve(device, tcp="127.0.0.1:0") as endpoint, Link(endpoint.url) as link:
         link.write(b"stop")
-        while not device.heard and taken < 1_000_000:
-            taken += len(link.read())
-    assert device.heard == b"stop"
+        while not device.received and count < 1_000_000:
+            count += len(link.read())
+    assert device.received == b"stop"
 
 
 def test_an_exception_in_the_device_reaches_the_caller_and_disconnects_the_client() -> None:
-    def serve_until_it_breaks() -> None:
+    def serve_until_it_fails() -> None:
         with serve(Failing(), tcp="127.0.0.1:0") as endpoint:
             name = f"serve {endpoint.url}"
             wait_until(lambda: name not in [thread.name for thread in threading.enumerate()])
 
     with pytest.raises(ZeroDivisionError, match="broken device"):
-        serve_until_it_breaks()
+        serve_until_it_fails()
 
 
 def test_time_runs_at_its_pace_and_stops_while_held(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,7 @@ def test_time_runs_at_its_pace_and_stops_while_held(monkeypatch: pytest.MonkeyPa
     real += 0.05
     clock.tick(held=True)
     assert clock.now == pytest.approx(0.2)
-    real += 3600  # a machine that slept does not make the device jump an hour
+    real += 3600  # after the machine has slept, the clock of the device does not jump by an hour
     clock.tick(held=False)
     assert clock.now < 2.0
 
@@ -185,7 +185,7 @@ def test_time_runs_at_its_pace_and_stops_while_held(monkeypatch: pytest.MonkeyPa
 def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     real = 100.0
 
-    def waits(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
+    def select(_readers: object, _writers: object, _errors: object, wait: float) -> tuple[list[int], ...]:
         nonlocal real
         real += wait + 0.001
         if real > 110:
@@ -193,7 +193,7 @@ def test_an_idle_device_loses_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
         return [], [], []
 
     monkeypatch.setattr(time, "monotonic", lambda: real)
-    monkeypatch.setattr("sonarhw.device.endpoint.select.select", waits)
+    monkeypatch.setattr("sonarhw.device.endpoint.select.select", select)
     with open_server_port(tcp="127.0.0.1:0") as port:
         endpoint = Endpoint(FakeBoard(PlainEchoes()), port)
         endpoint.run()

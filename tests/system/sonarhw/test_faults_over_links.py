@@ -1,4 +1,4 @@
-"""Faults of a fake scanner over real links: the example of the document, cables that come out, another protocol."""
+"""Faults of a fake scanner over real links: the example of the document, unplugs and another protocol version."""
 
 import re
 import threading
@@ -29,17 +29,17 @@ def test_the_python_of_the_document_runs() -> None:
 @pytest.mark.parametrize("line", ["pty", "tcp"])
 @pytest.mark.parametrize("fault", ["unplug", "move"])
 def test_the_scan_continues_when_the_port_returns_under_any_name(line: str, fault: str, tmp_path: Path) -> None:
-    with open_server_port(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as door:  # type: ignore[arg-type]
-        endpoint = Endpoint(faulty(f"{fault}=5@20"), door, pace=20.0)
+    with open_server_port(**{"pty": tmp_path / "scanner"} if line == "pty" else {"tcp": "127.0.0.1:0"}) as port:  # type: ignore[arg-type]
+        endpoint = Endpoint(faulty(f"{fault}=5@20"), port, pace=20.0)
         before, serving = endpoint.url, threading.Thread(target=endpoint.run, name="serve")
-        with ExitStack() as during:
+        with ExitStack() as stack:
             with Link(before) as link:
-                serving.start()  # no sooner, or the cable may be out before the link is open
-                during.callback(serving.join)
-                during.callback(endpoint.stop)
+                serving.start()  # not earlier, otherwise the unplug may come before the link is open
+                stack.callback(serving.join)
+                stack.callback(endpoint.stop)
                 with pytest.raises(LinkLost):
-                    read_for_ever(link)
-            with opened_again(endpoint) as link:
+                    read_until_error(link)
+            with reopened(endpoint) as link:
                 assert (link.url == before) == (fault == "unplug")
                 link.write(encode_frame(Frame(Hello.TYPE, 0, 0, Hello(1, 0).pack())))
                 wait_until(link.read)
@@ -47,14 +47,14 @@ def test_the_scan_continues_when_the_port_returns_under_any_name(line: str, faul
             assert (tmp_path / "scanner-1").is_symlink() == (line == "pty" and fault == "move")
 
 
-def read_for_ever(link: Link) -> None:
-    """Ends with what `read` raises."""
+def read_until_error(link: Link) -> None:
+    """Read until `read` raises an error."""
     while True:
         link.read()
 
 
-def opened_again(endpoint: Endpoint) -> Link:
-    """A link to where the device is now, as soon as there is one."""
+def reopened(endpoint: Endpoint) -> Link:
+    """Return a link to the current URL of the device, as soon as it can be opened."""
     links: list[Link] = []
 
     def opened() -> bool:

@@ -1,4 +1,4 @@
-"""What a link does to a port: DTR, speed, and what it says when the port is no good."""
+"""The effects of a link on its port: DTR, speed, and the error when the port fails."""
 
 import os
 import termios
@@ -14,34 +14,34 @@ from sonarhw.wire.limits import FIRST_BAUD
 
 
 class SpiedPort(serial.SerialBase):  # type: ignore[misc]
-    """A port with modem lines that keeps what is done to it, in order."""
+    """A port with modem lines that records the calls to it in order."""
 
     def __init__(self, **_: Any) -> None:
-        self.done: list[tuple[str, Any]] = []
+        self.calls: list[tuple[str, Any]] = []
         self.cts = True
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("dtr", "exclusive", "baudrate"):
-            self.done.append((name, value))
+            self.calls.append((name, value))
         else:
             object.__setattr__(self, name, value)
 
     def open(self) -> None:
-        self.done.append(("open", None))
+        self.calls.append(("open", None))
 
     def flush(self) -> None:
-        self.done.append(("flush", None))
+        self.calls.append(("flush", None))
 
     def fileno(self) -> int:
         raise OSError
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
 
 @pytest.fixture
 def spied(monkeypatch: pytest.MonkeyPatch) -> SpiedPort:
-    """The port that is opened next."""
+    """Replace the port that the next link opens, and return it."""
     port = SpiedPort()
     monkeypatch.setattr("sonarhw.link.serial_link.serial.serial_for_url", lambda *_, **__: port)
     return port
@@ -49,7 +49,7 @@ def spied(monkeypatch: pytest.MonkeyPatch) -> SpiedPort:
 
 @pytest.fixture
 def terminal() -> Iterator[str]:
-    """The name of a pseudo-terminal."""
+    """Return the name of a pseudo-terminal."""
     master, slave = os.openpty()
     yield os.ttyname(slave)
     os.close(master)
@@ -58,8 +58,8 @@ def terminal() -> Iterator[str]:
 
 def test_dtr_is_low_and_access_is_exclusive_before_the_port_is_opened(spied: SpiedPort) -> None:
     Link("/dev/ttyUSB0").close()
-    names = [name for name, _ in spied.done]
-    assert ("dtr", False) in spied.done
+    names = [name for name, _ in spied.calls]
+    assert ("dtr", False) in spied.calls
     assert names.index("dtr") < names.index("open")
     if os.name == "posix":
         assert names.index("exclusive") < names.index("open")
@@ -77,11 +77,11 @@ def test_only_a_port_with_modem_lines_waits_for_a_bootloader(
 
 def test_the_speed_changes_after_all_written_bytes_are_sent(spied: SpiedPort) -> None:
     with Link("/dev/ttyUSB0") as link:
-        spied.done.clear()
+        spied.calls.clear()
         link.set_baud(FIRST_BAUD)
-        assert spied.done == []
+        assert spied.calls == []
         link.set_baud(1_000_000)
-        assert spied.done == [("flush", None), ("baudrate", 1_000_000)]
+        assert spied.calls == [("flush", None), ("baudrate", 1_000_000)]
 
 
 def test_the_speed_reaches_the_terminal(terminal: str) -> None:
@@ -99,12 +99,12 @@ def test_a_failure_to_set_the_speed_is_a_lost_link(terminal: str) -> None:
     link = Link(terminal)
     link.close()
     os.close(os.open(terminal, os.O_RDONLY | os.O_NOCTTY))
-    link._port.flush = _gone
+    link._port.flush = fail
     with pytest.raises(LinkLost, match="link was lost"):
         link.set_baud(500_000)
 
 
-def _gone() -> None:
+def fail() -> None:
     raise OSError("gone")
 
 

@@ -28,13 +28,13 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @lru_cache
 def readings_of(whole: Path) -> tuple[Reading, ...]:
-    """The readings of a log that nobody touches, by number."""
+    """Return the readings of an undamaged log by number."""
     return read_log(whole).readings
 
 
 @lru_cache
 def chunk_ends(path: Path) -> list[tuple[int, int]]:
-    """Where each chunk ends, and how many readings end by then."""
+    """Return the end of each chunk and the number of readings up to there."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -47,7 +47,7 @@ def chunk_ends(path: Path) -> list[tuple[int, int]]:
 
 
 def first_record_end(data: bytes) -> int:
-    """Behind the magic and the header, which says whose file it is."""
+    """Return the position after the magic bytes and the header, which names the program."""
     return 8 + 9 + int.from_bytes(data[9:17], "little")
 
 
@@ -131,7 +131,7 @@ def test_any_amount_of_damage_is_reported_in_a_short_line(whole: Path, tmp_path:
 
 @lru_cache
 def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
-    """Begin and end of each chunk, and whether it holds a reading."""
+    """Return begin and end of each chunk and whether it contains a reading."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -143,26 +143,26 @@ def chunk_spans(path: Path) -> list[tuple[int, int, bool]]:
 
 
 @st.composite
-def spoilt_stretches(draw: st.DrawFn) -> tuple[float, int, bytes]:
-    """Where in the data a stretch is lost, how many bytes of it, and what stands there instead."""
+def damaged_spans(draw: st.DrawFn) -> tuple[float, int, bytes]:
+    """Return the relative position of lost bytes, their number, and the bytes that replace them."""
     return draw(st.floats(0, 1)), draw(st.integers(1, 3000)), draw(st.binary(max_size=3000))
 
 
 @settings(max_examples=200, deadline=None)
-@given(spoilt=spoilt_stretches())
-@example(spoilt=(0.5, 2000, bytes(2000)))
-@example(spoilt=(0.5, 1, b""))
-@example(spoilt=(0.5, 9, b"\xff" * 9))
-@example(spoilt=(0.0, 700, bytes(700)))
+@given(damage=damaged_spans())
+@example(damage=(0.5, 2000, bytes(2000)))
+@example(damage=(0.5, 1, b""))
+@example(damage=(0.5, 9, b"\xff" * 9))
+@example(damage=(0.0, 700, bytes(700)))
 def test_damage_in_the_middle_loses_only_the_readings_it_touches(
-    whole: Path, tmp_path_factory: pytest.TempPathFactory, spoilt: tuple[float, int, bytes]
+    whole: Path, tmp_path_factory: pytest.TempPathFactory, damage: tuple[float, int, bytes]
 ) -> None:
     content, spans = whole.read_bytes(), chunk_spans(whole)
     first = spans[0][0]
-    begin = first + round(spoilt[0] * (spans[-1][1] - 1 - first))
-    end = min(begin + spoilt[1], len(content))
-    path = tmp_path_factory.mktemp("spoilt") / "scan.mcap"
-    path.write_bytes(content[:begin] + spoilt[2] + content[end:])
+    begin = first + round(damage[0] * (spans[-1][1] - 1 - first))
+    end = min(begin + damage[1], len(content))
+    path = tmp_path_factory.mktemp("damage") / "scan.mcap"
+    path.write_bytes(content[:begin] + damage[2] + content[end:])
     touched = [reading for start, stop, reading in spans if start < end and begin < stop]
     log = read_log(path)
     assert len(log.readings) >= COUNT - sum(touched)
@@ -219,7 +219,7 @@ def test_a_log_without_its_beginning_keeps_its_readings(whole: Path, tmp_path: P
 
 
 def test_ranges_are_kept_when_the_settings_frames_are_lost(whole: Path, tmp_path: Path) -> None:
-    # Info, Settings and Started lie in chunks of their own in front of the readings
+    # Info, Settings and Started have their own chunks before the readings
     content, spans = whole.read_bytes(), chunk_spans(whole)
     begin, end = spans[0][0], next(start for start, _, reading in spans if reading)
     path = tmp_path / "damaged.mcap"
@@ -241,25 +241,25 @@ def test_damage_raises_no_other_error_than_not_a_log(
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     path = tmp_path_factory.mktemp("damaged") / "scan.mcap"
     path.write_bytes(content)
-    told = ""
+    message = ""
     try:
         assert len(read_log(path).readings) <= COUNT
     except NotALog as error:
-        told = str(error)
-    assert "\n" not in told
+        message = str(error)
+    assert "\n" not in message
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"", "is empty"),
         (b"time_s,heading_deg\n0,1\n", "is not an MCAP file"),
         (b"\x89MCAP1\r\n rest", "is not an MCAP file"),
     ],
 )
-def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(tmp_path: Path, content: bytes, told: str) -> None:
+def test_a_file_that_is_not_a_log_gives_an_error_of_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     (tmp_path / "scan.mcap").write_bytes(content)
-    with pytest.raises(NotALog, match=told):
+    with pytest.raises(NotALog, match=message):
         read_log(tmp_path / "scan.mcap")
 
 
@@ -279,14 +279,14 @@ def test_an_mcap_file_of_another_program_gives_an_error_of_one_line(tmp_path: Pa
 def test_a_recovered_log_is_complete_and_contains_every_readable_reading(whole: Path, tmp_path: Path) -> None:
     end, readings = chunk_ends(whole)[7]
     (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[: end + 30])
-    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "mended.mcap")
-    mended = read_log(tmp_path / "mended.mcap")
-    assert mended.torn is None
-    assert len(mended.readings) == readings
-    assert mended.metadata == METADATA
+    copy_log(read_log(tmp_path / "torn.mcap"), tmp_path / "repaired.mcap")
+    repaired = read_log(tmp_path / "repaired.mcap")
+    assert repaired.torn is None
+    assert len(repaired.readings) == readings
+    assert repaired.metadata == METADATA
 
 
-# what happens to a log while it is written
+# faults while a log is written
 
 KILLED_WRITER = """
 import sys
@@ -313,11 +313,11 @@ def test_a_killed_writer_leaves_every_accepted_reading(tmp_path: Path) -> None:
         for _ in range(25):
             lines.readline()
         child.send_signal(signal.SIGKILL)
-        told = 25 + len(lines.readlines())
+        count = 25 + len(lines.readlines())
     assert child.wait() == -signal.SIGKILL
     log = read_log(path)
     assert log.torn is not None
-    assert told <= len(log.readings) <= told + 1
+    assert count <= len(log.readings) <= count + 1
     assert [reading.number for reading in log.readings] == [*range(len(log.readings))]
 
 
@@ -337,9 +337,9 @@ from sonarhw.log import LogWriter
 from tests.fixtures.example_logs import METADATA
 from tests.fixtures.example_frames import scan_frames
 
-# a file that may grow no further fails as a full disk does: with an OSError from write
+# a file at its size limit fails like a full disk: with an OSError from write
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
-taken = 0
+accepted = 0
 try:
     with LogWriter(Path(sys.argv[1]), METADATA) as log:
         for frames, reading in scan_frames():
@@ -347,21 +347,21 @@ try:
                 log.frame(True, METADATA.started, wire)
             if reading is not None:
                 log.reading(reading)
-                taken += 1
+                accepted += 1
 except LogError as error:
-    print(taken, error, sep="|")
+    print(accepted, error, sep="|")
 """
 
 
 def test_a_full_disk_gives_an_error_of_one_line_and_the_log_keeps_its_readings(tmp_path: Path) -> None:
     path = tmp_path / "scan.mcap"
     done = subprocess.run([sys.executable, "-c", FULL_DISK, str(path)], capture_output=True, text=True, check=True)
-    taken, line = done.stdout.strip().split("|")
+    accepted, line = done.stdout.strip().split("|")
     assert "can no longer be written: File too large" in line
     log = read_log(path)
-    assert len(log.readings) == int(taken) > 5
+    assert len(log.readings) == int(accepted) > 5
     size = path.stat().st_size
-    # cut behind the last whole piece, not inside the one that did not fit
+    # cut after the last complete record, not inside the one that did not fit
     assert log.torn == f"the file ends too early at byte {size}"
 
 

@@ -1,4 +1,4 @@
-"""The contract of every link: one suite over TCP and pseudo-terminal, real threads, the board as fast as it can."""
+"""A scanner serve_board each kind of link, TCP and pseudo-terminal, with real threads and mostly at maximum pace."""
 
 import errno
 import math
@@ -32,34 +32,34 @@ from tests.fixtures.stuck_boards import EndlessHoming, FiveReadings
 from tests.hang_guard import HANG, wait_until
 
 ORDER = ScanOrder(start=0.0, step=math.radians(5), headings=72)
-LONG = replace(ORDER, sweeps=1000)  # always ended before its end
+LONG = replace(ORDER, sweeps=1000)  # always stopped early
 Serve = Callable[..., AbstractContextManager[Endpoint]]
 
 
 @pytest.fixture(autouse=True)
-def no_thread_is_left() -> Iterator[None]:
-    """A test that leaves a thread behind fails."""
+def no_thread_remains() -> Iterator[None]:
+    """Fail a test that leaves a running thread."""
     before = set(threading.enumerate())
     yield
-    left = [thread for thread in threading.enumerate() if thread not in before]
-    for thread in left:
+    remaining = [thread for thread in threading.enumerate() if thread not in before]
+    for thread in remaining:
         thread.join(timeout=HANG)
-    assert not [thread.name for thread in left if thread.is_alive()]
+    assert not [thread.name for thread in remaining if thread.is_alive()]
 
 
 @pytest.fixture(params=["tcp", "pty", "pty behind a link"])
 def served(request: pytest.FixtureRequest, tmp_path: Path) -> Serve:
-    """Serves a board on one kind of line."""
+    """Return a function that serves a board on this kind of line."""
 
-    def over(board: FakeBoard | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
-        where = {"tcp": {"tcp": "127.0.0.1:0"}, "pty": {}, "pty behind a link": {"pty": tmp_path / "scanner"}}
-        return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, **where[request.param])
+    def serve_board(board: FakeBoard | None = None, pace: Pace = "max") -> AbstractContextManager[Endpoint]:
+        options = {"tcp": {"tcp": "127.0.0.1:0"}, "pty": {}, "pty behind a link": {"pty": tmp_path / "scanner"}}
+        return serve(board or FakeBoard(PlainEchoes(), seed=5), pace=pace, **options[request.param])
 
-    return over
+    return serve_board
 
 
-class Kept:
-    """A recorder that keeps everything in memory."""
+class MemoryRecorder:
+    """A recorder that keeps frames and readings in memory."""
 
     def __init__(self) -> None:
         self.frames: list[tuple[bool, float, bytes]] = []
@@ -75,7 +75,7 @@ class Kept:
 
 
 def check_scan(readings: list[Reading]) -> None:
-    """All readings of ORDER, each at its angle with its echoes."""
+    """Assert that all readings of ORDER are present, each at its angle with its echoes."""
     assert [reading.number for reading in readings] == list(range(72))
     for reading in readings:
         assert reading.angle == pytest.approx(math.radians(5) * reading.number, abs=1e-8)
@@ -93,8 +93,13 @@ def test_a_scan_gives_every_reading_in_order(served: Serve) -> None:
         check_scan(readings)
         assert readings[0].range == pytest.approx(340.5 * echo_time(0) / 2)
         assert scanner.turn(1.0) is Outcome.DONE
-        books = scanner.statistics
-        assert (books.rejected_blocks, books.missing_frames, books.resends, books.lost_readings) == (0, 0, 0, 0)
+        statistics = scanner.statistics
+        assert (
+            statistics.rejected_blocks,
+            statistics.missing_frames,
+            statistics.resends,
+            statistics.lost_readings,
+        ) == (0, 0, 0, 0)
 
 
 def test_traces_are_complete(served: Serve) -> None:
@@ -156,17 +161,17 @@ def test_a_stop_between_two_steps_of_a_sequence_ends_the_later_ones(served: Serv
 def test_a_scanner_does_one_thing_at_a_time(served: Serve) -> None:
     refused: list[str] = []
 
-    def home_meanwhile() -> None:
+    def home_while_busy() -> None:
         with pytest.raises(DeviceError) as error:
             scanner.home()
         refused.append(str(error.value))
 
     with served() as endpoint, Scanner.open(endpoint.url) as scanner, scanner.sequence():
-        other = threading.Thread(target=home_meanwhile)
+        other = threading.Thread(target=home_while_busy)
         other.start()
         other.join()
         next(iter(readings := scanner.scan(ORDER)))
-        home_meanwhile()
+        home_while_busy()
         readings.close()
     assert len(refused) == 2
 
@@ -201,7 +206,7 @@ def test_a_scan_left_running_by_a_client_does_not_disturb_the_next_client(served
         first.home()
         scan = first.scan(LONG)
         next(scan)
-        # gone without a word, as a killed process goes
+        # ends without Stop, like a killed process
         first._closing.set()
         first._thread.join()
         with Scanner.open(endpoint.url) as second:
@@ -240,21 +245,21 @@ def test_a_newer_minor_version_is_accepted(served: Serve) -> None:
 
 
 def test_every_frame_is_recorded_and_decodes_to_the_same_readings(served: Serve) -> None:
-    kept = Kept()
+    recorder = MemoryRecorder()
     with served() as endpoint, Scanner.open(endpoint.url) as scanner:
-        scanner.record(kept)
+        scanner.record(recorder)
         scanner.home()
         readings = list(scanner.scan(ORDER))
-    assert kept.readings == readings
+    assert recorder.readings == readings
     kinds = []
-    for received, _, wire in kept.frames:
+    for received, _, wire in recorder.frames:
         (frame,) = FrameDecoder().feed(wire)
         assert isinstance(frame, Frame)
         assert received == (frame.type >= 0x80)
         kinds.append(frame.type)
     assert kinds[:2] == [0x01, 0x81]
     assert kinds.count(0x87) == 72
-    times = [time for _, time, _ in kept.frames]
+    times = [time for _, time, _ in recorder.frames]
     assert all(abs(time - times[0]) < 60 for time in times)
 
 
@@ -265,9 +270,9 @@ def test_a_slow_caller_loses_no_reading(served: Serve, monkeypatch: pytest.Monke
         scanner.home()
         scan = scanner.scan(ORDER)
         first = next(scan)
-        held: list[float] = []
-        monkeypatch.setattr(scanner._session, "keep_alive", held.append)
-        wait_until(lambda: len(held) == 4)  # the thread has run four cycles and read nothing
+        cycles: list[float] = []
+        monkeypatch.setattr(scanner._session, "keep_alive", cycles.append)
+        wait_until(lambda: len(cycles) == 4)  # the thread has run four cycles without reading the link
         assert len(scanner._scan.readings) < 4 + MOST / 40
         check_scan([first, *scan])
         assert scanner.statistics.missing_frames == 0
@@ -296,18 +301,18 @@ def test_a_scanner_that_returns_under_another_name_continues_the_scan(tmp_path: 
     echoes = PlainEchoes()
     names = [tmp_path / "first", tmp_path / "second"]
 
-    def now_at() -> str:
+    def current_name() -> str:
         return str(next((name for name in names if name.exists()), names[0]))
 
-    with ExitStack() as later:
+    with ExitStack() as stack:
         with serve(FiveReadings(echoes, identity=BoardIdentity(boot=1)), pty=names[0], pace=20.0) as first:
-            scanner = later.enter_context(Scanner.open(first.url, find=now_at))
+            scanner = stack.enter_context(Scanner.open(first.url, find=current_name))
             scan = scanner.scan(ORDER)
             readings = [next(scan) for _ in range(5)]
-        later.enter_context(serve(FakeBoard(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
+        stack.enter_context(serve(FakeBoard(echoes, identity=BoardIdentity(boot=2)), pty=names[1], pace=20.0))
         check_scan([*readings, *scan])
-        books = scanner.statistics
-        assert (books.losses, books.resets) == (1, 1)
+        statistics = scanner.statistics
+        assert (statistics.losses, statistics.resets) == (1, 1)
         scanner.close()
 
 
@@ -339,8 +344,8 @@ def test_a_scanner_idle_for_long_keeps_its_zero(served: Serve) -> None:
 
 
 def test_an_unanswered_greeting_is_an_error() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(NoAnswer, match="no scanner answered"):
-        Scanner.open(f"socket://127.0.0.1:{mute.getsockname()[1]}", patience=0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(NoAnswer, match="no scanner answered"):
+        Scanner.open(f"socket://127.0.0.1:{silent.getsockname()[1]}", patience=0.2)
 
 
 def test_a_closed_port_and_a_missing_file_are_named() -> None:
@@ -357,9 +362,9 @@ def test_a_closed_port_and_a_missing_file_are_named() -> None:
 def test_a_file_or_a_folder_is_not_a_serial_port(tmp_path: Path) -> None:
     file = tmp_path / "room.toml"
     file.touch()
-    for no_port in (file, tmp_path):
+    for path in (file, tmp_path):
         with pytest.raises(LinkError, match="is not a serial port"):
-            Scanner.open(str(no_port))
+            Scanner.open(str(path))
 
 
 def test_a_port_held_by_this_program_is_reported_as_busy(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Lost steps are reported, and no reading with a wrong angle is said to be correct."""
+"""Lost steps are reported, and no reading with a wrong angle is reported as verified."""
 
 import math
 import random
