@@ -1,4 +1,4 @@
-"""The `sonarhw` command: the list of its subcommands, and the only place where errors become exit statuses.
+"""The `sonarhw` command: the list of its subcommands, and the conversion of errors to exit statuses.
 
 Each subcommand is in a file of its own and imports heavy modules inside its function, so that `--help` stays fast.
 """
@@ -33,7 +33,7 @@ from sonarhw_cli.prediction import simulate_command as simulate
 from sonarhw_cli.window import demo_command as demo
 from sonarhw_cli.window import gui_command as gui
 
-# phrases of the library that checks options, and their replacements
+# phrases in the messages of the option parser, and their replacements
 _REWORDED = (
     ("Value error, ", ""),
     ("Input should be a valid integer, unable to parse string as an integer", "expected a whole number"),
@@ -122,7 +122,7 @@ def _status(arguments: list[str] | None) -> int:
     except BrokenPipeError:
         return 0
     except OSError as error:
-        # an error about a file carries its name; a full disk without a name is that of standard output
+        # an error about a file contains its name; without a name, the full disk is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
         return _report(f"{where}: {error.strerror or error}".removeprefix(": "), SonarError.exit_status)
 
@@ -134,7 +134,7 @@ def _reworded(message: str) -> str:
 
 
 def _report(message: str, status: int) -> int:
-    # the help that is shown when no command is given keeps its line breaks
+    # without a command, the message is the help, which keeps its line breaks
     typer.echo(message if message.startswith("Usage:") else f"sonarhw: {' '.join(message.split())}", err=True)
     return status
 

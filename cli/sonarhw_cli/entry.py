@@ -1,8 +1,8 @@
-"""The entry point of the `sonarhw` command: Ctrl-C at any time ends it without a traceback, with status 130.
+"""The entry point of the `sonarhw` command. Ctrl-C ends it at any time, without a traceback and with status 130.
 
 KeyboardInterrupt alone does not ensure this. It may be raised during an import, and libraries that compile or unpickle
-wrap it in other errors, print it or swallow it. This module therefore records that Ctrl-C came, and treats every later
-error as its consequence. It imports almost nothing, so that its handler is installed before anything else is loaded.
+wrap it in other errors, print it or swallow it. This module therefore stores that Ctrl-C was pressed, and treats every
+later error as its consequence. It imports almost nothing, so that its handler is installed before other modules load.
 """
 
 import _thread  # threading takes locks, which the interrupted code may hold
@@ -13,11 +13,11 @@ import time
 from types import FrameType
 
 INTERRUPTED = 130
-UNWINDING = 3.0  # s for cleaning up after Ctrl-C; exceeded only if a library swallowed the KeyboardInterrupt
+UNWINDING = 3.0  # s for cleaning up after Ctrl-C; only a library that swallowed the KeyboardInterrupt takes longer
 
 
 class Interrupt:
-    """Handler of Ctrl-C outside `console.interruption`: the first unwinds the command, the second exits at once."""
+    """Handler of Ctrl-C outside `console.interruption`. The first Ctrl-C unwinds the command, the second exits."""
 
     def __init__(self) -> None:
         self.received = False

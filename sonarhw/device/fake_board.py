@@ -35,7 +35,7 @@ from sonarhw.wire.messages import (
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
 from sonarhw.wire.units import centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of, seconds_of
 
-PING_PERIOD = 0.100  # s from the start of a ping to the next, including turning and settling
+PING_PERIOD = 0.100  # s; shortest time from the start of a ping to the start of the next
 MAX_LISTEN = 0.065  # s
 REACH = 720_000_000  # µdeg in each direction; limit of the transducer's cable
 STEPS = 200
@@ -58,7 +58,7 @@ class BoardIdentity:
 
 
 class FakeBoard(ProtocolDevice):
-    """The fake board. Its clock starts at 0 at the first `now` it receives. The echo source adds the noise."""
+    """The fake board. Its clock starts at 0 at the first `now` that it receives. The echo source adds the noise."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class FakeBoard(ProtocolDevice):
         self._identity = board
         self._turntable = Turntable(random.Random(seed).uniform(0, math.tau))
         self._lost_steps = 0  # microsteps
-        self._next_ping = 0.0  # s; earliest time of the next ping, when the echoes of the last one have faded
+        self._next_ping = 0.0  # s; earliest time of the next ping, so that the echoes of the last one have decayed
         self._settings = Settings(0, microseconds_of(MAX_LISTEN), microseconds_of(blanking), 0, 343_200)
 
     @property
@@ -95,7 +95,7 @@ class FakeBoard(ProtocolDevice):
         return microdegrees_of(self._turntable.angle(now))
 
     def info(self, sequence: int) -> Info:
-        """Return the identity, in answer to the Hello with that sequence number."""
+        """Return the answer to the Hello with that sequence number."""
         board = self._identity
         return Info(
             command=sequence,
@@ -159,7 +159,7 @@ class FakeBoard(ProtocolDevice):
         if listen <= request.blanking_us:
             raise RefusalError(
                 Refusal.OUT_OF_RANGE,
-                f"nothing is heard with {request.blanking_us} us of blanking in {listen} us of listening",
+                f"blanking_us is {request.blanking_us}; expected less than the listening time, {listen} us",
             )
         rate = self._identity.trace_rate if request.trace else 0
         self._settings = Settings(
@@ -184,11 +184,11 @@ class FakeBoard(ProtocolDevice):
         )
 
     def homing(self, now: float) -> Iterator[float]:
-        """Home the turntable. This needs no echoes, so it does not wait for the echo source."""
+        """Home the turntable, without waiting for the echo source."""
         arrival = self._turntable.home(now)
         yield arrival
         if not self._turntable.confirm_home(arrival):
-            raise ActionError("the zero mark was not found; does something hold the turntable?")
+            raise ActionError("the zero mark was not found; check what blocks the turntable")
 
     def turning(self, order: Turn, now: float) -> Iterator[float]:
         """Turn to an angle. Raises RefusalError at once."""
@@ -198,7 +198,7 @@ class FakeBoard(ProtocolDevice):
     def scanning(self, order: StartScan, now: float) -> tuple[int, Iterator[float]]:
         """Return the number of readings of the whole scan, and the scan. Raises RefusalError at once."""
         if 0 in (order.step, order.headings, order.sweeps, order.pings):
-            raise RefusalError(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings are not 0")
+            raise RefusalError(Refusal.OUT_OF_RANGE, "step, headings, sweeps and pings must not be 0")
         self._check_angle(order.start)
         self._check_angle(order.start + order.step * (order.headings - 1))
         scan = scan_order(order)
@@ -206,7 +206,7 @@ class FakeBoard(ProtocolDevice):
         return scan.readings, self._scan(scan, range(order.first, last), now)
 
     def statistics(self, sequence: int) -> Statistics:
-        """Return the counts of the device."""
+        """Return the counters of the device."""
         return replace(super().statistics(sequence), lost_steps=self._lost_steps)
 
     def halt(self, now: float) -> None:
@@ -216,16 +216,16 @@ class FakeBoard(ProtocolDevice):
     # faults
 
     def wedge(self, seconds: float) -> None:
-        """Block the turntable for that long, whatever steps it receives."""
+        """Block the turntable for some seconds. It counts the steps that it misses."""
         self._turntable.wedge(self._now, self._now + seconds)
 
     def slip(self, microsteps: float) -> None:
-        """Let the turntable miss that many microsteps of a forward move."""
+        """Let the turntable miss some microsteps of a forward move, below 0 of a backward move."""
         self._turntable.slip(-microsteps * math.tau / MICROSTEPS)
 
     def _check_angle(self, microdegrees: int) -> None:
         if not self._turntable.homed:
-            raise RefusalError(Refusal.NOT_HOMED, "the turntable does not know its angle; send Home first")
+            raise RefusalError(Refusal.NOT_HOMED, "the zero of the turntable is unknown; send Home first")
         if abs(microdegrees) > REACH:
             reach = REACH / 1e6
             raise RefusalError(
@@ -256,7 +256,7 @@ class FakeBoard(ProtocolDevice):
             fire = max(self._turntable.turn(angle, now), self._next_ping)
             yield fire
             self._check_mark(fire)
-            # counted from the ping itself, in the whole µs in which it is reported, and across scans
+            # from the reported start of this ping, in whole µs; also applies to the first ping of the next scan
             self._next_ping = round(fire, 6) + PING_PERIOD
             now = fire + listen
             yield now
@@ -280,7 +280,7 @@ class FakeBoard(ProtocolDevice):
 
 
 def rearmed(times: Sequence[float], pause: float) -> list[float]:
-    """Return the echoes that a board detects which needs `pause` s to re-arm after each, earliest first."""
+    """Return the echoes that a board detects if it re-arms `pause` s after each echo, earliest first."""
     detected: list[float] = []
     for time in sorted(times):
         if not detected or time >= detected[-1] + pause:

@@ -45,7 +45,7 @@ class FaultKind(Enum):
     DEAF = ("deaf", 1.0, "s for which bytes from the host are lost")
     MUTE = ("mute", 1.0, "s for which bytes from the scanner are lost")
     RESET = ("reset", 0.5, "s for a restart; conversation, zero and readings are lost")
-    WEDGE = ("wedge", FOREVER, "s for which the turntable does not move, although it receives steps")
+    WEDGE = ("wedge", FOREVER, "s for which the turntable is blocked and misses all steps")
     SLIP = ("slip", 16.0, "microsteps that the turntable misses at once (below 0: on a backward move)")
     NONSENSE = ("nonsense", FOREVER, "s of text, noise and meaningless frames instead of answers")
     UNPLUG = ("unplug", 1.0, "s for which the cable is unplugged; it comes back under the same name")

@@ -161,8 +161,8 @@ def region_lines(comparison: "Comparison") -> list[str]:
     found = compare_regions(comparison)
     lines = [f"regions of constant depth: {region_counts(found)}"]
     for measured, predicted in found.by_bearing():
-        way = "" if predicted is None else path_suffix(comparison, predicted)
-        lines.append(f"  {_pair(measured, predicted)}{way}")
+        path = "" if predicted is None else path_suffix(comparison, predicted)
+        lines.append(f"  {_pair(measured, predicted)}{path}")
     return lines
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from sonarhw.log import Log
 
-NEAR = 0.25  # m around a place given by --place within which a free position is searched
+NEAR = 0.25  # m; a free position is searched within this distance of the place of --place
 _NUMBER = r"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)"
 
 
@@ -118,7 +118,10 @@ def fit_logs(
     samples: int,
     seed: int,
 ) -> FittedLogs:
-    """Fit logs. What is not given is taken from them; raises InputError if they do not contain it."""
+    """Fit logs.
+
+    Room, places and board that are not given are taken from the logs. Raises InputError if they do not contain them.
+    """
     from sonarhw_compare.fit import FitOptions, PlacedScan, fit_scans, free_parameters
     from sonarhw_sim.board.profile import load_board
     from sonarhw_sim.predict.prediction import PredictionOptions
@@ -126,7 +129,7 @@ def fit_logs(
     if places and len(places) != len(log_files):
         raise InputError(f"--place: expected one for each of {counted(len(log_files), 'log')}, got {len(places)}")
     words = [word for word in free.split(",") if word.strip()]
-    _check_typed(words, priors)
+    _check_words(words, priors)
     room = None if room_file is None else open_room(room_file)
     wanted = [] if room is None else [chosen_place(room, place) for place in places]
     given = load_board(board) if board else None
@@ -171,10 +174,10 @@ def _check_files(out: Path | None, board_out: Path | None, free: str, force: boo
 
 
 def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None) -> None:
-    """Write the fitted room and the fitted board profile to the files that are given.
+    """Write the fitted room and the fitted board profile to the given files.
 
-    A place keeps its name in the room. A place that the room does not have, or that several logs share, gets the name
-    of its log.
+    A place of the room keeps its name. A place that is not in the room, or that several logs have, gets the name of its
+    log.
     """
     from sonarhw_compare.fit.findings import found_board, found_room
 
@@ -198,8 +201,8 @@ def write_fitted(fitted: FittedLogs, out: Path | None, board_out: Path | None) -
             written.write(text.encode())
 
 
-def _check_typed(words: Sequence[str], priors: Sequence[str]) -> None:
-    """Raise InputError for errors in `--free` and `--prior` before the logs are read, which may take seconds."""
+def _check_words(words: Sequence[str], priors: Sequence[str]) -> None:
+    """Raise InputError for errors in `--free` and `--prior`. Reading the logs first could take seconds."""
     from sonarhw_compare.fit.values.parameters import quantities_of
 
     free = [quantity.name for word in words for quantity in quantities_of(word)]
@@ -251,14 +254,14 @@ def _recorded(file: Path, log: "Log", room: "Room", free: Collection[str]) -> "P
     recorded = recorded_place(log.metadata, room)
     if recorded is not None:
         return chosen_place(room, recorded)
-    held = [name for name in ("x", "y") if name not in free]
-    if not held:
-        # the whole room is searched: the place need not be known
+    fixed = [name for name in ("x", "y") if name not in free]
+    if not fixed:
+        # the whole room is searched, so the place may be unknown
         return Place("", _middle(room))
     if len(room.places) == 1:
         return room.place(None)
-    fixed = f"{' and '.join(held)} {'is' if len(held) == 1 else 'are'} fixed"
-    raise InputError(f"{file}: its place is unknown, and {fixed}; give --place X,Y, or --free position")
+    reason = f"{' and '.join(fixed)} {'is' if len(fixed) == 1 else 'are'} fixed"
+    raise InputError(f"{file}: its place is unknown, and {reason}; give --place X,Y, or --free position")
 
 
 def _middle(room: "Room") -> tuple[float, float]:

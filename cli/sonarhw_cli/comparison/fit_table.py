@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from sonarhw_compare.fit import Estimate, FitResult, Parameter
 
 _CORRELATED = 0.5  # weaker correlations are not printed
-_DIGITS = 6  # decimals of a value whose deviation is 0 or nearly so
+_DIGITS = 6  # decimals of a value with a deviation near 0
 
 
 def fit_figures(result: "FitResult") -> dict[str, Any]:
@@ -79,7 +79,7 @@ def _noise_line(noise: dict[str, float]) -> str:
 
 
 def _stretch(noise: dict[str, float]) -> str:
-    # there is no stretch if temperature or speed is free
+    # the stretch is not estimated if temperature or speed of sound is free
     return f"; ranges {noise['stretch'] - 1:+z.2%} from the speed of sound" if "stretch" in noise else ""
 
 

@@ -107,7 +107,7 @@ def _pose(text: str) -> "Place":
 
 
 def _place(file: Path, log: "Log", room: "Room | None", wanted: str | None) -> "Place":
-    """Return the place of --place, else the recorded one; never the only place of the room by default."""
+    """Return the place of --place, else the recorded place. Raises InputError if there is neither."""
     known = room or recorded_room(file, log.metadata)
     recorded = log.metadata.place
     if wanted is None and (recorded in known.places or ("," in recorded and log.metadata.room_text == known.text)):

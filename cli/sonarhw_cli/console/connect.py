@@ -47,8 +47,8 @@ def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
 def resolve(url: str) -> Iterator[Find]:
     """Yield a function that returns the URL to open with pyserial now.
 
-    `fake:` URLs and log files are served by this process while the block lasts. A device may return under another
-    name: call the function before each opening.
+    This process serves `fake:` URLs and log files until the block ends. Call the function before each opening,
+    because a device may return under another name.
     """
     from sonarhw.link.ports import PortFinder
 
@@ -75,7 +75,7 @@ def read_pace(text: str) -> "Pace":
 def fake_device(
     room_file: Path, place: str | None, board: str, seed: int, faults: "Faults"
 ) -> "tuple[Device, RoomEchoes]":
-    """Return a fake board in the room of `room_file`, and the source of its echoes; call `prepare` on the latter.
+    """Return a fake board in the room of `room_file`, and its echo source. Call `prepare` of the echo source.
 
     Raises InputError for an invalid room, place or board.
     """

@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C, SIGTERM and SIGHUP during work that must end in order, for example a recording."""
+"""Handling of Ctrl-C, SIGTERM and SIGHUP during work that must be completed or cleaned up, such as a recording."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ class Interruption:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Let every signal raise KeyboardInterrupt: for code that may block and leaves nothing incomplete."""
+        """Let every signal raise KeyboardInterrupt. For code that may block and that is safe to interrupt."""
         self._at_once = True
         try:
             yield
@@ -39,14 +39,14 @@ class Interruption:
 
 @contextmanager
 def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
-    """Let any of SIGNALS call `stop`, and raise KeyboardInterrupt at the end of the block if one came."""
+    """Let any of SIGNALS call `stop`, and then raise KeyboardInterrupt at the end of the block."""
     handler = Interruption(stop)
     with handled_by(handler):
         try:
             yield handler
         finally:
             if handler.wanted:
-                # errors on the way out are consequences of the interruption
+                # other errors are consequences of the interruption
                 raise KeyboardInterrupt from None
 
 
@@ -63,7 +63,7 @@ def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[N
 
 @contextmanager
 def handled_by(handler: Callable[[int, FrameType | None], Any], signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
-    """Install `handler` for `signals` while the block lasts; a SIGHUP that nohup has ignored stays ignored."""
+    """Install `handler` for `signals` until the block ends. A SIGHUP that nohup ignores stays ignored."""
     hangup = getattr(signal, "SIGHUP", None)
     taken = [number for number in signals if number != hangup or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in taken}

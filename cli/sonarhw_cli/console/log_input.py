@@ -1,4 +1,4 @@
-"""The log that a command reads, with a warning if it is torn or damaged, or if its angles are in doubt."""
+"""Reading of logs, with a warning if a log is torn or damaged, or if its angles may be wrong."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -44,7 +44,7 @@ def load_log(path: Path) -> "Log":
 
 
 def open_in_room(log_file: Path, room_file: Path | None, board: str | None) -> "tuple[Log, Room, Board]":
-    """Return a log, and the given or else its recorded room and board. Raises InputError if there is no room."""
+    """Return a log with the given room and board, or else with those in the log. Raises InputError without a room."""
     from sonarhw_sim.board.profile import load_board
 
     room = None if room_file is None else open_room(room_file)
@@ -63,7 +63,7 @@ def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
 
 
 def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
-    """Return the board that a log was recorded with; if it names none, the default board, with a warning."""
+    """Return the board in a log. If it contains none, return the default board and print a warning."""
     from sonarhw_compare.imports.recorded_board import DEFAULT_BOARD, board_of_log
 
     if not metadata.board_text and not metadata.board:
@@ -72,5 +72,5 @@ def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
 
 
 def recorded_place(metadata: "LogMetadata", room: "Room") -> str | None:
-    """Return the place of a log, as X,Y or as a name in this room; None if it contains neither."""
+    """Return the place of a log: X,Y, or the name of a place in this room. None if it contains neither."""
     return metadata.place if metadata.place in room.places or "," in metadata.place else None

@@ -30,7 +30,7 @@ BoardOfLog = Annotated[
     typer.Option("--board", help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml"),
 ]
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
-ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; itself excluded.")]
+ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; excluded.")]
 StepDegrees = Annotated[float, typer.Option("--step", help="Step from one heading to the next, degrees.")]
 FromAngle = Annotated[float, typer.Option("--from", help="First turntable angle, degrees.")]
 ToAngle = Annotated[float, typer.Option("--to", help="End of the turntable angles, degrees; itself excluded.")]
@@ -69,7 +69,7 @@ MOST_HEADINGS = 65535  # largest number that fits into the scan command
 
 
 def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
-    """Return the scan from `start` up to, without, `stop` (degrees). Raises InputError if it has no heading."""
+    """Return the scan from `start` to `stop`, degrees; `stop` is excluded. Raises InputError if it has no heading."""
     for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
         if not abs(degrees) <= MOST_DEGREES:
             raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
@@ -114,27 +114,27 @@ def check_temperature(temperature: float | None) -> None:
 
 
 def checked_out(
-    out: str | Path, endings: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
+    out: str | Path, suffixes: Sequence[str], force: bool, *inputs: str | Path | None, option: str = "--out"
 ) -> str:
-    """Return the one of `endings` that the name `out` has; `-`, if it is among them, is standard output.
+    """Return the suffix of the name `out`, one of `suffixes`. If `-` is one of them, it means standard output.
 
-    A device or pipe has no ending: the first is returned. Raises InputError if the name has another ending, is a
-    folder, an existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
+    Returns the first suffix for a device or a pipe. Raises InputError if the name has another suffix, is a folder, an
+    existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
     """
-    if str(out) == STDOUT and STDOUT in endings:
+    if str(out) == STDOUT and STDOUT in suffixes:
         return STDOUT
     path = Path(out)
     if is_special(path):
-        return endings[0]
-    ending = path.suffix.lower()
-    if ending not in endings:
-        *others, last = [name for name in endings if name != STDOUT]
+        return suffixes[0]
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        *others, last = [name for name in suffixes if name != STDOUT]
         wanted = f"{', '.join(others)} or {last}" if others else last
-        stdout = f", or {STDOUT} for standard output" if STDOUT in endings else ""
+        stdout = f", or {STDOUT} for standard output" if STDOUT in suffixes else ""
         raise InputError(f"{option} {out}: expected a name ending in {wanted}{stdout}")
     refuse_existing(path, force, option)
     refuse_overwriting(path, *inputs, option=option)
-    return ending
+    return suffix
 
 
 def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
@@ -148,13 +148,13 @@ def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
 
 
 def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
-    """Raise InputError if `out` is one of the files that the command reads, also under another name.
+    """Raise InputError if `out` is one of the files that the command reads, perhaps under another name.
 
-    An input may be None, a URL, or the name of a shipped profile; only files are compared.
+    Inputs that are not files are ignored: None, URLs, and names of shipped profiles.
     """
     for given in inputs:
         text = "" if given is None else str(given)
-        # fake:ROOM?place=NAME reads the room file ROOM
+        # a URL fake:ROOM?place=NAME makes the command read the file ROOM
         read = Path(text.removeprefix("fake:").partition("?")[0] if text.startswith("fake:") else text)
         if text and read.exists() and out.exists() and out.samefile(read):
             raise InputError(f"{option} {out}: is the input file {read}; choose another name")

@@ -1,7 +1,7 @@
 """Output of the commands: standard output, and files that are written completely or not at all.
 
-File names must have passed `options.checked_out`. Logs are written elsewhere: they grow on disk reading by reading, and
-are readable wherever they end.
+File names must have been checked by `options.checked_out`. Logs are not written here: they grow on disk reading by
+reading, and are readable after any interruption.
 """
 
 import sys
@@ -18,7 +18,7 @@ from sonarhw_cli.console.options import STDOUT
 
 @contextmanager
 def text_output(out: str) -> Iterator[TextIO]:
-    """Yield standard output for `-`, else a text that is written to the file `out` if the block succeeds.
+    """Yield standard output for `-`, else a buffer that is written to the file `out` if the block succeeds.
 
     Raises OutputError.
     """

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_PARTS = 100  # of the bar of work that reports its share
+_PARTS = 100  # of a bar that shows a share
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The room that a command reads, with a warning for a round object that consists of flat walls."""
+"""Reading of room files, with a warning about round objects that consist of flat walls."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -28,7 +28,7 @@ def board(
     with demo_room() as room_file:
         room = load_room(room_file)
     echoes = RoomEchoes(room, room.place(PLACE), load_board(DEFAULT_BOARD), seed)
-    # before a client can connect: the whole board waits while a ping waits for its echoes
+    # now, before a client can connect: the emulated board stops while it waits for the echoes of a ping
     echoes.prepare()
     with sigterm_raises(SystemExit), emulated_board(echoes, pty, read_pace(pace)) as running:
         typer.echo(running.url)

@@ -1,4 +1,4 @@
-"""`sonarhw calibrate`: measure range offset and home angle with a plate at a known distance; write a board profile."""
+"""`sonarhw calibrate`: measure range offset and home angle with a flat plate, and write a board profile."""
 
 import math
 import re

@@ -56,7 +56,7 @@ def fake(
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
     with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
         typer.echo(port.url)
-        # clients can connect from here on, while the slow preparation runs
+        # clients can connect from now on, during the slow preparation
         device, echoes = fake_device(room_file, place, board, seed, schedule)
         endpoint = Endpoint(device, port, chosen_pace, moved=typer.echo)
         with _prepared_meanwhile(echoes.prepare, endpoint.stop):
@@ -75,7 +75,7 @@ def _prepared_meanwhile(prepare: Callable[[], None], stop: Callable[[], None]) -
             failures.append(failure)
             stop()
 
-    # a daemon, so that a running compilation does not delay the end of the process
+    # a daemon thread, so that the process can end during a compilation
     threading.Thread(target=run, name="prepare", daemon=True).start()
     yield
     if failures:

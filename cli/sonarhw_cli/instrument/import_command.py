@@ -17,7 +17,7 @@ from sonarhw_cli.console.warning_line import warn
 if TYPE_CHECKING:
     from sonarhw.readings import Reading
 
-_FAR = 20.0  # m; beyond the range of all these boards
+_FAR = 20.0  # m; beyond the range of any such board
 
 
 class TurnDirection(StrEnum):

@@ -68,7 +68,7 @@ def log_recover(
 
 
 def _lost(log: "Log") -> str:
-    # a stopped scan has not lost the readings that it did not make
+    # readings that a stopped scan did not make are not missing
     made = [scan.finished.readings if scan.finished else scan.expected or 0 for scan in log.scans]
     missing = sum(max(0, count - len(scan.readings)) for count, scan in zip(made, log.scans, strict=True))
     if not missing:

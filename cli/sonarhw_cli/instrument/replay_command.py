@@ -30,7 +30,7 @@ def replay(
     recorded = open_log(log)
     if not recorded.readings:
         raise InputError(f"{log}: contains no readings; nothing to replay")
-    # for inf the endpoint skips the waiting; the readings keep their recorded times
+    # for inf the endpoint does not wait, and the readings keep their recorded times
     at_once = math.isinf(speed)
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
     with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:

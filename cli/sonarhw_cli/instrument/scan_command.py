@@ -108,7 +108,7 @@ def _check(request: _Request) -> None:
 
 
 def _check_order(order: ScanOrder) -> None:
-    """Raise InputError for an order that does not fit into a frame; the limits of the turntable are checked later."""
+    """Raise InputError for an order that does not fit into a frame. The scanner checks the limits of the turntable."""
     from sonarhw.wire.limits import MOST_READINGS
     from sonarhw.wire.units import microdegrees_of
 
@@ -122,7 +122,7 @@ def _check_order(order: ScanOrder) -> None:
 
 
 def _room(room_file: Path | None, place: str | None) -> "tuple[LogMetadata, Air]":
-    """Return the metadata of the log with its room, and the air in the room."""
+    """Return the metadata of the log, with the room, and the air in the room."""
     from sonarhw_sim.air import Air
 
     from sonarhw.log import LogMetadata
@@ -147,10 +147,10 @@ def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air:
     metadata = replace(metadata, board=board.name, board_text=board.text)
     if request.traces and not scanner.info.trace_rate:
         warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
-    with ExitStack() as during:
-        terminal = _Terminal(scanner, request, during)
-        during.enter_context(_interruption_reported(request, terminal))
-        terminal.interrupted = during.enter_context(interruption(scanner.stop))
+    with ExitStack() as exit_stack:
+        terminal = _Terminal(scanner, request, exit_stack)
+        exit_stack.enter_context(_interruption_reported(request, terminal))
+        terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
         log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
         record_scan(scanner, _plan(request, board, air), log, terminal)
     typer.echo(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}", err=True)
@@ -180,14 +180,14 @@ def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
 class _Terminal:
     """Shows the progress of a scan: the bar, the lines of --print and warnings. Counts the readings."""
 
-    def __init__(self, scanner: "Scanner", request: _Request, during: ExitStack) -> None:
-        """Show the progress of a scan with `scanner`; `during` closes the bar."""
+    def __init__(self, scanner: "Scanner", request: _Request, exit_stack: ExitStack) -> None:
+        """Show the progress of a scan with `scanner`. `exit_stack` closes the bar."""
         self.count = 0
         self.echoes = 0  # readings with an echo
         self.interrupted: Interruption
         self._scanner = scanner
-        self._wish = request
-        self._during = during
+        self._request = request
+        self._exit_stack = exit_stack
         self._advance: Callable[[], None]
         self._began: float | None = None
 
@@ -197,9 +197,9 @@ class _Terminal:
 
     def homed(self) -> None:
         # the bar shows the state of the scanner: "lost" while the driver reconnects
-        bar = progress(self._wish.order.readings, lambda: self._scanner.state.value)
-        self._advance = self._during.enter_context(bar)
-        if self._wish.show:
+        bar = progress(self._request.order.readings, lambda: self._scanner.state.value)
+        self._advance = self._exit_stack.enter_context(bar)
+        if self._request.show:
             self._print(HEADER)
 
     def reading(self, reading: Reading) -> None:
@@ -207,7 +207,7 @@ class _Terminal:
         self.echoes += bool(reading.echo_times)
         if self._began is None:
             self._began = min(self._scanner.scan_began, reading.time)
-        if self._wish.show:
+        if self._request.show:
             self._print(row(reading, self._began))
         self._advance()
 
@@ -215,7 +215,7 @@ class _Terminal:
         warn(message)
 
     def _print(self, line: str) -> None:
-        # a pipe without a reader blocks here; at this moment no part of the log is incomplete
+        # writing to a pipe may block; an interruption is safe, because the log has no incomplete reading now
         with self.interrupted.at_once():
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
@@ -236,10 +236,10 @@ def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[N
 
 
 def _warn_of_another_count(count: int, request: _Request) -> None:
-    """Warn if a replayed log had fewer or more readings than requested: a replay plays all its readings."""
+    """Warn if the number of readings is not the requested one: a replayed log has its own number of readings."""
     if count != request.order.readings:
         requested = counted(request.order.readings, "reading")
-        warn(f"{requested} requested, {count} received: a replay plays all readings of its log, and no others")
+        warn(f"{requested} requested, {count} received: a replay plays the readings of its log")
 
 
 def _warn_of_the_link(scanner: "Scanner") -> None:

@@ -1,4 +1,4 @@
-"""`sonarhw figures`: draw every figure of the paper, and check that it shows what the paper says."""
+"""`sonarhw figures`: draw every figure of the paper, and check the claims of the paper about it."""
 
 from pathlib import Path
 from typing import Annotated

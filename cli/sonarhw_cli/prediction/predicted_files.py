@@ -43,13 +43,13 @@ class TraceSettings:
     rate: float  # Hz
 
 
-def trace_settings(kind: TraceForm | None, rate: float | None, ending: str) -> TraceSettings | None:
-    """Return the traces of --traces and --rate. Raises InputError if they do not fit the file format `ending`."""
+def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> TraceSettings | None:
+    """Return the traces of --traces and --rate. Raises InputError if they do not fit the file format `suffix`."""
     if kind is None:
         if rate is not None:
             raise InputError(f"--rate {rate:g}: needs --traces {', '.join(TraceForm)}")
         return None
-    if ending not in (".npz", LOG) or (ending == LOG and kind is not TraceForm.ENVELOPE):
+    if suffix not in (".npz", LOG) or (suffix == LOG and kind is not TraceForm.ENVELOPE):
         fitting = ".npz or .mcap" if kind is TraceForm.ENVELOPE else ".npz"
         raise InputError(f"--traces {kind.value}: needs a file of format {fitting}; name one with --out")
     chosen = USUAL_RATES[kind] if rate is None else rate
@@ -59,14 +59,14 @@ def trace_settings(kind: TraceForm | None, rate: float | None, ending: str) -> T
 
 
 def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
-    """Yield the columns of HEADER, one row for each heading; None without an echo, or without a path of it."""
+    """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
     bounces, ranges = scan.paths.bounces, scan.ranges
     for k, (heading, winner) in enumerate(zip(scan.headings, scan.winners, strict=True)):
         distance = None if math.isnan(ranges[k]) else float(ranges[k])
         if winner < 0:
             yield math.degrees(heading), distance, None, None, None, None
             continue
-        # the beam straight ahead is 1 except for rounding: write 0 dB, not -1e-13
+        # the directivity straight ahead is 1 except for rounding: write 0 dB, not -1e-13
         length, level = float(scan.paths.lengths[winner]), round(float(scan.levels_at(k)[winner]), 9) + 0.0
         via = ">".join(scan.paths.via(int(winner), scan.room))
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
@@ -101,7 +101,7 @@ def _samples(scan: "PredictedScan", index: int, traces: TraceSettings) -> "NDArr
 
 
 def _listening(scan: "PredictedScan") -> float:
-    """Return the listening time of a ping, s: that of the board's range."""
+    """Return the listening time of a ping for the range of the board, s."""
     return 2 * scan.board.max_range / scan.room.air.speed_of_sound
 
 
@@ -117,7 +117,7 @@ def write_predicted_picture(scan: "PredictedScan", out: Path) -> None:
 def write_predicted_log(
     scan: "PredictedScan", traces: TraceSettings | None, room_file: str, out: Path, force: bool
 ) -> None:
-    """Write the log of a scanner that measures exactly the prediction. Raises InputError for too long traces."""
+    """Write the log of a scanner that measures exactly the prediction. Raises InputError if traces are too long."""
     import time
 
     from sonarhw.export.encoded_log import write_scan

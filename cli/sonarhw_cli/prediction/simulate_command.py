@@ -153,7 +153,7 @@ def _check_noise(options: "PredictionOptions", traces: TraceSettings | None) -> 
 
 
 def _check_effect(model: Model, options: "PredictionOptions", place: "Place") -> None:
-    """Raise InputError for options that would have no effect."""
+    """Raise InputError for options without an effect."""
     if options.sections > 1 and place.height is None:
         raise InputError(f"--sections {options.sections}: place {place.name!r} has no height; add one to the room file")
     if not model.follows_sound and options.unit is not Unit.PASS:
@@ -161,7 +161,7 @@ def _check_effect(model: Model, options: "PredictionOptions", place: "Place") ->
 
 
 def _warn_of_near_field(scan: "PredictedScan") -> None:
-    """Warn if readings are so near that the directivity of the far field does not hold."""
+    """Warn about readings in the near field, where the directivity of the far field is wrong."""
     import numpy as np
     from sonarhw_sim.board.transducer import far_field
 
@@ -187,7 +187,7 @@ def _warn_of_face_outside(scan: "PredictedScan") -> None:
 
 
 def _headings(order: "ScanOrder", board: "Board", place: "Place") -> "FloatArray":
-    """Return the headings of an order, or those of a ring's sensors. Raises InputError for an order for a ring."""
+    """Return the requested headings, or those of the sensors of a ring. Raises InputError if both are given."""
     if board.ring is None:
         return order.angles()
     if order != order_in_degrees(*WHOLE_CIRCLE):

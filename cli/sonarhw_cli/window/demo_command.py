@@ -23,8 +23,8 @@ def demo(
 ) -> int:
     """Scan the demo room with a fake scanner and show the overlay.
 
-    The overlay is the scan drawn over its prediction. Files of an earlier demo are overwritten. The random values are
-    seeded: each run gives the same result.
+    The overlay is the scan drawn over its prediction. Files of an earlier demo are overwritten. The seed is fixed, so
+    each run gives the same result.
     """
     if headless is None and _has_display():
         return show_demo()

@@ -26,7 +26,7 @@ _SCAN, _ROOM = ".csv", ".toml"
 
 @dataclass(frozen=True)
 class _Request:
-    """Room, place and board of the options; None where not given."""
+    """Room, place and board of the options; None if not given."""
 
     room: Path | None
     place: str | None
@@ -52,14 +52,14 @@ def gui(
 ) -> int:
     """Open the window on a log, a CSV scan, a room or a scanner.
 
-    Without arguments, the last session is reopened, the first time the demo.
+    Without arguments, the last session is reopened. If there is none, the demo is opened.
     """
-    source, room_named = _sorted_out(sources or [], room)
+    source, room_named = _source_and_room(sources or [], room)
     request = _Request(room or room_named, place, board)
     if source is not None and _kind(source) == LOG:
         return _replay(Path(source), request)
     if source is not None and _kind(source) == _SCAN:
-        return _show_foreign(Path(source), request)
+        return _show_csv(Path(source), request)
     if source is not None:
         return _scan(source, request)
     if room_named is not None:
@@ -74,8 +74,8 @@ def show_demo() -> int:
         return _scan(demo_url(room_file), _NOTHING)
 
 
-def _sorted_out(sources: list[str], room: Path | None) -> tuple[str | None, Path | None]:
-    """Return the source to open and the room named with it. Raises InputError for several of one kind, or none."""
+def _source_and_room(sources: list[str], room: Path | None) -> tuple[str | None, Path | None]:
+    """Return the source and the room to open, or None. Raises InputError for several sources or several rooms."""
     rooms = [source for source in sources if _kind(source) == _ROOM]
     others = [source for source in sources if source not in rooms]
     if len(others) > 1:
@@ -110,13 +110,13 @@ def _replay(path: Path, request: _Request) -> int:
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
-    with ExitStack() as during:
-        scanners = _Scanners(during)
+    with ExitStack() as exit_stack:
+        scanners = _Scanners(exit_stack)
         start = WindowStart(scene, log, source_name=path.name, source_file=path, used=_used(request.room, path))
         return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
 
 
-def _show_foreign(path: Path, request: _Request) -> int:
+def _show_csv(path: Path, request: _Request) -> int:
     from sonarhw_compare.imports.foreign_csv import guess_columns, read_foreign_scan
 
     scene = _scene(request, begin_at="")
@@ -136,8 +136,8 @@ def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
-    with ExitStack() as during:
-        find_scanner = _Scanners(during).find
+    with ExitStack() as exit_stack:
+        find_scanner = _Scanners(exit_stack).find
         start = WindowStart(scene, source_file=file, used=_used(room), find_scanner=find_scanner, memory=memory_file())
         return run_window(start)
 
@@ -155,9 +155,9 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
-    with ExitStack() as during:
-        scanners = _Scanners(during)
-        # a fake scanner may start at once; a real turntable moves only on a command
+    with ExitStack() as exit_stack:
+        scanners = _Scanners(exit_stack)
+        # a fake scanner may start at once; a real turntable must not move without a request
         start = WindowStart(
             scene, scanners.opener(url), autostart=fake, url=url, find_scanner=scanners.find, memory=memory_file()
         )
@@ -165,10 +165,10 @@ def _scan(url: str, request: _Request, resume: bool = False) -> int:
 
 
 class _Scanners:
-    """Scanners by URL. A fake takes seconds to prepare, so it is started by the first scan, not before."""
+    """Scanners by URL. A fake scanner takes seconds to prepare, so the first scan starts it."""
 
-    def __init__(self, during: ExitStack) -> None:
-        self._during = during
+    def __init__(self, exit_stack: ExitStack) -> None:
+        self._exit_stack = exit_stack
 
     def find(self, url: str) -> "ScannerTarget":
         """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
@@ -185,7 +185,7 @@ class _Scanners:
             from sonarhw.host.scanner import Scanner
 
             if not found:
-                found.append(self._during.enter_context(resolve(url)))
+                found.append(self._exit_stack.enter_context(resolve(url)))
             return Scanner.open(url, find=found[0])
 
         return open_it
@@ -194,9 +194,9 @@ class _Scanners:
 def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     """Return the scene with the requested room, place and board.
 
-    Without a requested place, a measured scan starts at the place `begin_at` of its log, or else at the first place of
-    the room: the user can move the sensor or fit its place later. For a scan still to be made (None), the place must be
-    given if the room has several.
+    If no place is requested, a measured scan gets the place `begin_at` of its log, or else the first place of the room:
+    the user can move the sensor or fit its place later. For a new scan `begin_at` is None. A place must then be
+    requested if the room has several.
     """
     from sonarhw_gui.scene.scene import first_place, scene_with
     from sonarhw_sim.board.profile import load_board
@@ -216,7 +216,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
 
 
 def _fake_scene(url: str, request: _Request) -> "Scene":
-    """Return the scene of the fake scanner, unless another room is requested; check every part of the URL."""
+    """Return the scene of the fake scanner, or that with the requested room. Check every part of the URL."""
     fake = read_fake_url(url)
     own = _Request(fake.room_file, fake.place, fake.board)
     scene = _scene(own)

@@ -143,8 +143,8 @@ def test_a_lost_link_gives_an_error_of_one_line_and_a_whole_log(board: FakeBoard
 @pytest.mark.parametrize(
     ("stop", "message"),
     [
-        ("360", "72 readings requested, 4 received: a replay plays all readings of its log, and no others"),
-        ("15", "3 readings requested, 4 received: a replay plays all readings of its log, and no others"),
+        ("360", "72 readings requested, 4 received: a replay plays the readings of its log"),
+        ("15", "3 readings requested, 4 received: a replay plays the readings of its log"),
     ],
 )
 def test_a_replay_of_another_length_than_requested_gives_a_warning(
