@@ -10,7 +10,7 @@ from tests.checkout import CHECKOUT
 
 PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
 FILE = re.compile(r"`([\w./-]+/[\w.-]+\.(?:py|c|h|toml|md|sh))`")
-EXAMPLES = {  # files that CONTRIBUTING tells the reader to write
+EXAMPLES = {  # files that the reader of CONTRIBUTING writes
     "sonarhw/export/json_lines.py",
     "gui/sonarhw_gui/histogram/",
 }

@@ -121,18 +121,18 @@ def test_a_room_is_saved_under_a_new_name_and_overwrites_only_after_a_question(
     window.commands.save_room.trigger()
     dialog = window.findChild(QFileDialog)
     assert dialog.selectedFiles() == [str(tmp_path / "simple-edited-2.toml")]
-    asked: list[str] = []
+    questions: list[str] = []
 
     def refuse() -> None:
         question = QApplication.activeModalWidget()
         assert isinstance(question, QMessageBox)
-        asked.append(question.text())
+        questions.append(question.text())
         question.button(QMessageBox.StandardButton.No).click()
 
     dialog.selectFile("simple-edited.toml")
     QTimer.singleShot(0, refuse)
     dialog.accept()
-    assert "already exists" in asked[0]
+    assert "already exists" in questions[0]
     assert (tmp_path / "simple-edited.toml").read_text() == "an older room"
     dialog.reject()
 

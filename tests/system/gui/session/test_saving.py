@@ -78,9 +78,9 @@ def test_the_dialog_opens_in_the_folder_of_the_log_and_then_in_the_last_one_used
     qtbot: QtBot, window: MainWindow, recorded: Path, tmp_path: Path
 ) -> None:
     window.commands.save_room.trigger()
-    asked = window.findChild(QFileDialog)
-    assert asked.directory().absolutePath() == str(recorded.parent)
-    asked.reject()
+    dialog = window.findChild(QFileDialog)
+    assert dialog.directory().absolutePath() == str(recorded.parent)
+    dialog.reject()
     window.commands.export_data.trigger()
     assert window.saving.dialog.directory().absolutePath() == str(recorded.parent)
     save(qtbot, window, tmp_path / "data.csv", Qt.Key.Key_E)
@@ -164,19 +164,19 @@ def test_the_report_contains_the_scan_and_its_room(qtbot: QtBot, window: MainWin
 def test_an_existing_file_is_unchanged_if_the_user_declines(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     there = tmp_path / "mine.csv"
     there.write_text("mine")
-    asked = []
+    questions = []
 
     def say_no() -> None:
         question = QApplication.activeModalWidget()
         if isinstance(question, QMessageBox):
-            asked.append(question.text())
+            questions.append(question.text())
             qtbot.mouseClick(question.button(QMessageBox.StandardButton.No), Qt.MouseButton.LeftButton)
         else:
             QTimer.singleShot(20, say_no)
 
     QTimer.singleShot(20, say_no)
     save(qtbot, window, there, Qt.Key.Key_E)
-    assert asked
+    assert questions
     assert there.read_text() == "mine"
     window.saving.dialog.close()
 

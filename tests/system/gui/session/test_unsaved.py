@@ -51,19 +51,19 @@ def draw(window: MainWindow) -> str:
     return scene.room.text
 
 
-def asked(window: MainWindow) -> str:
+def question_text(window: MainWindow) -> str:
     return window.banner.message if window.banner.accept_button.text() == "Restore" else ""
 
 
 def until_asked(qtbot: QtBot, window: MainWindow, about: str) -> None:
-    until(qtbot, lambda: f"{about} has unsaved changes, made in the window on" in asked(window))
+    until(qtbot, lambda: f"{about} has unsaved changes, made in the window on" in question_text(window))
 
 
 def never_asked(qtbot: QtBot, window: MainWindow) -> bool:
     """Return whether the window asks nothing after an update."""
     with qtbot.waitSignal(window.session.showing.changed, timeout=PATIENCE):
         window.session.showing.update_soon()
-    return asked(window) == ""
+    return question_text(window) == ""
 
 
 def test_changes_are_restored_after_another_file_was_opened(
@@ -81,7 +81,7 @@ def test_changes_are_restored_after_another_file_was_opened(
     assert window.session.shown.scene.room.text == ROOM.read_text()
     qtbot.mouseClick(window.banner.accept_button, LEFT)
     assert window.session.shown.scene.room.text == drawn
-    assert asked(window) == ""
+    assert question_text(window) == ""
 
 
 def test_changes_before_a_crash_can_be_restored(
@@ -139,7 +139,7 @@ def test_a_dismissed_question_comes_again_and_discarded_changes_do_not(
         window = start(ROOM)
         until_asked(qtbot, window, "simple.toml")
         qtbot.mouseClick(getattr(window.banner, button), LEFT)
-        assert asked(window) == ""
+        assert question_text(window) == ""
         window.close()
     assert never_asked(qtbot, start(ROOM))
 
@@ -155,7 +155,7 @@ def test_the_question_mentions_a_file_that_has_changed(
     path.write_text(ROOM.read_text().replace("0.928", "0.930"))
     window = start(path)
     until_asked(qtbot, window, "mine.toml")
-    assert "the file has changed since then" in asked(window)
+    assert "the file has changed since then" in question_text(window)
 
 
 def test_restoring_a_room_keeps_place_and_board_of_a_log(
