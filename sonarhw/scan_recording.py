@@ -65,7 +65,7 @@ class ScanWatcher(Protocol):
 def record_scan(scanner: Scanner, plan: ScanPlan, log: LogWriter, watcher: ScanWatcher) -> Outcome:
     """Configure the scanner, home, scan, record everything in `log`, and close it.
 
-    Returns DONE or STOPPED. If the scan is stopped before its first reading, no log is written, and an existing log is
+    Returns DONE or STOPPED. If the scan ends before its first reading, no log is written, and an existing log is
     not overwritten. Raises what `Scanner.scan` and `LogWriter` raise. If the scanner is lost, the error
     states how many readings are kept.
     """

@@ -1,6 +1,6 @@
 """The `sonarhw` command: the list of its subcommands, and the conversion of errors to exit statuses.
 
-Each subcommand is in a file of its own and imports heavy modules inside its function, so that `--help` stays fast.
+Each subcommand has its own file and imports heavy modules inside its function, so that `--help` stays fast.
 """
 
 import errno
@@ -140,7 +140,7 @@ def _report(message: str, status: int) -> int:
 
 
 def _discard_unwritten() -> None:
-    """Discard what standard output does not accept; Python would flush it again at exit, fail, and exit with 120."""
+    """Discard output that standard output does not accept. Python would flush it at exit, fail, and exit with 120."""
     try:
         if sys.stdout is not None:  # it is None if the shell closed it
             sys.stdout.flush()

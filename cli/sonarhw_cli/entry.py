@@ -39,11 +39,11 @@ class Interrupt:
 def _next_signal() -> int:
     """Return a file descriptor that becomes readable at the next signal.
 
-    Python calls a signal handler only between two of its own steps: not while a library call is running, and not in a
-    sleep that starts just as the signal arrives.
+    Python does not call signal handlers while a library call is running, or in a sleep that starts just as the signal
+    arrives.
     """
     reader, writer = os.pipe()
-    if hasattr(os, "set_blocking"):  # Windows before Python 3.12 neither has nor requires it
+    if hasattr(os, "set_blocking"):  # missing on Windows before Python 3.12, and not needed there
         os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer)
     return reader

@@ -76,13 +76,13 @@ class EmulatedBoard:
             self._line.shutdown(socket.SHUT_RDWR)
 
     def serve(self) -> None:
-        """Answer pings until the process has ended. Raises what the echo source raises."""
+        """Answer pings until the process has ended. Errors of the echo source are raised."""
         while (message := self._next()) is not None:
             kind, payload = message
             if kind == b"P":
                 degrees, self.fired, sweep, index = _PING.unpack(payload)
                 result = self._echoes.receive(Ping(np.radians(degrees), sweep, index, LISTEN, True))
-                with suppress(BrokenPipeError):  # the board may have been switched off meanwhile
+                with suppress(BrokenPipeError):  # the board may have been switched off
                     self._send(b"E", packed(result))
             elif kind == b"C":
                 self._cycles.put(struct.unpack(f"<{len(payload) // 4}I", payload))

@@ -26,7 +26,7 @@ class ServerPort(Protocol):
         """Return the descriptor of the client to write to; None without a client."""
 
     def read(self) -> bytes | None:
-        """Return what the client sent; None if it has just disconnected."""
+        """Return the bytes from the client; None if it has just disconnected."""
 
     def write(self, data: bytes) -> int | None:
         """Write as much as possible now. Return the number of bytes; None if the client has just disconnected."""
@@ -73,7 +73,7 @@ class TcpServerPort:
         return self._client.fileno() if self._client else None
 
     def read(self) -> bytes | None:
-        """Return what the client sent; None if it has just disconnected. Accept a client if there is none."""
+        """Return the bytes from the client; None if it has just disconnected. Accept a client if there is none."""
         if self._client is None:
             self._client, _ = self._listener.accept()
             self._client.setblocking(False)
@@ -147,7 +147,7 @@ class PtyServerPort:
         return self._master if self._descriptors else None
 
     def read(self) -> bytes | None:
-        """Return what the client sent."""
+        """Return the bytes from the client."""
         try:
             return os.read(self._master, _MOST)
         except BlockingIOError:

@@ -1,6 +1,6 @@
 """The file formats in which readings are exported, by `sonarhw log export` and by Export data in the window.
 
-To add a format, write a function `write_x(log, file)` in a module of its own and add an entry to FORMATS. The command,
+To add a format, write a function `write_x(log, file)` in a new module and add an entry to FORMATS. The command,
 its help, the window's file dialog and its tooltip follow.
 """
 

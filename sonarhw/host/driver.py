@@ -294,7 +294,7 @@ class Driver:
                 self.device_statistics = message
                 self._round_trip = smoothed(self._round_trip, now - command.sent_at)
             case Started():
-                # a replayed log plays its own readings whatever sector was requested
+                # a replayed log plays its own readings, even if another sector was requested
                 self._arrivals.total = message.first + message.readings
             case Refused():
                 self._refused(command, message)

@@ -69,7 +69,7 @@ class Job:
         if self.began is None:
             self.began = clock.continued(self.command.answered_us)
         if not self.progress.received:
-            # a replayed log plays its own readings whatever sector was requested
+            # a replayed log plays its own readings, even if another sector was requested
             self.progress.total = self.command.answer.first + self.command.answer.readings
 
     def take(self, reading: Reading) -> bool:

@@ -14,7 +14,7 @@ class LinkStatistics:
     bytes_received: int = 0
     bytes_sent: int = 0
     rejected_blocks: int = 0  # blocks between delimiters that are not a valid frame
-    rejected_messages: int = 0  # undamaged frames whose payload does not match the message type
+    rejected_messages: int = 0  # undamaged frames with a payload that does not match the message type
     missing_frames: int = 0  # gaps in the device's sequence numbers
     repeated_commands: int = 0
     resends: int = 0  # Resend commands

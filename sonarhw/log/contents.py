@@ -71,7 +71,7 @@ class RecordedScan:
 
     @property
     def angle_warning(self) -> str | None:
-        """Clause that names the readings whose angles may be wrong, and the reason; None if there are none."""
+        """Clause with the angles that may be wrong, and the reason; None if there are none."""
         slipped = self.finished is not None and self.finished.outcome == Outcome.LOST_STEPS
         if not slipped and not self.homed:
             return None

@@ -38,7 +38,7 @@ UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # Ove
 class OpenFile:
     """A file for random access from any thread. It is closed when it is garbage-collected.
 
-    If another process replaces the file meanwhile, the old contents are still read.
+    If another process replaces the file, the old contents are still read.
     """
 
     def __init__(self, path: Path) -> None:

@@ -113,7 +113,7 @@ class ScanDecoder:
             return []
         if message is None:
             return []
-        # Accepted and Refused may be unmatched answers, whose times must be ignored
+        # Accepted and Refused may be unmatched answers; their times must be ignored
         if recorded.received and not isinstance(message, Accepted | Refused):
             self._newest_us = frame.time_us
             self._clock.add_frame(frame.time_us, recorded.time)

@@ -92,7 +92,7 @@ class ReplayDevice(ProtocolDevice):
         return Info(sequence, PROTOCOL_MAJOR, PROTOCOL_MINOR, "sonarhw replay", "", "", NO_TEMPERATURE, 0, 0)
 
     def configure(self, request: Configure, sequence: int) -> Settings:
-        """Return the recorded settings of the next scan, whatever is requested."""
+        """Return the recorded settings of the next scan. The requested ones are ignored."""
         self._settings = self._recorded_settings() or Settings(
             sequence, request.listen_us, request.blanking_us, request.trace, request.speed_of_sound
         )

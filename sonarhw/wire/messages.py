@@ -166,7 +166,7 @@ class Feature(IntFlag):
 
 @dataclass(frozen=True)
 class Hello(CommandMessage):
-    """Start a conversation; stop whatever the device is doing. Answer: Info."""
+    """Start a conversation, and stop the running command. Answer: Info."""
 
     TYPE = 0x01
     WHEN_BUSY = WhenBusy.STOPS
@@ -222,7 +222,7 @@ class StartScan(ActionMessage):
 
 @dataclass(frozen=True)
 class Stop(CommandMessage):
-    """Stop turning and pinging. Answers: Finished for what was stopped, then Accepted."""
+    """Stop turning and pinging. Answers: Finished for the stopped command, then Accepted."""
 
     TYPE = 0x06
     WHEN_BUSY = WhenBusy.STOPS

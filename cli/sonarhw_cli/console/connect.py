@@ -33,7 +33,7 @@ _FAKE_KEYS = ("place", "board", "seed", "pace", "faults")
 
 @contextmanager
 def connect(url: str, reconnect: float = RECONNECT) -> "Iterator[Scanner]":
-    """Yield the connected scanner at `url`; after a lost connection the driver reconnects for up to `reconnect` s.
+    """Yield the connected scanner at `url`. After a loss, the driver tries to reconnect for up to `reconnect` s.
 
     Raises InputError for an invalid URL, LinkError, DeviceError.
     """

@@ -54,7 +54,7 @@ def log_recover(
     out: Annotated[Path, typer.Option("--out", help="Log to write (*.mcap).")],
     force: Force = False,
 ) -> None:
-    """Repair a torn log. Everything readable is written to a new log, and what was lost is printed."""
+    """Repair a torn log. Everything readable is written to a new log. The number of missing readings is printed."""
     from sonarhw.log import copy_log
 
     checked_out(out, (LOG,), force, log)

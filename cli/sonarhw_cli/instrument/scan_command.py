@@ -223,14 +223,14 @@ class _Terminal:
 
 @contextmanager
 def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[None]:
-    """After an interruption, print what was recorded, once the log is closed."""
+    """After an interruption, print the number of recorded readings when the log is closed."""
     try:
         yield
     except KeyboardInterrupt:
         count = terminal.count
         are = "is" if count == 1 else "are"
         kept = f"{counted(count, 'reading')} {are} kept in {request.out}" if count else "nothing was recorded"
-        with suppress(OSError):  # the terminal may be gone
+        with suppress(OSError):  # the terminal may be closed
             typer.echo(f"sonarhw: interrupted; {kept}", err=True)
         raise
 
