@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from types import FrameType
 
 INTERRUPTED = 130
@@ -22,6 +23,7 @@ class Interrupt:
     def __init__(self) -> None:
         self.received = False
         self.started = False  # whether there may be something to clean up
+        self._threads: list[_thread.LockType] = []  # each is free once its thread runs
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
         """Handle a signal."""
@@ -31,9 +33,26 @@ class Interrupt:
         # errors in destructors and callbacks are consequences of Ctrl-C: do not print them
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
-        _thread.start_new_thread(_end_later, ())
-        _thread.start_new_thread(_end_at_next, (_next_signal(),))
+        self._threads = [_started(_end_later), _started(_end_at_next, _next_signal())]
         raise KeyboardInterrupt
+
+    def wait_for_threads(self) -> None:
+        """Wait until the threads of the handler run: Python can crash if it exits while one is starting."""
+        for thread in self._threads:
+            thread.acquire()
+
+
+def _started(function: Callable[..., None], *arguments: int) -> _thread.LockType:
+    """Call `function` in a thread. Return a lock that the thread releases first."""
+    running = _thread.allocate_lock()
+    running.acquire()
+
+    def run() -> None:
+        running.release()
+        function(*arguments)
+
+    _thread.start_new_thread(run, ())
+    return running
 
 
 def _next_signal() -> int:
@@ -70,6 +89,7 @@ def main() -> None:
     if handled:
         # the work is complete: a late Ctrl-C must not change the status
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+    interrupt.wait_for_threads()
     sys.exit(INTERRUPTED if interrupt.received else status)
 
 

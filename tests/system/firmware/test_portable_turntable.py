@@ -83,7 +83,7 @@ def test_a_displaced_mark_ends_a_scan_with_lost_steps_and_requires_homing(board:
     board.c.host_set_position(board.c.host_position() - 64)
     finished = finished_of(board, StartScan(-30_000_000, 5_000_000, 12, 1, 1))
     assert finished.outcome == Outcome.LOST_STEPS
-    assert "home" in finished.text
+    assert "Home" in finished.text
     statistics = next(m for m in board.ask(AskStatistics()) if isinstance(m, Statistics))
     assert abs(statistics.lost_steps) == 64
     refused = next(m for m in board.ask(Turn(0)) if isinstance(m, Refused))
