@@ -6,6 +6,8 @@ This module imports nothing heavy, so a command line can list the choices before
 from enum import StrEnum
 from typing import Self
 
+DEFAULT_BOARD = "polaroid-6500"  # the board profile if a user names none
+
 
 class Model(StrEnum):
     """How to predict a scan: following the sound, or a simpler baseline model to compare with.

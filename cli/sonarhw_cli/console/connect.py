@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 from urllib.parse import parse_qsl
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.options import DEFAULT_BOARD, chosen_place
+from sonarhw_cli.console.options import chosen_place
 from sonarhw_cli.console.room_input import open_room
 
 if TYPE_CHECKING:

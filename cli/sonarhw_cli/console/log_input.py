@@ -64,7 +64,8 @@ def recorded_room(log_file: Path, metadata: "LogMetadata") -> "Room":
 
 def recorded_board(log_file: Path, metadata: "LogMetadata") -> "Board":
     """Return the board in a log. If it contains none, return the default board and print a warning."""
-    from sonarhw_compare.imports.recorded_board import DEFAULT_BOARD, board_of_log
+    from sonarhw_compare.imports.recorded_board import board_of_log
+    from sonarhw_sim.choices import DEFAULT_BOARD
 
     if not metadata.board_text and not metadata.board:
         warn(f"{log_file}: names no board, {DEFAULT_BOARD} is assumed; give the right one with --board")

@@ -61,7 +61,6 @@ TcpAddress = Annotated[
     str | None, typer.Option("--tcp", help="Serve on TCP; port 0 selects a free port.", metavar="HOST:PORT")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
-DEFAULT_BOARD = "polaroid-6500"
 STDOUT = "-"
 LOG = ".mcap"
 MOST_DEGREES = 2147.0  # largest angle that fits into a frame

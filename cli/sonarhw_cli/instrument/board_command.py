@@ -6,11 +6,12 @@ The command is not listed by --help, because it needs a checkout and compilers.
 from typing import Annotated
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw_cli.console.connect import read_pace
 from sonarhw_cli.console.demo_room import PLACE, demo_room
 from sonarhw_cli.console.interruption import sigterm_raises
-from sonarhw_cli.console.options import DEFAULT_BOARD, PtyLink
+from sonarhw_cli.console.options import PtyLink
 
 
 def board(

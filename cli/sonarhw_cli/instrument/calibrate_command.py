@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError, OutputError
 from sonarhw_cli.console.connect import ScannerUrl, connect
 from sonarhw_cli.console.interruption import interruption, sigterm_raises
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
-    DEFAULT_BOARD,
     BoardName,
     Force,
     check_temperature,

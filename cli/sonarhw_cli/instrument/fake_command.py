@@ -6,11 +6,11 @@ from contextlib import contextmanager
 from typing import Annotated
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw_cli.console.connect import fake_device, read_pace
 from sonarhw_cli.console.interruption import sigterm_raises
 from sonarhw_cli.console.options import (
-    DEFAULT_BOARD,
     BoardName,
     PlaceName,
     PtyLink,

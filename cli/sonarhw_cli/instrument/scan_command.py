@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
@@ -18,7 +19,6 @@ from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, connect
 from sonarhw_cli.console.interruption import Interruption, interruption, sigterm_raises
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
-    DEFAULT_BOARD,
     LOG,
     Force,
     FromAngle,

@@ -4,11 +4,10 @@ from typing import Annotated
 
 import typer
 from sonarhw_compare.headings import in_degrees
-from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength
 
 from sonarhw_cli.console.number_format import write_rows
 from sonarhw_cli.console.options import (
-    DEFAULT_BOARD,
     STDOUT,
     EdgeStrengthChoice,
     Force,

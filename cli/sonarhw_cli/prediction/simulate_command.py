@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
+from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.number_format import counted, write_rows
 from sonarhw_cli.console.options import (
-    DEFAULT_BOARD,
     LOG,
     STDOUT,
     BoardName,

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import FAKE, Find, read_fake_url, resolve
 from sonarhw_cli.console.demo_room import demo_room, demo_url
-from sonarhw_cli.console.options import DEFAULT_BOARD, LOG, PlaceName
+from sonarhw_cli.console.options import LOG, PlaceName
 
 if TYPE_CHECKING:
     from sonarhw_gui.live.scanner_jobs import ScannerOpener

@@ -1,10 +1,9 @@
 """The board that a log was recorded with, even if its profile is not installed."""
 
 from sonarhw_sim.board.profile import Board, load_board, parse_board
+from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.log import LogMetadata
-
-DEFAULT_BOARD = "polaroid-6500"
 
 
 def board_of_log(metadata: LogMetadata) -> Board:
