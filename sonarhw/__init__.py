@@ -1,21 +1,73 @@
-"""The instrument: readings and scans, wire protocol, driver, fake scanner, logs, replay.
+"""Scan a room with an ultrasonic ranging board, predict the scan, and compare both.
 
-    from sonarhw import Scanner, sector
+    import sonarhw
 
-    with Scanner.open("/dev/ttyUSB0") as scanner:
-        for reading in scanner.scan(sector(0, 360, 5)):
-            print(reading.angle, reading.range)
+    room = sonarhw.load_room("simple")
+    scan = sonarhw.predict(room, "figure9", "paper")
+    print(scan.ranges)  # (72,) m, NaN where the board detects no echo
 
-Public names, which are loaded when they are first used; everything else in this package may change between versions:
+These names are public. Each is loaded when it is first used; everything else may change between versions. Names that
+this package does not contain come from `sonarhw_sim` and `sonarhw_compare`.
 
+Scan
+- `open_scanner`: opens a serial port, `socket://HOST:PORT`, a fake scanner `fake:ROOM?place=NAME`, or a log.
 - `Scanner`: a connected scanner. `Recorder`: the interface for recording its frames and readings.
 - `Reading`, `Trace`: the result of one ping. `ScanOrder`, `sector`: the pings of a scan.
 - `read_log`, `Log`, `LogWriter`, `LogMetadata`: recordings on disk.
+
+Predict
+- `load_room`, `room_names`, `save_room`, `Room`, `Place`: rooms and the places of the sensor in them.
+- `load_board`, `board_names`, `Board`: board profiles.
+- `predict`, `PredictionOptions`, `PredictedScan`: the prediction of a scan.
+
+Compare
+- `compare`, `Comparison`, `explain_reading`: each reading beside its prediction, and its cause in words.
+- `fit`, `FitOptions`, `FitResult`, `PlacedScan`: pose, board and room that explain scans best.
+- `locate`, `Located`: the possible poses of a scan in a known room.
+- `map_scans`, `RoomMap`: an unknown room from several scans.
+- `load_study`, `run_study`, `read_study`: many predictions; needs the extra `study`.
+- `write_report`: one HTML file about a scan.
+- `draw_plan`, `draw_comparison`, `draw_located`, `draw_map`: pictures of the results, as Matplotlib figures.
+
+Tests and simulations
 - `FakeBoard`, `FaultyDevice`, `read_faults`, `serve`: a fake scanner, its faults, and a port that serves it.
-- `EchoSource`, `Ping`, `PingResult`: the interface for the echoes of a fake scanner, for tests and simulations.
-- `SonarError`: the base class of all errors in `sonarhw.errors`.
+- `EchoSource`, `Ping`, `PingResult`: the interface for the echoes of a fake scanner.
+
+`SonarError` is the base class of all errors in `sonarhw.errors`.
 """
 
-import lazy_loader
+import ast
+from importlib import import_module
+from importlib.util import resolve_name
+from pathlib import Path
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+def _modules() -> dict[str, str]:
+    """Return the module of each public name, as the stub beside this file imports it."""
+    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    return {
+        name.name: resolve_name("." * statement.level + (statement.module or ""), __name__)
+        for statement in stub.body
+        if isinstance(statement, ast.ImportFrom)
+        for name in statement.names
+    }
+
+
+_MODULES = _modules()
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # by name: this package is the lowest layer, and must not import the packages above it
+    globals()[name] = getattr(import_module(_MODULES[name]), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -1,4 +1,36 @@
-# The public names; each is loaded when it is first used.
+# The public names. The first block is the instrument, which this package contains. The others come from the packages
+# above it: `__init__.py` loads them by name, so this package does not import them.
+from sonarhw_compare import (
+    Comparison,
+    FitOptions,
+    FitResult,
+    Located,
+    PlacedScan,
+    RoomMap,
+    draw_located,
+    draw_map,
+    draw_plan,
+    explain_reading,
+    map_scans,
+)
+from sonarhw_compare.in_one_call import compare, fit, locate, write_report
+from sonarhw_compare.matching.comparison_picture import draw_comparison
+from sonarhw_compare.scanners.scanner_url import open_scanner
+from sonarhw_compare.study import load_study, read_study, run_study
+from sonarhw_sim import (
+    Board,
+    Place,
+    PredictedScan,
+    PredictionOptions,
+    Room,
+    board_names,
+    load_board,
+    load_room,
+    room_names,
+    save_room,
+)
+from sonarhw_sim.predict.by_name import predict
+
 from .device.endpoint import serve
 from .device.fake_board import FakeBoard
 from .device.fault_schedule import read_faults
@@ -10,23 +42,56 @@ from .host.scanner import Scanner
 from .log import Log, LogMetadata, LogWriter, read_log
 from .readings import Reading, ScanOrder, Trace, sector
 
+__version__: str
+
 __all__ = [
+    "Board",
+    "Comparison",
     "EchoSource",
     "FakeBoard",
     "FaultyDevice",
+    "FitOptions",
+    "FitResult",
+    "Located",
     "Log",
     "LogMetadata",
     "LogWriter",
     "Ping",
     "PingResult",
+    "Place",
+    "PlacedScan",
+    "PredictedScan",
+    "PredictionOptions",
     "Reading",
     "Recorder",
+    "Room",
+    "RoomMap",
     "ScanOrder",
     "Scanner",
     "SonarError",
     "Trace",
+    "board_names",
+    "compare",
+    "draw_comparison",
+    "draw_located",
+    "draw_map",
+    "draw_plan",
+    "explain_reading",
+    "fit",
+    "load_board",
+    "load_room",
+    "load_study",
+    "locate",
+    "map_scans",
+    "open_scanner",
+    "predict",
     "read_faults",
     "read_log",
+    "read_study",
+    "room_names",
+    "run_study",
+    "save_room",
     "sector",
     "serve",
+    "write_report",
 ]

@@ -1,65 +1,109 @@
-"""Write a file completely or not at all. A temporary file is written first, and renamed when it is complete.
+"""Write a file completely or not at all. A hidden file is written first, synced to the disk, and renamed when complete.
 
-Logs are not written in this way. They grow on disk reading by reading, and are readable after any interruption.
+Logs of running scans are not written in this way. They grow on disk reading by reading, and are readable after any
+interruption.
 """
 
 import errno
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from sonarhw.errors import OutputError
 
-_OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
+_OPEN_FILES = (Path("/dev/fd"), Path("/proc/self/fd"))
+_STREAMS = {Path("/dev/stdin"): 0, Path("/dev/stdout"): 1, Path("/dev/stderr"): 2}
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK)  # file systems without hard links
+_unfinished: set[Path] = set()  # hidden files that this process is writing
 
 
 @contextmanager
-def atomic_file(path: Path, option: str = "--out") -> Iterator[BinaryIO]:
-    """Open `path` for writing. The file is created or replaced only if the block raises no error.
+def atomic_file(path: Path, what: str = "file", *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Open `path` for writing. The file is created or, with `overwrite`, replaced only if the block raises no error.
 
-    Raises OutputError. The block should only write, because every OSError in it is reported as an error of this file.
+    Raises OutputError, also if the file exists at the end of the block and `overwrite` is false. The block should only
+    write, because every OSError in it is reported as an error of this file.
     """
     try:
-        with _opened_in_place(path) if is_special(path) else _renamed_when_complete(path) as file:
+        with _opened_in_place(path) if is_special(path) else _renamed_when_complete(path, overwrite) as file:
             yield file
     except BrokenPipeError:
         raise
+    except FileExistsError as error:
+        raise OutputError(f"{path}: exists already; choose another {what}") from error
     except OSError as error:
         delete = "delete other files or " if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
-        raise OutputError(f"{path}: {error.strerror or error}; {delete}choose another {option}") from error
+        raise OutputError(f"{path}: {error.strerror or error}; {delete}choose another {what}") from error
 
 
 def is_special(path: Path) -> bool:
     """Return whether a path is a device, a pipe or an open file. These are written to and never replaced."""
     # /dev/stdout may be a link to a regular file, to which the parent process continues to write
-    return path.exists() and not path.is_dir() and (path.parent in _OPEN_FILES or not path.is_file())
+    return path.exists() and not path.is_dir() and (_descriptor(path) is not None or not path.is_file())
+
+
+@contextmanager
+def unfinished_file(target: Path) -> Iterator[Path]:
+    """Yield the name of a hidden file in the folder of `target`. It is removed at the end unless it was renamed."""
+    # a rename is atomic only within one folder
+    path = target.with_name(f".sonarhw-{os.urandom(6).hex()}.part")
+    _unfinished.add(path)
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+        _unfinished.discard(path)
+
+
+def remove_unfinished() -> None:
+    """Remove all hidden files that this process is writing. For a process that exits without unwinding."""
+    for path in tuple(_unfinished):
+        with suppress(OSError):
+            path.unlink()
+
+
+def _descriptor(path: Path) -> int | None:
+    if path.parent in _OPEN_FILES and path.name.isdecimal():
+        return int(path.name)
+    return _STREAMS.get(path)
 
 
 @contextmanager
 def _opened_in_place(path: Path) -> Iterator[BinaryIO]:
-    with path.open("wb") as file:
+    descriptor = _descriptor(path)
+    # opening an open file by its name would truncate it
+    with path.open("wb") if descriptor is None else os.fdopen(os.dup(descriptor), "wb") as file:
         yield file
 
 
 @contextmanager
-def _renamed_when_complete(path: Path) -> Iterator[BinaryIO]:
+def _renamed_when_complete(path: Path, overwrite: bool) -> Iterator[BinaryIO]:
     # a symbolic link is kept, and its target is replaced
     target = path.resolve()
-    # a rename is atomic only within one folder
-    unfinished = target.with_name(f".sonarhw-{secrets.token_hex(6)}.part")
-    file = unfinished.open("xb")
-    try:
-        with file:
+    with unfinished_file(target) as unfinished:
+        with unfinished.open("xb") as file:
             yield file
             file.flush()
             # some file systems report a full disk only here
             os.fsync(file.fileno())
+        if overwrite:
+            if target.exists():
+                shutil.copymode(target, unfinished)
+            unfinished.replace(target)
+        else:
+            _rename_to_new(unfinished, target)
+
+
+def _rename_to_new(unfinished: Path, target: Path) -> None:
+    """Rename a file. Raises FileExistsError if the target exists, even if another process has just created it."""
+    try:
+        target.hardlink_to(unfinished)
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
         if target.exists():
-            shutil.copymode(target, unfinished)
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from error
         unfinished.replace(target)
-    finally:
-        unfinished.unlink(missing_ok=True)

@@ -17,24 +17,36 @@
     ├── NoPlate                the readings for `calibrate` show no suitable plate                 exit 1
     ├── Cancelled              long work was cancelled before it had finished                      exit 1
     ├── WorkersLost            processes or a cluster ended before their study had finished        exit 1
+    ├── MissingExtra           the window or studies are not installed                             exit 1
     ├── NoDisplay              there is no display for a window (`sonarhw_gui.shell.display`)      exit 1
-    ├── LogError               a log cannot be written                                             exit 1
+    ├── LogError               a scan cannot be recorded: its log cannot be written                exit 1
     └── OutputError            another file, or standard output, cannot be written                 exit 1
 
 A message states what is wrong, where, what was expected, and what to do. It fits on one line.
 """
 
+from enum import IntEnum
+
+
+class ExitStatus(IntEnum):
+    """The exit statuses of the command line."""
+
+    DONE = 0  # the command has done what was asked, or has printed help or its version
+    FAILED = 1  # it started and failed: link, device, disk
+    BAD_INPUT = 2  # options or input files are invalid; nothing was done
+    INTERRUPTED = 130  # Ctrl-C, SIGTERM or SIGHUP ended it; what was recorded is kept
+
 
 class SonarError(Exception):
     """Base class of all errors. `exit_status` is the exit status of the command line."""
 
-    exit_status = 1
+    exit_status = ExitStatus.FAILED
 
 
 class InputError(SonarError):
     """The input is invalid; nothing has been done yet."""
 
-    exit_status = 2
+    exit_status = ExitStatus.BAD_INPUT
 
 
 class NotALog(InputError):
@@ -93,6 +105,14 @@ class NoPlate(SonarError):
     """The readings show no plate that is suitable for calibration."""
 
 
+class MissingExtra(SonarError):
+    """A part of the product is not installed, because it was installed without the extra `gui` or `study`."""
+
+    def __init__(self, need: str, extra: str) -> None:
+        install = f"run pip install '.[{extra}]' in the source folder of sonarhw"
+        super().__init__(f"{need}, which is not installed: {install}")
+
+
 class Cancelled(SonarError):
     """Long work was cancelled before it had finished. There is no result."""
 
@@ -102,8 +122,8 @@ class WorkersLost(SonarError):
 
 
 class LogError(SonarError):
-    """A log cannot be written."""
+    """A scan cannot be recorded, because its log cannot be written."""
 
 
 class OutputError(SonarError):
-    """A file other than a log, or standard output, cannot be written."""
+    """A file other than the log of a running scan, or standard output, cannot be written."""

@@ -2,12 +2,22 @@
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
+
+
+class Origin(StrEnum):
+    """The origin of readings; the value is the adjective in titles, legends, tables and JSON."""
+
+    MEASURED = "measured"  # by a scanner
+    FAKE = "fake"  # by the fake scanner or the emulated board, which simulate their echoes
+    SIMULATED = "simulated"  # by `sonarhw simulate`
+    IMPORTED = "imported"  # from a CSV file of another program, which does not state its source
 
 
 class Trace:
@@ -65,6 +75,7 @@ class Reading:
     temperature_c: float | None = None
     trace: Trace | None = None
     host_time: float | None = field(default=None, compare=False)  # `time` on the host's clock, s since the epoch
+    origin: Origin | None = field(default=None, compare=False)  # None: the device has not identified itself
 
     @property
     def echo_ranges(self) -> tuple[float, ...]:
@@ -106,14 +117,16 @@ class ScanOrder:
 
 
 def headings_between(start: float, stop: float, step: float) -> int:
-    """Return the number of angles `start`, `start + step`, … before `stop`, which is excluded. 0 to 360 by 5 is 72.
+    """Return the number of angles `start`, `start + step`, … before `stop`, which is excluded; at least 1.
+
+    0 to 360 by 5 is 72.
 
     Raises ValueError if the step is zero, not finite, or leads away from `stop`.
     """
     if not all(map(math.isfinite, (start, stop, step))) or step == 0 or not 0 < (stop - start) / step < math.inf:
         raise ValueError(f"there is no angle from {start:g} to below {stop:g} in steps of {step:g}")
     # rounding may make the quotient too large: without 1e-9, 0 to 360 by 0.1 could give 3601 headings instead of 3600
-    return math.ceil((stop - start) / step - 1e-9)
+    return max(1, math.ceil((stop - start) / step - 1e-9))
 
 
 def sector(start_deg: float = 0.0, stop_deg: float = 360.0, step_deg: float = 5.0, pings: int = 1) -> ScanOrder:

@@ -23,6 +23,8 @@
 #define VECTOR_SIZE 4 // bytes
 #define ENTRY_CYCLES 5 // from the interrupt to its vector; simavr omits them
 #define EEPROM_SIZE 4096
+#define SERIAL_AT 4 // stored_serial in identity.c
+#define EMULATED_SERIAL "EMULATED" // as in sonarhw/wire/origin.py
 #define MOST_BEHIND 0.1 // s; a longer delay of the machine is not caught up
 #define HOST_LATE 1.6 // s of board time without a byte from the host; the firmware gives up after 2 s
 #define PATIENT 0.5 // pace while the host is late
@@ -144,6 +146,8 @@ static void read_eeprom(avr_t *avr)
             die("cannot read the EEPROM file");
         fclose(file);
     }
+    if (!options.eeprom) // a log of the emulated board must not look like a log of a real one
+        memcpy(bytes + SERIAL_AT, EMULATED_SERIAL, sizeof EMULATED_SERIAL);
     avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
     avr_ioctl(avr, AVR_IOCTL_EEPROM_SET, &all);
 }

@@ -21,7 +21,7 @@ from sonarhw.device.device import Device
 from sonarhw.device.server_ports import ServerPort, open_server_port
 from sonarhw.errors import InputError
 
-__all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_server_port", "serve"]
+__all__ = ["Clock", "Endpoint", "Pace", "check_pace", "open_server_port", "read_pace", "serve"]
 
 Pace = float | Literal["real", "max"]
 _LONGEST_WAIT = 0.1  # s
@@ -60,6 +60,14 @@ def check_pace(pace: Pace) -> Pace:
     if pace not in ("real", "max") and not (isinstance(pace, float | int) and 0 < pace < math.inf):
         raise InputError(f"pace {pace}: expected real, max, or a factor above 0 such as 10")
     return pace
+
+
+def read_pace(text: str) -> Pace:
+    """Return the pace for `real`, `max` or a factor above 0. Raises InputError for anything else."""
+    try:
+        return check_pace(float(text))
+    except ValueError:
+        return check_pace(text)  # type: ignore[arg-type]  # check_pace accepts the two words only
 
 
 class Endpoint:

@@ -32,6 +32,7 @@ from sonarhw.wire.messages import (
     Turn,
     TurntableSettings,
 )
+from sonarhw.wire.origin import FAKE_FIRMWARE
 from sonarhw.wire.reading_messages import scan_order, trace_chunks
 from sonarhw.wire.units import centidegrees_of, microdegrees_of, microseconds_of, nanoseconds_of, radians_of, seconds_of
 
@@ -50,7 +51,7 @@ class BoardIdentity:
     serial: str = "FAKE-0001"
     profile: str = ""  # name of its board profile
     trace_rate: int = 50_000  # Hz
-    firmware: str = "sonarhw-fake 0.1.0"
+    firmware: str = f"{FAKE_FIRMWARE} 0.1.0"
     major: int = PROTOCOL_MAJOR
     minor: int = PROTOCOL_MINOR
     boot: int = 1  # number of starts

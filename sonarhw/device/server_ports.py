@@ -56,8 +56,9 @@ class TcpServerPort:
             self._listener = socket.create_server((host, port), backlog=_CLIENTS_WAITING)
         except socket.gaierror as error:
             raise InputError(f"{address}: {host} is not a local address; try 127.0.0.1:{port}") from error
-        except OSError as error:
-            reason = os.strerror(error.errno) if error.errno else str(error)
+        except (OSError, ValueError) as error:  # ValueError: a name that cannot be a host name
+            code = error.errno if isinstance(error, OSError) else None
+            reason = os.strerror(code) if code else str(error)
             raise LinkError(f"{address}: cannot listen there: {reason}; try 127.0.0.1:0") from error
         self._client: socket.socket | None = None
         self._host, self._port = host, self._listener.getsockname()[1]
@@ -134,7 +135,7 @@ class PtyServerPort:
     def __init__(self, link: Path | None) -> None:
         """Open a pseudo-terminal. `link` points to it until `close`. Raises InputError if `link` cannot be created."""
         if os.name != "posix":
-            raise InputError("this operating system has no pseudo-terminals; use --tcp 127.0.0.1:0")
+            raise InputError("this operating system has no pseudo-terminals; use TCP, 127.0.0.1:0")
         self._first_link = link
         self._open(link)
 
@@ -216,7 +217,7 @@ def open_server_port(pty: Path | None = None, tcp: str | None = None) -> Iterato
 def host_and_port(address: str) -> tuple[str, int]:
     """Return host and port of HOST:PORT; the default host is 127.0.0.1. Raises InputError."""
     host, colon, port = address.rpartition(":")
-    if not colon or not port.isdecimal() or int(port) > 0xFFFF:
+    if not colon or not (port.isascii() and port.isdecimal() and len(port) <= 5) or int(port) > 0xFFFF:
         raise InputError(f"{address}: expected HOST:PORT, such as 127.0.0.1:0 (port 0 selects a free port)")
     return host or "127.0.0.1", int(port)
 

@@ -3,15 +3,17 @@
 import math
 from typing import TYPE_CHECKING, BinaryIO
 
-from sonarhw.readings import Reading
+from sonarhw.harmless_text import harmless
 
 if TYPE_CHECKING:
     from sonarhw.log import Log
+    from sonarhw.readings import Reading
 
+_FORMULA = tuple("=+-@＝＋－＠")  # first characters of a formula; a tab and a line break are escaped
 HEADER = "time_s,heading_deg,range_m,echoes_s"
 
 
-def row(reading: Reading, began: float) -> str:
+def row(reading: "Reading", began: float) -> str:
     """Return one line with the columns of HEADER. Echo times are separated by `;`.
 
     `time_s` counts from `began`, the start of the scan on the clock of `Reading.time`, s. Without an echo, range and
@@ -32,3 +34,20 @@ def write_csv(log: "Log", file: BinaryIO) -> None:
 def number(value: float) -> str:
     """Return a number with 9 significant digits, as in every CSV of this project; never `-0`."""
     return f"{value + 0.0:.9g}"
+
+
+def text_cell(text: str) -> str:
+    """Return a name as a CSV cell. No spreadsheet takes it for a formula; control characters are escapes.
+
+    See OWASP, CSV injection: a cell that begins with one of `=+-@` is a formula, and may start a program.
+    """
+    cell = harmless(text)
+    return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

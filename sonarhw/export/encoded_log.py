@@ -4,10 +4,11 @@ So all logs are decoded in the same way. Only their metadata shows whether a sca
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from sonarhw.atomic_file import atomic_file
 from sonarhw.log.contents import LogMetadata
 from sonarhw.log.writer import LogWriter
 from sonarhw.readings import Reading
@@ -22,17 +23,16 @@ _HELLO, _CONFIGURE, _START_SCAN = range(3)  # sequence numbers of the assumed co
 
 
 def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *, overwrite: bool = False) -> None:
-    """Write one scan as a log that starts at `metadata.started`.
+    """Write one scan as a log that starts at `metadata.started`, completely or not at all.
 
     Decoding restores angles to 1 µdeg, times to 1 µs, ranges to 0.2 µm, traces to 8 bits, and the earliest 122 echoes.
-    Readings are numbered again in their order. Readings with equal or decreasing times are set 1 µs apart. Raises
-    LogError if the file exists (unless `overwrite`) or cannot be written, and ValueError if a value does not fit into a
-    frame.
+    Readings are numbered again in their order. Readings with equal or decreasing times are set 1 µs apart.
+
+    Raises OutputError if the file exists (unless `overwrite`) or cannot be written, and ValueError if a value does not
+    fit into a frame.
     """
-    # everything is encoded before the file is created, so that an error leaves no file
-    pieces = _encode(metadata, readings)
-    with LogWriter(path, metadata, overwrite=overwrite, live=False) as writer:
-        for frames, reading in pieces:
+    with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, metadata) as writer:
+        for frames, reading in _encode(metadata, readings):
             for time, wire in frames:
                 writer.frame(True, metadata.started + time, wire)
             if reading is not None:
@@ -42,12 +42,12 @@ def write_scan(path: Path, metadata: LogMetadata, readings: Sequence[Reading], *
 _Stamped = tuple[float, bytes]  # s since the scan began, frame
 
 
-def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[list[_Stamped], Reading | None]]:
-    """Return the frames of a scan in pieces, each with its reading."""
+def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> Iterator[tuple[list[_Stamped], Reading | None]]:
+    """Yield the frames of a scan in pieces, each with its reading."""
     sender = _Sender()
     settings = _settings(readings)
     greeting = (_info(metadata, readings), settings, Started(_START_SCAN, len(readings)))
-    pieces: list[tuple[list[_Stamped], Reading | None]] = [([sender.send(message, 0.0) for message in greeting], None)]
+    yield [sender.send(message, 0.0) for message in greeting], None
     first = min((reading.time for reading in readings), default=0.0)
     time, fired = 0.0, -_TICK
     for number, reading in enumerate(readings):
@@ -58,9 +58,8 @@ def _encode(metadata: LogMetadata, readings: Sequence[Reading]) -> list[tuple[li
         frames = [sender.send(reading_message(reading, settings.speed_of_sound), time)]
         if reading.trace is not None:
             frames += [sender.send(chunk, time) for chunk in trace_chunks(number, reading.trace)]
-        pieces.append((frames, reading))
-    end = sender.send(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)
-    return [*pieces, ([end], None)]
+        yield frames, reading
+    yield [sender.send(Finished(_START_SCAN, Outcome.DONE, len(readings), ""), time)], None
 
 
 class _Sender:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
 from sonarhw.export.csv_rows import write_csv
-from sonarhw.export.npz import write_npz
 
 if TYPE_CHECKING:
     from sonarhw.log import Log
@@ -24,10 +23,16 @@ class ExportFormat:
     write: "Callable[[Log, BinaryIO], None]"
 
 
+def _write_npz(log: "Log", file: BinaryIO) -> None:
+    from sonarhw.export.npz import write_npz  # loads NumPy, which the help of the command line does not need
+
+    write_npz(log, file)
+
+
 # `--out -` writes the first format
 FORMATS = (
     ExportFormat(".csv", "Readings", write_csv),
-    ExportFormat(".npz", "Readings with traces, for NumPy", write_npz),
+    ExportFormat(".npz", "Readings with traces, for NumPy", _write_npz),
 )
 
 

@@ -44,7 +44,7 @@ def write_npz(log: "Log", file: BinaryIO) -> None:
     }
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_FAST) as archive:
         for name, column in columns.items():
-            _write(archive, name, column.shape, column.dtype, [column])
+            write_array(archive, name, column.shape, column.dtype, [column])
         if any(reading.trace for reading in readings):
             _write_traces(archive, readings)
 
@@ -53,8 +53,8 @@ def _write_traces(archive: zipfile.ZipFile, readings: Sequence[Reading]) -> None
     traces = [reading.trace for reading in readings]
     facts = [(len(trace.samples), trace.rate, trace.start) if trace else (0, math.nan, math.nan) for trace in traces]
     sizes, rates, starts = np.array(facts, np.float64).T
-    _write(archive, "trace_rate_hz", rates.shape, rates.dtype, [rates])
-    _write(archive, "trace_start_s", starts.shape, starts.dtype, [starts])
+    write_array(archive, "trace_rate_hz", rates.shape, rates.dtype, [rates])
+    write_array(archive, "trace_start_s", starts.shape, starts.dtype, [starts])
     longest = int(sizes.max())
 
     def rows() -> Iterator[NDArray[np.float32]]:
@@ -64,10 +64,10 @@ def _write_traces(archive: zipfile.ZipFile, readings: Sequence[Reading]) -> None
                 row[: len(trace.samples)] = trace.samples
             yield row
 
-    _write(archive, "traces", (len(traces), longest), _TRACE_TYPE, rows())
+    write_array(archive, "traces", (len(traces), longest), _TRACE_TYPE, rows())
 
 
-def _write(
+def write_array(
     archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], kind: np.dtype[Any], pieces: Iterable[NDArray[Any]]
 ) -> None:
     """Write an array of shape `shape` piece by piece, in the format of `np.savez`."""

@@ -7,12 +7,14 @@ from sonarhw.host.conversation import Conversation
 from sonarhw.host.job import Job, Script
 from sonarhw.lost_steps import MARK_APPROACH, MARK_OVERRUN, lost_steps_clause, nearest_mark, unverified_clause
 from sonarhw.readings import FloatArray
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import (
     AnswerMessage,
     Configure,
     ConfigureTurntable,
     Feature,
     Home,
+    Info,
     Message,
     Outcome,
     Settings,
@@ -20,10 +22,9 @@ from sonarhw.wire.messages import (
     Turn,
 )
 from sonarhw.wire.reading_messages import scan_order
-from sonarhw.wire.units import microdegrees_of, radians_of
+from sonarhw.wire.units import degrees_c, microdegrees_of, millimetres_per_second_of, radians_of
 
 _MAX_WITHOUT_PROGRESS = 3  # consecutive scan commands without a new reading
-_DEFAULTS = Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=343_200)
 
 
 # the jobs
@@ -78,6 +79,12 @@ def _configure(talk: Conversation, request: Configure) -> Script[Settings]:
     return settings
 
 
+def _default_settings(info: Info | None) -> Configure:
+    """Return the settings of a scan without a `Configure` before it."""
+    speed = ScanAir().speed_of_sound(None if info is None else degrees_c(info.temperature))
+    return Configure(listen_us=62_500, blanking_us=2_380, trace=0, speed_of_sound=millimetres_per_second_of(speed))
+
+
 def _configure_turntable(talk: Conversation, request: ConfigureTurntable) -> Script[AnswerMessage]:
     answer = yield from talk.request(request)
     talk.device.turntable = request
@@ -93,7 +100,7 @@ def _turn(talk: Conversation, message: Turn, job: Job) -> Script[Outcome]:
 def _scan(talk: Conversation, order: StartScan, job: Job) -> Script[Outcome]:
     """Scan, then verify the zero mark. Raises LostSteps, after all readings have been received."""
     if talk.device.configured is None:
-        yield from _configure(talk, _DEFAULTS)
+        yield from _configure(talk, _default_settings(talk.device.info))
     if not talk.device.homed and (outcome := (yield from home(talk, job))) is not Outcome.DONE:
         return outcome
     try:

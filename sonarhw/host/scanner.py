@@ -28,6 +28,7 @@ from sonarhw.link.link_statistics import LinkStatistics
 from sonarhw.link.ports import PortFinder
 from sonarhw.link.serial_link import MOST, Link
 from sonarhw.readings import Reading, ScanOrder, sector
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.limits import MAX_ECHOES
 from sonarhw.wire.messages import (
     Approach,
@@ -54,9 +55,16 @@ _TICK = 0.05  # s; longest delay until `close` takes effect
 class Scanner:
     """A connected scanner. One thread may use it. Other threads may call `stop` and read its state."""
 
-    def __init__(self, url: str, session: Session, find: Callable[[], str] | None = None) -> None:
+    def __init__(
+        self,
+        url: str,
+        session: Session,
+        find: Callable[[], str] | None = None,
+        on_close: Callable[[], None] = lambda: None,
+    ) -> None:
         """Start to connect. Programs call `open` instead."""
         self.url = url
+        self._on_close = on_close
         self._find = find or PortFinder(url)
         self._session = session
         # times are s since the epoch on a clock that never runs backwards
@@ -82,14 +90,16 @@ class Scanner:
         patience: float = PATIENCE,
         reconnect: float = RECONNECT,
         find: Callable[[], str] | None = None,
+        on_close: Callable[[], None] = lambda: None,
     ) -> "Scanner":
         """Open `url`, greet the scanner and stop its running action. It must answer within `patience` s.
 
         If the scanner is lost later and comes back within `reconnect` s, its job continues. `find` returns the URL to
-        open each time; by default a USB device is found again under any port name. Raises InputError for an invalid
-        URL, LinkError (LinkBusy, LinkForbidden, LinkLost), NoAnswer, and Incompatible for another protocol version.
+        open each time; by default a USB device is found again under any port name. `on_close` is called after the link
+        is closed, also if this function raises an error. Raises InputError for an invalid URL, LinkError (LinkBusy,
+        LinkForbidden, LinkLost), NoAnswer, and Incompatible for another protocol version.
         """
-        scanner = cls(url, Session(url, patience, reconnect), find)
+        scanner = cls(url, Session(url, patience, reconnect), find, on_close)
         try:
             with scanner._changed:
                 while scanner.state is not Connection.READY:
@@ -182,7 +192,7 @@ class Scanner:
         listen: float = 0.0625,
         blanking: float = 0.00238,
         trace: bool | TraceKind = False,
-        speed_of_sound: float = 343.2,
+        speed_of_sound: float | None = None,
         *,
         pulses: int = 0,
         echoes: int = MAX_ECHOES,
@@ -192,12 +202,15 @@ class Scanner:
     ) -> PingSettings:
         """Set the listening time (s), the blanking (s), whether to send traces, and the speed of sound (m/s).
 
-        `pulses` is the number of cycles to transmit. `echoes` is the highest number of echoes to report of a ping, at
-        least 1. `rearm` is the time from an echo until the board is armed again (s). `trace_rate` is in Hz. For
-        `pulses`, `rearm`, `trace_rate` and `trace_bits`, 0 selects the device's default. Returns the settings in force,
-        which may differ from the requested ones. Raises CommandRefused, InputError if a value does not fit the
+        By default, the speed of sound is that at the temperature of the scanner's thermometer, or at 20 °C if it has
+        none. `pulses` is the number of cycles to transmit. `echoes` is the highest number of echoes to report of a
+        ping, at least 1. `rearm` is the time from an echo until the board is armed again (s). `trace_rate` is in Hz.
+        For `pulses`, `rearm`, `trace_rate` and `trace_bits`, 0 selects the device's default. Returns the settings in
+        force, which may differ from the requested ones. Raises CommandRefused, InputError if a value does not fit the
         protocol, NoAnswer, LinkLost.
         """
+        if speed_of_sound is None:
+            speed_of_sound = ScanAir().speed_of_sound(self.info.temperature_c)
         request = Configure(
             listen_us=microseconds_of(listen),
             blanking_us=microseconds_of(blanking),
@@ -246,9 +259,10 @@ class Scanner:
     def scan(self, order: ScanOrder | None = None) -> Iterator[Reading]:
         """Scan, and yield each reading once when it is complete. A reading that was sent again may be out of order.
 
-        The default order is a whole turn in steps of 5 degrees. The turntable homes first if needed. If the caller ends
-        the iteration early, the board stops. After the last reading the turntable turns over its zero mark. Raises what
-        `home` raises, and LostSteps, after all readings, if the mark is misplaced.
+        The default order is a whole turn in steps of 5 degrees. Without an earlier `configure`, the settings are its
+        defaults. The turntable homes first if needed. If the caller ends the iteration early, the board stops. After
+        the last reading the turntable turns over its zero mark. Raises what `home` raises, and LostSteps, after all
+        readings, if the mark is misplaced.
         """
         with self._using():
             self._scan = job = self._begin(scanning(start_scan(order or sector())))
@@ -288,7 +302,10 @@ class Scanner:
                 self._in_use.release()
 
     def close(self) -> None:
-        """Stop the running action, end the thread and close the link. Never raises. A second call does nothing."""
+        """Stop the running action, end the thread and close the link. A second call does nothing.
+
+        Raises only what `on_close` raises.
+        """
         if self._closing.is_set():
             return
         with suppress(SonarError), self._changed:
@@ -299,6 +316,7 @@ class Scanner:
         with self._changed:
             self._changed.notify_all()
         self._thread.join()
+        self._on_close()
 
     # jobs
 

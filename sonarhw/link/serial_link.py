@@ -27,6 +27,8 @@ READ_PATIENCE = 0.05  # s for which a read waits for the first byte
 MOST = 4096  # most bytes of one read
 _WITH_HOST = ("socket", "rfc2217")  # URL schemes with host and port
 _KNOWN = ("alt", "cp2110", "hwgrep", "loop", "spy")
+# ImportError: a scheme needs a library that is not installed; the others: parts of a URL that pyserial does not check
+_OPENING_ERRORS = (SerialException, OSError, ValueError, ImportError, LookupError, TypeError, AttributeError)
 _POLL = 0.005  # s between checks for bytes, for ports without a file descriptor
 
 
@@ -44,7 +46,7 @@ class Link:
             if os.name == "posix" and "://" not in url:
                 self._port.exclusive = True
             self._port.open()
-        except (SerialException, OSError, ValueError) as error:
+        except _OPENING_ERRORS as error:
             raise _why_not_open(url, error) from error
         self._selectable = os.name == "posix" and _has_descriptor(self._port)
         self._woken, self._waker = socket.socketpair()
@@ -152,13 +154,26 @@ def _check_url(url: str) -> None:
         try:
             parts = urlsplit(url)
             complete = bool(parts.hostname) and bool(parts.port)
+            (parts.hostname or "").encode("idna")
+        except UnicodeError as error:
+            raise InputError(f"{url}: invalid host name; expected 1 to 63 characters between two dots") from error
         except ValueError:  # the port is not a number, or above 65535
             complete = False
         if not complete:
             raise InputError(f"{url}: expected {scheme}://HOST:PORT, with a port from 1 to 65535")
+    elif scheme == "hwgrep":
+        _check_pattern(url)
     elif scheme not in _KNOWN:
         known = ", ".join(f"{name}://" for name in sorted((*_WITH_HOST, *_KNOWN)))
         raise InputError(f"{url}: unknown scheme {scheme}://; expected {known}, or the name of a serial port")
+
+
+def _check_pattern(url: str) -> None:
+    pattern = url.partition("://")[2].partition("&")[0]
+    try:
+        re.compile(pattern)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise InputError(f"{url}: invalid regular expression: {error}; write \\ before a bracket") from error
 
 
 def _has_modem_lines(port: serial.SerialBase) -> bool:

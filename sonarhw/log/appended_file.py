@@ -1,4 +1,6 @@
-"""The file of a log during recording. It grows in whole pieces, which are synced to the disk one by one.
+"""The file of a log: one that grows during a recording, or one that is written as a whole.
+
+The file of a recording grows in whole pieces, which are synced to the disk one by one.
 
 If the process is killed, the disk is full or the drive is removed, the file ends after a whole piece. A file to be
 overwritten is unchanged until the new log has its first reading.
@@ -6,35 +8,72 @@ overwritten is unchanged until the new log has its first reading.
 
 import errno
 import os
-import secrets
 import shutil
 import threading
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from io import FileIO
 from pathlib import Path
+from typing import BinaryIO
 
+from sonarhw.atomic_file import unfinished_file
 from sonarhw.errors import LogError
 
 _NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EROFS)  # errors of pipes and devices without fsync
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors after which all earlier bytes are kept
 
 
+class WholeLogFile:
+    """The file of a log that is written as a whole. The caller has opened it, and keeps or discards it at the end."""
+
+    disposable = True  # whether the new file may be removed after an error
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.path = Path(str(file.name))
+        self.readings = 0
+        self.closed = False
+        self._file = file
+        self._written = 0
+
+    def write(self, data: bytes) -> int:
+        """Write the bytes."""
+        self._written += len(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        """Return the offset in the file of the next byte."""
+        return self._written
+
+    def flush(self) -> None:
+        """Do nothing. The caller flushes the file."""
+
+    def replace_old_file(self) -> None:
+        """Do nothing. The caller replaces the old file."""
+
+    def close(self) -> None:
+        """Let no more bytes be written. The caller closes the file."""
+        self.closed = True
+
+    drop = close
+
+
 class LogFile:
     """Collects bytes and writes them in one piece at `flush`.
 
-    With `live` a thread syncs every piece to the disk at once. A drive that is pulled out then has all pieces, and its
-    removal is detected. Without a sync, the system accepts bytes for a removed drive for half a minute. Without `live`
-    the pieces are on the disk when `close` returns.
+    A thread syncs every piece to the disk at once. A drive that is pulled out then has all pieces, and its removal is
+    detected. Without a sync, the system accepts bytes for a removed drive for half a minute.
     """
 
-    def __init__(self, path: Path, overwrite: bool, live: bool) -> None:
+    def __init__(self, path: Path, overwrite: bool) -> None:
         """Create the file. Raises LogError if it exists (unless `overwrite`) or cannot be created."""
         self.path = path
         self.readings = 0  # readings in the file after the next `flush`, for error messages
         self._pending = bytearray()
         self._written = 0  # bytes
         self._kept = 0  # readings in the file
-        self._unfinished = _unfinished(path) if overwrite and path.is_file() else None
+        self._hidden = ExitStack()
+        self._unfinished: Path | None = None
+        if overwrite and path.is_file():
+            self._unfinished = self._hidden.enter_context(unfinished_file(path.resolve()))
         # a device or a pipe always exists, and has no content to lose
         self._device = path.exists() and not path.is_file() and not path.is_dir()
         try:
@@ -43,7 +82,7 @@ class LogFile:
             raise LogError(f"{path}: exists already; choose another name, or allow overwriting it") from error
         except OSError as error:
             raise LogError(f"{path}: cannot be written: {error.strerror}") from error
-        self._sync_thread = _SyncThread(self._file) if live else None
+        self._sync_thread = _SyncThread(self._file)
 
     @property
     def closed(self) -> bool:
@@ -51,9 +90,9 @@ class LogFile:
         return self._file.closed
 
     @property
-    def overwriting(self) -> bool:
-        """Whether the file to be overwritten is still unchanged."""
-        return self._unfinished is not None
+    def disposable(self) -> bool:
+        """Whether the new file may be removed after an error: it has no reading, and an old file is still unchanged."""
+        return self._unfinished is not None and not self.readings
 
     def write(self, data: bytes) -> int:
         """Store the bytes until the next `flush`."""
@@ -67,7 +106,7 @@ class LogFile:
     def flush(self) -> None:
         """Write all stored bytes. On failure truncate the file after its last whole piece and raise LogError."""
         try:
-            if self._sync_thread and self._sync_thread.failure:
+            if self._sync_thread.failure:
                 raise self._sync_thread.failure
             left = memoryview(bytes(self._pending))
             while left:
@@ -82,15 +121,14 @@ class LogFile:
         self._written += len(self._pending)
         self._kept = self.readings
         self._pending.clear()
-        if self._sync_thread:
-            self._sync_thread.request(self._kept)
+        self._sync_thread.request(self._kept)
 
     def replace_old_file(self) -> None:
         """Replace the file to be overwritten, unless it has been replaced already. Raises LogError."""
         if self._unfinished is None:
             return
         unfinished, self._unfinished = self._unfinished, None
-        self._stop_syncing()
+        self._sync_thread.stop()
         # some systems cannot rename an open file
         self._file.close()
         try:
@@ -100,18 +138,18 @@ class LogFile:
             unfinished.replace(target)
             self._file = FileIO(target, "ab")
         except OSError as error:
-            unfinished.unlink(missing_ok=True)
+            self._hidden.close()
             raise LogError(f"{self.path}: cannot be overwritten: {error.strerror}; choose another name") from error
-        if self._sync_thread:
-            self._sync_thread = _SyncThread(self._file)
-            self._sync_thread.request(self._kept)
+        self._hidden.close()
+        self._sync_thread = _SyncThread(self._file)
+        self._sync_thread.request(self._kept)
 
     def close(self) -> None:
         """Sync the file to the disk and close it. Bytes that were not flushed are dropped. Raises LogError."""
         if self._file.closed:
             return
         try:
-            self._stop_syncing()
+            self._sync_thread.stop()
             _sync(self._file)
         except OSError as error:
             raise self._failure(error) from error
@@ -128,8 +166,8 @@ class LogFile:
     def _failure(self, error: OSError) -> LogError:
         # a full disk keeps all written bytes; a removed drive keeps only the synced ones
         sync_thread = self._sync_thread
-        only_synced = sync_thread and (error is sync_thread.failure or error.errno not in _FULL)
-        kept = sync_thread.kept if sync_thread and only_synced else self._kept
+        only_synced = error is sync_thread.failure or error.errno not in _FULL
+        kept = sync_thread.kept if only_synced else self._kept
         if not kept:
             return LogError(
                 f"{self.path}: cannot be written: {error.strerror}; nothing is recorded, choose another file"
@@ -140,21 +178,16 @@ class LogFile:
             f"{self.path}: can no longer be written: {error.strerror}; {count}; {delete}record to another disk"
         )
 
-    def _stop_syncing(self) -> None:
-        if self._sync_thread:
-            self._sync_thread.stop()
-
     def _give_up(self) -> None:
         try:
-            self._stop_syncing()
+            self._sync_thread.stop()
             self._file.truncate(self._written)
         except OSError:
             pass  # the reader finds the end of the last whole piece
         finally:
             self._file.close()
-            if self._unfinished:
-                with suppress(OSError):
-                    self._unfinished.unlink(missing_ok=True)
+            with suppress(OSError):
+                self._hidden.close()
 
 
 class _SyncThread:
@@ -200,8 +233,3 @@ def _sync(file: FileIO) -> None:
     except OSError as error:
         if error.errno not in _NO_SYNC:
             raise
-
-
-def _unfinished(path: Path) -> Path:
-    # a rename is atomic only within one folder
-    return path.resolve().with_name(f".sonarhw-{secrets.token_hex(6)}.part")

@@ -6,8 +6,9 @@ from importlib.metadata import version
 from typing import Protocol
 
 from sonarhw.lost_steps import lost_steps_clause, split_at_homings, unverified_clause
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
 from sonarhw.wire.messages import Finished, Info, Outcome, Settings
+from sonarhw.wire.origin import origin_of
 
 FORMAT_VERSION = 1
 PROFILE = "sonarhw"  # of the MCAP header
@@ -93,12 +94,28 @@ class Log:
     frames: RecordedFrames
     scans: tuple[RecordedScan, ...]
     torn: str | None  # clause that states where the file is incomplete or damaged; None: the file is whole
-    damaged: bool = False  # whether it is damaged before its end
+    damaged: bool  # whether it is damaged before its end
+
+    @property
+    def origin(self) -> Origin:
+        """The origin of the readings: measured, or fake, simulated or imported."""
+        device = self.info
+        return origin_of(self.metadata.made_by, device.firmware if device else "", device.serial if device else "")
 
     @property
     def condition(self) -> str:
         """`whole`, `torn` or `damaged`."""
         return "damaged" if self.damaged else "torn" if self.torn else "whole"
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Clauses for warnings: what is missing in the file, and which angles of its scans may be wrong."""
+        count = len(self.readings)
+        read = f"{count} whole reading{'' if count == 1 else 's'} read"
+        missing = (f"{self.condition}; {read}; {self.torn}",) if self.torn else ()
+        several = len(self.scans) > 1
+        doubted = ((number, scan.angle_warning) for number, scan in enumerate(self.scans, 1))
+        return missing + tuple(f"scan {number}: {why}" if several else why for number, why in doubted if why)
 
     @property
     def readings(self) -> tuple[Reading, ...]:

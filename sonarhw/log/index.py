@@ -1,21 +1,23 @@
 """The index at the end of a closed log: its readings without traces, and the position of each in the file.
 
 It contains the result of a `ScanDecoder`, so that the frames need not be decoded again to open a log. It is an MCAP
-attachment, an .npz file of plain columns. The index is ignored if it has another version, or if another tool has copied
-it into another file. The frames are then decoded.
+attachment, an .npz file of plain columns. The index is ignored if it has another version, if its contents are invalid,
+or if another tool has copied it into another file. The frames are then decoded.
 """
 
 import json
+import struct
 import zipfile
-from collections.abc import Sequence
+import zlib
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sonarhw.log.contents import RecordedScan
-from sonarhw.log.reading_columns import Columns
+from sonarhw.log.reading_columns import Columns, check_columns
 from sonarhw.log.recorded_scans import DecodedScan, ScanDecoder
 from sonarhw.wire.messages import Finished, Info, Message, MessageError, Settings
 
@@ -23,7 +25,10 @@ NAME = "sonarhw.index.npz"
 MEDIA_TYPE = "application/x-npz"
 _VERSION = 2
 _HEAD = "head"  # the JSON text beside the columns, as bytes
-_UNREADABLE = (zipfile.BadZipFile, KeyError, ValueError, TypeError, OSError, EOFError, MessageError)
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, MessageError),
+    *(LookupError, ValueError, TypeError, AttributeError, OverflowError, OSError, EOFError),
+)
 
 _M = TypeVar("_M", bound=Message)
 
@@ -84,31 +89,58 @@ def pack_index(index: LogIndex, at: int) -> bytes:
 
 
 def unpack_index(data: bytes, at: int) -> LogIndex | None:
-    """Return the index in an attachment at offset `at`. None if it has another version or belongs to another file."""
+    """Return the index in an attachment at offset `at`. None if it has another version or belongs to another file.
+
+    None also if its contents are invalid, although the checksums of the file are correct.
+    """
     try:
-        with np.load(BytesIO(data)) as arrays:
-            head = json.loads(arrays[_HEAD].tobytes())
-            if (head["version"], head["at"]) != (_VERSION, at):
-                return None
-            columns: Sequence[Columns] = [{} for _ in head["scans"]]
-            for name in arrays.files:
-                if name != _HEAD:
-                    number, _, column = name.partition("/")
-                    columns[int(number)][column] = arrays[name]
+        arrays = _arrays(data)
+        head = json.loads(arrays.pop(_HEAD).tobytes())
+        if (head["version"], head["at"]) != (_VERSION, at):
+            return None
+        columns: list[Columns] = [{} for _ in head["scans"]]
+        for name, array in arrays.items():
+            number, _, column = name.partition("/")
+            columns[int(number)][column] = array
+        scans = tuple(_scan(scan, mine, at) for scan, mine in zip(head["scans"], columns, strict=True))
+        return LogIndex(_unpacked(Info, head["info"]), _unpacked(Settings, head["settings"]), _count(head), scans)
     except _UNREADABLE:
         return None
-    return LogIndex(
-        _unpacked(Info, head["info"]),
-        _unpacked(Settings, head["settings"]),
-        head["frames"],
-        tuple(_scan(scan, mine) for scan, mine in zip(head["scans"], columns, strict=True)),
-    )
 
 
-def _scan(scan: dict[str, Any], columns: Columns) -> IndexedScan:
+def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
+    """Return the one-dimensional arrays of an .npz file without compression. Raises the errors in _UNREADABLE."""
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        members = archive.infolist()
+        if any(member.compress_type != zipfile.ZIP_STORED for member in members):
+            raise ValueError("a compressed index")  # its size is unlimited
+        return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
+
+
+def _array(stored: bytes) -> NDArray[Any]:
+    # np.load would allocate as much as the file declares
+    file = BytesIO(stored)
+    np.lib.format.read_magic(file)
+    shape, _, kind = np.lib.format.read_array_header_1_0(file)
+    array = np.frombuffer(stored, kind, offset=file.tell())
+    if array.shape != shape:
+        raise ValueError(f"declared shape {shape}, {array.shape} stored")
+    return array
+
+
+def _count(head: dict[str, Any]) -> int:
+    if not (isinstance(head["frames"], int) and head["frames"] >= 0):
+        raise ValueError("no number of frames")
+    return head["frames"]
+
+
+def _scan(scan: dict[str, Any], columns: Columns, end: int) -> IndexedScan:
     settings, finished = _unpacked(Settings, scan["settings"]), _unpacked(Finished, scan["finished"])
-    recorded = RecordedScan(scan["began"], scan["expected"], settings, (), finished, tuple(scan["homed"]))
-    return IndexedScan(recorded, columns)
+    began, expected, homed = float(scan["began"]), scan["expected"], tuple(map(float, scan["homed"]))
+    if not np.isfinite((began, *homed)).all() or not (expected is None or isinstance(expected, int)):
+        raise ValueError("no times or number of readings")
+    check_columns(columns, end)
+    return IndexedScan(RecordedScan(began, expected, settings, (), finished, homed), columns)
 
 
 def _packed(message: Message | None) -> str | None:

@@ -12,10 +12,10 @@ from statistics import median_low
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 
 from sonarhw.readings import Reading
+from sonarhw.wire.units import microdegrees_of, radians_of
 
 FRAME_ID = "turntable"
 _MOST_RANGES = 36_000  # 0.01° over a whole turn; a finer step comes from rounding
-_SAME_HEADING = 1e-6  # rad; messages contain whole microdegrees
 
 
 def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
@@ -27,19 +27,20 @@ def laser_scan(readings: Sequence[Reading], time: float) -> LaserScan:
     ranges = _by_heading(readings)
     headings = sorted(ranges)
     start, span = headings[0], headings[-1] - headings[0]
-    step = max(min((after - before for before, after in pairwise(headings)), default=1.0), span / _MOST_RANGES)
+    step = max(min((after - before for before, after in pairwise(headings)), default=1), span / _MOST_RANGES)
     grid = [math.nan] * (round(span / step) + 1)
     for heading in headings:
         grid[round((heading - start) / step)] = median_low(ranges[heading])
-    message = LaserScan(frame_id=FRAME_ID, start_angle=start, end_angle=start + step * (len(grid) - 1), ranges=grid)
+    end = start + round(step * (len(grid) - 1))
+    message = LaserScan(frame_id=FRAME_ID, start_angle=radians_of(start), end_angle=radians_of(end), ranges=grid)
     message.timestamp.FromNanoseconds(round(time * 1e9))
     message.pose.orientation.w = 1.0
     return message
 
 
-def _by_heading(readings: Sequence[Reading]) -> dict[float, list[float]]:
-    ranges: dict[float, list[float]] = defaultdict(list)
+def _by_heading(readings: Sequence[Reading]) -> dict[int, list[float]]:
+    """Return the ranges of all pings at each heading, in whole microdegrees, as in the messages."""
+    ranges: dict[int, list[float]] = defaultdict(list)
     for reading in readings:
-        heading = round(reading.angle / _SAME_HEADING) * _SAME_HEADING
-        ranges[heading].append(math.inf if reading.range is None else reading.range)
+        ranges[microdegrees_of(reading.angle)].append(math.inf if reading.range is None else reading.range)
     return ranges

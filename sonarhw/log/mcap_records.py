@@ -32,6 +32,7 @@ _DATA_END_SIZE = _RECORD.size + 4
 _FOOTER_SIZE = _RECORD.size + 20
 _WINDOW = 1 << 20
 _NEAR = 1 << 20
+_MOST = 1 << 28  # bytes of a record that are read; a chunk has less than 1 MB, the index about 100 bytes a reading
 UNREADABLE = (McapError, struct.error, UnicodeDecodeError, OverflowError)  # OverflowError: a damaged length
 
 
@@ -52,6 +53,8 @@ class OpenFile:
 
     def read(self, at: int, size: int) -> bytes:
         """Return `size` bytes from offset `at`, fewer at the end of the file. Raises OSError."""
+        if at >= self.size:
+            return b""
         with self._lock:
             start = at - self._at
             if not 0 <= start <= start + size <= len(self._window):
@@ -103,6 +106,9 @@ def read_records(file: OpenFile, start: int = len(MCAP0_MAGIC)) -> Iterator[Reco
         record = _record_at(file, at)
         if record is None:
             again = None if last else _next_chunk(file, read_until)
+            large = _too_large(file, at)
+            if large is not None:
+                yield Damage(large)
             if again is None:
                 break
             yield Damage(f"bytes {at if at < again else read_until} to {again} are damaged and left out")
@@ -136,12 +142,22 @@ def _record_at(file: OpenFile, at: int) -> Record | None:
         return None
     opcode, length = _RECORD.unpack(head)
     # after a power failure a file system leaves zeros for pages that did not reach the disk
-    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or at + _RECORD.size + length > file.size:
+    end = at + _RECORD.size + length
+    if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > file.size or length > _MOST:
         return None
     return Record(at, opcode, file.read(at + _RECORD.size, length))
 
 
-def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
+def _too_large(file: OpenFile, at: int) -> str | None:
+    """Return a clause about the record at offset `at` if it is larger than the limit; None for other damage."""
+    head = file.read(at, _RECORD.size)
+    length = _RECORD.unpack(head)[1] if len(head) == _RECORD.size else 0
+    if not _MOST < length <= file.size - at:
+        return None
+    return f"the record that begins at byte {at} has {length} bytes; at most {_MOST} bytes are read"
+
+
+def _unpacked(chunk: Record) -> Iterator[Record | McapMessage] | Damage:
     """Return the contents of a chunk, or the damage that makes them unreadable."""
 
     def left_out(why: str) -> Damage:
@@ -157,19 +173,32 @@ def _unpacked(chunk: Record) -> list[Record | McapMessage] | Damage:
     data = chunk.content[_CHUNK.size :]
     if crc and zlib.crc32(data) != crc:
         return left_out("its CRC-32 does not match")
-    found: list[Record | McapMessage] = []
+    if not _is_filled(data):
+        return left_out("its records do not fill it")
+    return _contents(chunk.at, data)
+
+
+def _is_filled(data: bytes) -> bool:
+    """Return whether a chunk ends with the end of a record."""
     at = 0
     while at + _RECORD.size <= len(data):
+        at += _RECORD.size + _RECORD.unpack_from(data, at)[1]
+    return at == len(data)
+
+
+def _contents(chunk_at: int, data: bytes) -> Iterator[Record | McapMessage]:
+    """Yield the records of a chunk one by one: a list of millions of short ones would need much memory."""
+    at = 0
+    while at < len(data):
         opcode, length = _RECORD.unpack_from(data, at)
         at += _RECORD.size
         end = at + length
-        if opcode == Opcode.MESSAGE and at + _MESSAGE.size <= end <= len(data):
+        if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
             channel, _, time, _ = _MESSAGE.unpack_from(data, at)
-            found.append(McapMessage(chunk.at, channel, time, data[at + _MESSAGE.size : end]))
+            yield McapMessage(chunk_at, channel, time, data[at + _MESSAGE.size : end])
         else:
-            found.append(Record(chunk.at, opcode, data[at:end]))
+            yield Record(chunk_at, opcode, data[at:end])
         at = end
-    return found if at == len(data) else left_out("its records do not fill it")
 
 
 def _next_chunk(file: OpenFile, start: int, stop: float = math.inf) -> int | None:
@@ -208,7 +237,7 @@ def read_ending(file: OpenFile) -> Ending | None:
     tail = file.read(footer_at, _FOOTER_SIZE)
     footer = Footer.read(ReadDataStream(BytesIO(tail[_RECORD.size :])))
     end = footer.summary_start - _DATA_END_SIZE
-    if tail[0] != Opcode.FOOTER or not len(MCAP0_MAGIC) <= end < footer_at:
+    if tail[0] != Opcode.FOOTER or not len(MCAP0_MAGIC) <= end < footer_at or footer_at - end > _MOST:
         return None
     summary = file.read(footer.summary_start, footer_at - footer.summary_start)
     data_end = file.read(end, _DATA_END_SIZE)
@@ -216,7 +245,8 @@ def read_ending(file: OpenFile) -> Ending | None:
     intact = footer.summary_crc in (0, zlib.crc32(tail[:-4], zlib.crc32(summary))) and (
         data_end[0] == Opcode.DATA_END and data_crc in (0, _crc(file, end))
     )
-    return Ending(bool(footer.summary_crc and data_crc), intact, _attachments(summary) if intact else {})
+    attachments = _attachments(summary) if intact else None
+    return Ending(bool(footer.summary_crc and data_crc), attachments is not None, attachments or {})
 
 
 def _crc(file: OpenFile, size: int) -> int:
@@ -226,16 +256,20 @@ def _crc(file: OpenFile, size: int) -> int:
     return crc
 
 
-def _attachments(summary: bytes) -> dict[str, int]:
+def _attachments(summary: bytes) -> dict[str, int] | None:
+    """Return the offsets of the attachments by name; None if the summary is damaged."""
     found: dict[str, int] = {}
     at = 0
-    while at < len(summary):
-        opcode, length = _RECORD.unpack_from(summary, at)
-        at += _RECORD.size
-        if opcode == Opcode.ATTACHMENT_INDEX:
-            index = AttachmentIndex.read(ReadDataStream(BytesIO(summary[at : at + length])))
-            found[index.name] = index.offset
-        at += length
+    try:
+        while at < len(summary):
+            opcode, length = _RECORD.unpack_from(summary, at)
+            at += _RECORD.size
+            if opcode == Opcode.ATTACHMENT_INDEX:
+                index = AttachmentIndex.read(ReadDataStream(BytesIO(summary[at : at + length])))
+                found[index.name] = index.offset
+            at += length
+    except UNREADABLE:
+        return None
     return found
 
 
@@ -244,7 +278,10 @@ def attachment(file: OpenFile, at: int) -> bytes | None:
     record = _record_at(file, at)
     if record is None or record.opcode != Opcode.ATTACHMENT:
         return None
-    data: bytes = Attachment.read(_stream(record)).data
+    try:
+        data: bytes = Attachment.read(_stream(record)).data
+    except UNREADABLE:
+        return None
     return data
 
 

@@ -33,16 +33,25 @@ from sonarhw.log.mcap_records import (
 from sonarhw.log.reading_columns import readings_of
 from sonarhw.log.recorded_frames import LogFrames, StoredTraces, known_topics, recorded_frame
 from sonarhw.log.recorded_scans import ScanDecoder
+from sonarhw.readings import Origin
 
-_Speeds = dict[tuple[int, int], float]  # m/s, by number and device time (µs) of the reading
+_FIELDS = ("format_version", "product_version", "made_by", "started", "room_file", "room_text", "place", "board")
+_LATEST = 1.8e10  # s since the epoch; later times do not fit into the messages of a log
+_UNKNOWN = LogMetadata("unknown", 0.0, product_version="unknown")
+_Speeds = dict[tuple[int, float], float]  # m/s, by number and device time (µs) of the reading
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: Path | str) -> Log:
     """Return everything readable in a log. `torn` states where it ends too early or is damaged.
 
     Raises NotALog if the file cannot be read, is not a log of this project, or has a newer format.
     """
+    path = Path(path)
     try:
+        # a pipe or a device may have no end
+        if not path.is_file():
+            what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "no such file"
+            raise NotALog(f"{path}: {what}; give the name of a log (*.mcap)")
         file = OpenFile(path)
         if not file.size:
             raise NotALog(f"{path}: the file is empty; expected a log of this project")
@@ -61,16 +70,16 @@ def read_log(path: Path) -> Log:
                 damage.append(Damage("its checksum does not match, though every chunk of frames is undamaged"))
     except OSError as error:
         raise NotALog(f"{path}: cannot be read: {error.strerror}") from error
-    torn = _torn(damage)
-    metadata = head.metadata(torn, has_frames=bool(index.info or index.scans))
-    scans = tuple(_recorded(scan, file) for scan in index.scans)
-    damaged = not all(place.at_end for place in damage)
-    return Log(metadata, index.info, index.settings, LogFrames(file, index.frames), scans, torn, damaged)
+    metadata, invalid = head.metadata(_torn(damage), has_frames=bool(index.info or index.scans))
+    torn = _torn([*damage, *invalid])
+    damaged = not all(place.at_end for place in [*damage, *invalid])
+    log = Log(metadata, index.info, index.settings, LogFrames(file, index.frames), (), torn, damaged)
+    return replace(log, scans=tuple(_recorded(scan, file, log.origin) for scan in index.scans))
 
 
-def _recorded(indexed: IndexedScan, file: OpenFile) -> RecordedScan:
+def _recorded(indexed: IndexedScan, file: OpenFile, origin: Origin) -> RecordedScan:
     traces = StoredTraces(file, indexed.scan.settings)
-    return replace(indexed.scan, readings=readings_of(indexed.columns, traces.trace))
+    return replace(indexed.scan, readings=readings_of(indexed.columns, traces.trace, origin))
 
 
 class _Head:
@@ -92,12 +101,15 @@ class _Head:
         if name == METADATA_NAME:
             self._fields = fields
 
-    def metadata(self, torn: str | None, has_frames: bool) -> LogMetadata:
-        """Return the metadata. `has_frames`: the file has frames of a scanner. Raises NotALog if it is not a log."""
+    def metadata(self, torn: str | None, has_frames: bool) -> tuple[LogMetadata, list[Damage]]:
+        """Return the metadata and its damage.
+
+        `has_frames`: the file has frames of a scanner. Raises NotALog if it is not a log.
+        """
         if self._fields is not None:
             return _metadata(self._path, self._fields)
         if torn and (self._profile == PROFILE or (self._profile is None and has_frames)):
-            return LogMetadata("unknown", 0.0, product_version="unknown")
+            return _UNKNOWN, []
         if torn and self._profile is None:
             raise NotALog(f"{self._path}: cannot be read: its header is damaged: {torn}")
         raise NotALog(
@@ -117,8 +129,11 @@ def _stored_index(file: OpenFile, head: _Head, ending: Ending) -> LogIndex | Non
     for item in read_records(file):
         if index is None or head.complete:
             return index
-        if isinstance(item, Record):
-            head.take(item)
+        try:
+            if isinstance(item, Record):
+                head.take(item)
+        except UNREADABLE:
+            return None
     return None
 
 
@@ -151,7 +166,7 @@ def _decoded_speed(data: bytes) -> _Speeds:
     try:
         record = json.loads(data)
         return {(record["number"], round(record["time"] * 1e6)): float(record["speed_of_sound"])}
-    except (ValueError, KeyError, TypeError, OverflowError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return {}
 
 
@@ -164,7 +179,7 @@ def _with_speed(scan: IndexedScan, speeds: _Speeds) -> IndexedScan:
     if not _has_no_speed(scan):
         return scan
     columns = scan.columns
-    keys = zip(columns["number"].tolist(), np.rint(columns["time"] * 1e6).astype(int).tolist(), strict=True)
+    keys = zip(columns["number"].tolist(), np.rint(columns["time"] * 1e6).tolist(), strict=True)
     known = [speeds.get(key, math.nan) for key in keys]
     filled = np.where(np.isnan(columns["speed_of_sound"]), known, columns["speed_of_sound"])
     return replace(scan, columns={**columns, "speed_of_sound": filled})
@@ -177,25 +192,38 @@ def _torn(damage: list[Damage]) -> str | None:
     return f"{damage[0].text}{others}" if damage else None
 
 
-def _metadata(path: Path, fields: dict[str, str]) -> LogMetadata:
+def _metadata(path: Path, fields: dict[str, str]) -> tuple[LogMetadata, list[Damage]]:
+    """Return the metadata in these fields, and a clause about each that is missing or invalid."""
+    missing = [name for name in _FIELDS if name not in fields]
+    damage = [Damage(f"its {METADATA_NAME} metadata has no field {', '.join(map(repr, missing))}")] if missing else []
+    read = LogMetadata(
+        made_by=fields.get("made_by", "unknown"),
+        started=0.0,
+        room_file=fields.get("room_file", ""),
+        room_text=fields.get("room_text", ""),
+        place=fields.get("place", ""),
+        board=fields.get("board", ""),
+        board_text=fields.get("board_text", ""),  # missing in early logs
+        product_version=fields.get("product_version", "unknown"),
+    )
     try:
-        format_version = int(fields["format_version"])
-        if format_version > FORMAT_VERSION:
-            raise NotALog(
-                f"{path}: has format {format_version}; this version reads up to {FORMAT_VERSION}: update sonarhw"
-            )
-        return LogMetadata(
-            made_by=fields["made_by"],
-            started=datetime.fromisoformat(fields["started"]).timestamp(),
-            room_file=fields["room_file"],
-            room_text=fields["room_text"],
-            place=fields["place"],
-            board=fields["board"],
-            board_text=fields.get("board_text", ""),  # missing in early logs
-            product_version=fields["product_version"],
-            format_version=format_version,
+        read = replace(read, started=_seconds(fields.get("started", "1970-01-01T00:00:00Z")))
+    except (ValueError, OverflowError, OSError):
+        damage.append(Damage(f"the start time in its {METADATA_NAME} metadata is invalid: {fields['started'][:40]!r}"))
+    try:
+        read = replace(read, format_version=int(fields.get("format_version", FORMAT_VERSION)))
+    except ValueError:
+        damage.append(Damage(f"the format in its {METADATA_NAME} metadata is invalid"))
+    if read.format_version > FORMAT_VERSION:
+        raise NotALog(
+            f"{path}: has format {read.format_version}; this version reads up to {FORMAT_VERSION}: update sonarhw"
         )
-    except KeyError as error:
-        raise NotALog(f"{path}: its {METADATA_NAME} metadata has no field {error}") from error
-    except ValueError as error:
-        raise NotALog(f"{path}: its {METADATA_NAME} metadata is invalid: {error}") from error
+    return read, damage
+
+
+def _seconds(date: str) -> float:
+    """Return a date in s since the epoch. Raises ValueError for a date that no log can have."""
+    seconds = datetime.fromisoformat(date).timestamp()
+    if not 0 <= seconds <= _LATEST:
+        raise ValueError(f"{date} is not in a time of logs")
+    return seconds

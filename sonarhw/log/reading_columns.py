@@ -3,13 +3,14 @@
 Traces are not stored, only their positions in the log. They are read from the log on access.
 """
 
+import math
 from array import array
 from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sonarhw.readings import Reading, Trace
+from sonarhw.readings import Origin, Reading, Trace
 
 Columns = dict[str, NDArray[np.float64] | NDArray[np.int64]]
 Span = tuple[int, int]  # offsets of the first and last chunk that contain a reading or its trace
@@ -17,6 +18,9 @@ Span = tuple[int, int]  # offsets of the first and last chunk that contain a rea
 _INTEGERS = ("number", "sweep", "ping", "echoes", "first_chunk", "last_chunk")
 _FLOATS = ("angle", "time", "speed_of_sound", "temperature_c", "host_time")
 NO_TRACE = -1
+# limits of a frame
+_MOST_ECHOES = 255
+_ANGLES = -math.radians(2148), math.radians(2148)
 
 
 class ReadingColumns:
@@ -66,14 +70,34 @@ class ReadingColumns:
         return {**integers, **floats, "echo_times": np.array(self._echo_times, np.float64)}
 
 
-def readings_of(columns: Columns, trace: Callable[[int, Span], Trace]) -> tuple[Reading, ...]:
+def check_columns(columns: Columns, end: int) -> None:
+    """Raise ValueError unless `columns` may come from `ReadingColumns.columns`, for a log with chunks before `end`."""
+    wanted = {**dict.fromkeys(_INTEGERS, np.int64), **dict.fromkeys((*_FLOATS, "echo_times"), np.float64)}
+    if {name: column.dtype for name, column in columns.items()} != wanted:
+        raise ValueError("other columns or types")
+    count, echoes, times = len(columns["number"]), columns["echoes"], columns["echo_times"]
+    first, last = columns["first_chunk"], columns["last_chunk"]
+    if any(columns[name].shape != (count,) for name in (*_INTEGERS, *_FLOATS)):
+        raise ValueError("columns of several lengths")
+    if (echoes < 0).any() or (echoes > _MOST_ECHOES).any() or int(echoes.sum()) != len(times):
+        raise ValueError("another number of echoes")
+    for name, least, most in (("number", 0, 2**32), ("sweep", 0, 2**16), ("ping", 0, 2**8), ("angle", *_ANGLES)):
+        if not ((columns[name] >= least) & (columns[name] < most)).all():
+            raise ValueError(f"{name} out of range")
+    if not np.isfinite(columns["time"]).all() or not (times >= 0).all() or np.isinf(times).any():
+        raise ValueError("no times")
+    if not ((first == NO_TRACE) | ((first >= 0) & (first <= last) & (last < end))).all():
+        raise ValueError("traces outside the file")
+
+
+def readings_of(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin) -> tuple[Reading, ...]:
     """Return the readings by number. `trace` returns the trace for a reading's number and span."""
     order = np.argsort(columns["number"], kind="stable").tolist()
-    rows = [*_rows(columns, trace)]
+    rows = [*_rows(columns, trace, origin)]
     return tuple(rows[row] for row in order)
 
 
-def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Reading]:
+def _rows(columns: Columns, trace: Callable[[int, Span], Trace], origin: Origin) -> Iterator[Reading]:
     echo_times = columns["echo_times"].tolist()
     used = 0
     names = (*_INTEGERS, *_FLOATS)
@@ -93,4 +117,5 @@ def _rows(columns: Columns, trace: Callable[[int, Span], Trace]) -> Iterator[Rea
             temperature_c=temperature,
             trace=None if first == NO_TRACE else trace(number, (first, last)),
             host_time=host_time,
+            origin=origin,
         )

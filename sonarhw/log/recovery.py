@@ -5,13 +5,18 @@ Its frames and their times are unchanged.
 
 from pathlib import Path
 
+from sonarhw.atomic_file import atomic_file
 from sonarhw.log.contents import Log
 from sonarhw.log.writer import LogWriter
 
 
 def copy_log(log: Log, path: Path, *, overwrite: bool = False) -> None:
-    """Write all of `log` to `path`. Raises LogError if it exists (unless `overwrite`) or cannot be written."""
-    with LogWriter(path, log.metadata, overwrite=overwrite, live=False) as writer:
+    """Write all of `log` to `path`, completely or not at all.
+
+    Raises OutputError if the file exists (unless `overwrite`) or cannot be written, NotALog if `log` can no longer be
+    read.
+    """
+    with atomic_file(path, overwrite=overwrite) as file, LogWriter(file, log.metadata) as writer:
         for frames in log.frames.pieces():
             readings = [reading for frame in frames for reading in writer.take(frame)]
             for reading in readings:

@@ -13,7 +13,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self, cast
+from typing import IO, Any, BinaryIO, Self, cast
 
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from mcap.well_known import MessageEncoding, SchemaEncoding
@@ -22,7 +22,7 @@ from mcap_protobuf.schema import register_schema
 
 from sonarhw.disk_space import DiskSpaceMonitor
 from sonarhw.errors import LogError
-from sonarhw.log.appended_file import LogFile
+from sonarhw.log.appended_file import LogFile, WholeLogFile
 from sonarhw.log.contents import (
     FRAMES_RECEIVED,
     FRAMES_SENT,
@@ -64,22 +64,24 @@ class LogWriter:
 
     Raises LogError if the file exists (unless `overwrite`), or cannot be created or written. The file then keeps
     everything up to the last whole reading. A file to be overwritten is unchanged until the first reading, or `close`.
-    With `live`, for measurements, each reading is synced to the disk, so that a removed drive has all readings. `warn`
-    is called with one line when the disk is nearly full. Any thread may use the writer.
+    Each reading is synced to the disk, so that a removed drive has all readings. `warn` is called with one line when
+    the disk is nearly full. Any thread may use the writer.
+
+    An open binary file instead of a path receives a log that is not recorded but written as a whole. The caller closes
+    it, and discards it after an error.
     """
 
     def __init__(
         self,
-        path: Path,
+        file: Path | str | BinaryIO,
         metadata: LogMetadata,
         *,
         overwrite: bool = False,
-        live: bool = True,
         warn: Callable[[str], None] | None = None,
     ) -> None:
         self._lock = threading.RLock()  # one thread may close the log while another records
-        self._file = LogFile(path, overwrite, live)
-        self._disk_space = DiskSpaceMonitor(path, warn) if warn else None
+        self._file = LogFile(Path(file), overwrite) if isinstance(file, str | Path) else WholeLogFile(file)
+        self._disk_space = DiskSpaceMonitor(self._file.path, warn) if warn else None
         self._scanning = False
         self._scans = 0  # number of scans at the newest Started
         self._decoder = ScanDecoder()
@@ -106,7 +108,7 @@ class LogWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind and not self._file.readings and self._file.overwriting:
+        if kind and self._file.disposable:
             self.drop()
         else:
             self.close()
@@ -199,7 +201,7 @@ class LogWriter:
 
 def metadata_record(metadata: LogMetadata) -> dict[str, str]:
     """Return the text fields of the MCAP metadata record, with the start time as ISO 8601 in UTC."""
-    return {
+    fields = {
         "format_version": str(metadata.format_version),
         "product_version": metadata.product_version,
         "made_by": metadata.made_by,
@@ -210,6 +212,8 @@ def metadata_record(metadata: LogMetadata) -> dict[str, str]:
         "board": metadata.board,
         "board_text": metadata.board_text,
     }
+    # the name of a file may contain bytes that are not UTF-8
+    return {name: text.encode("utf-8", "backslashreplace").decode() for name, text in fields.items()}
 
 
 def reading_record(reading: Reading) -> dict[str, Any]:

@@ -43,8 +43,8 @@ class ReadingArrivals:
         if not self._missing:
             return None
         first = min(self._missing)
-        last = max(number for number in self._missing if number < first + self._kept)
-        return first, last - first + 1
+        # at most `kept` readings are missing; older ones are lost
+        return first, max(self._missing) - first + 1
 
     def give_up(self) -> None:
         """Count all missing readings as lost, after too many requests."""

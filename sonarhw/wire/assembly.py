@@ -5,7 +5,7 @@ from collections import deque
 
 import numpy as np
 
-from sonarhw.readings import FloatArray, Reading, Trace
+from sonarhw.readings import FloatArray, Origin, Reading, Trace
 from sonarhw.wire.device_clock import DeviceClock
 from sonarhw.wire.messages import (
     Finished,
@@ -18,6 +18,7 @@ from sonarhw.wire.messages import (
     TraceChunk,
     TraceKind,
 )
+from sonarhw.wire.origin import origin_of
 from sonarhw.wire.units import FULL_SCALE, degrees_c, radians_of, seconds_of_nanoseconds, sound_speed_of
 
 _WIDE = 16  # bits of a two-byte sample; its full scale is 257 × 255
@@ -71,6 +72,7 @@ class ReadingAssembler:
         self._newest = -1  # device clock of the newest ping, µs
         self._scan = -1  # sequence number of the StartScan
         self._waiting: ReadingMessage | None = None
+        self._origin: Origin | None = None
         self._traces: dict[int, _PartialTrace] = {}
 
     def feed(self, message: Message, sent_us: int | None = None, arrived: float | None = None) -> list[Reading]:
@@ -83,6 +85,7 @@ class ReadingAssembler:
         if isinstance(message, Info):
             ended = self.flush()
             self._clock.set_boot(message.boot)
+            self._origin = origin_of("scan", message.firmware, message.serial)
         if sent_us is not None and arrived is not None:
             self._clock.add_frame(sent_us, arrived)
         return ended + self._take(message)
@@ -159,4 +162,5 @@ class ReadingAssembler:
             temperature_c=degrees_c(message.temperature),
             trace=partial.trace() if partial else None,
             host_time=self._clock.host_time(time),
+            origin=self._origin,
         )

@@ -1,13 +1,13 @@
 """Scan a room and record the scan, for `sonarhw scan` and the window's Scan button.
 
 from sonarhw import LogMetadata, LogWriter, sector
-from sonarhw.scan_recording import ScanAir, ScanPlan, record_scan
+from sonarhw.scanning.scan_recording import ScanPlan, record_scan
+from sonarhw.sound_speed import ScanAir
 
-plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir(speed_at, room_temperature=20.0))
+plan = ScanPlan(sector(0, 360, 5), reach=5.0, blanking=0.00238, air=ScanAir())
 record_scan(scanner, plan, LogWriter(path, LogMetadata("scan", time.time())), watcher)
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -17,21 +17,8 @@ from sonarhw.errors import Incompatible, LinkError, NoAnswer, WrongDevice
 from sonarhw.host.scanner import Scanner
 from sonarhw.log import LogWriter
 from sonarhw.readings import Reading, ScanOrder
+from sonarhw.sound_speed import ScanAir
 from sonarhw.wire.messages import Outcome
-
-
-@dataclass(frozen=True)
-class ScanAir:
-    """The temperature of the air during a scan, and the speed of sound that follows from it."""
-
-    speed_at: Callable[[float], float]  # speed of sound in m/s at a temperature in °C
-    room_temperature: float  # °C; used if neither the caller nor a thermometer provides a temperature
-    chosen_temperature: float | None = None  # °C; set by the caller, overrides all others
-
-    def speed_of_sound(self, scanner: Scanner) -> float:
-        """Return the speed of sound in m/s: at the chosen temperature, else the scanner's own, else the room's."""
-        known = (self.chosen_temperature, scanner.info.temperature_c, self.room_temperature)
-        return self.speed_at(next(temperature for temperature in known if temperature is not None))
 
 
 @dataclass(frozen=True)
@@ -99,7 +86,7 @@ class _Progress:
 
 def _scan(scanner: Scanner, plan: ScanPlan, path: Path, progress: _Progress) -> Outcome:
     watcher = progress.watcher
-    speed = plan.air.speed_of_sound(scanner)
+    speed = plan.air.speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * plan.reach / speed, plan.blanking, plan.traces, speed)
     _warn_if_disk_is_too_small(scanner, plan, path, watcher)
     with scanner.sequence():  # a stop between two steps also ends the later steps

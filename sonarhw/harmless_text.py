@@ -1,0 +1,28 @@
+"""Make text from files and devices harmless, before a terminal or a spreadsheet shows it.
+
+A name may contain escape sequences that move the cursor or change colours, line breaks that pretend to be another
+message, and marks that reverse the direction of writing. A file name that is not UTF-8 contains surrogates.
+"""
+
+import unicodedata
+
+_ESCAPED = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories: control, format, surrogate, line and paragraph separator
+
+
+def harmless(text: str) -> str:
+    """Return a text with every control character, direction mark, line break and surrogate as an escape: `\\x1b`."""
+    return text if text.isprintable() else "".join(map(_harmless_character, text))
+
+
+def _harmless_character(character: str) -> str:
+    if unicodedata.category(character) in _ESCAPED:
+        return character.encode("unicode_escape").decode("ascii")
+    return character
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text of at most `most` characters: of a longer one the begin and the end, with … between them."""
+    if len(text) <= most:
+        return text
+    end = most // 3
+    return f"{text[: most - end - 1]}…{text[-end:]}"
