@@ -10,7 +10,7 @@ from .predict.predicted_scan import Echo, PredictedScan
 from .predict.prediction import PredictionOptions, paths_for, predict_scan
 from .predict.room_echoes import Disturbance, RoomEchoes
 from .rays.paths import Paths
-from .room.model import Place, Room, load_room, parse_room
+from .room.model import Place, Room, load_room, parse_room, room_names
 from .room.room_writing import save_room
 
 __all__ = [
@@ -39,5 +39,6 @@ __all__ = [
     "paths_for",
     "predict_scan",
     "predict_with",
+    "room_names",
     "save_room",
 ]

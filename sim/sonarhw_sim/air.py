@@ -1,7 +1,11 @@
-"""Speed of sound in air, and absorption of sound at a frequency, by temperature, humidity and pressure."""
+"""The state of the air, and the absorption of sound in it at a frequency."""
 
 import math
 from dataclasses import dataclass
+
+from sonarhw.sound_speed import speed_of_sound
+
+_COLDEST, _HOTTEST = -40.0, 60.0  # °C
 
 
 @dataclass(frozen=True)
@@ -21,28 +25,13 @@ class Air:
         """Return the speed of sound, m/s, in this air at another temperature."""
         return speed_of_sound(temperature_c, self.relative_humidity, self.pressure_kpa)
 
+    def temperature_at(self, speed: float) -> float | None:
+        """Return the temperature, °C, at which sound has this speed, m/s, in this air; None outside -40 to 60 °C."""
+        from scipy.optimize import brentq  # slow to import, and rarely needed
 
-def speed_of_sound(
-    temperature_c: float = 20.0, relative_humidity: float = 0.5, pressure_kpa: float = 101.325, co2: float = 400e-6
-) -> float:
-    """Return the speed of sound in humid air of 0 to 30 °C, m/s (Cramer 1993, JASA 93, 2510, eq. 15, table III)."""
-    t, p = temperature_c, pressure_kpa * 1e3
-    kelvin = t + 273.15
-    saturation = math.exp(1.2811805e-5 * kelvin**2 - 1.9509874e-2 * kelvin + 34.04926034 - 6.3536311e3 / kelvin)
-    enhancement = 1.00062 + 3.14e-8 * p + 5.6e-7 * t**2
-    water = relative_humidity * enhancement * saturation / p
-    return (
-        331.5024
-        + 0.603055 * t
-        - 0.000528 * t**2
-        + (51.471935 + 0.1495874 * t - 0.000782 * t**2) * water
-        + (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t**2) * p
-        + (-85.20931 - 0.228525 * t + 5.91e-5 * t**2) * co2
-        - 2.835149 * water**2
-        - 2.15e-13 * p**2
-        + 29.179762 * co2**2
-        + 0.000486 * water * p * co2
-    )
+        if not self.speed_at(_COLDEST) <= speed <= self.speed_at(_HOTTEST):
+            return None
+        return float(brentq(lambda temperature: self.speed_at(temperature) - speed, _COLDEST, _HOTTEST))
 
 
 def absorption(frequency: float, air: Air) -> float:

@@ -49,5 +49,6 @@ class Unit(StrEnum):
 class EdgeStrength(StrEnum):
     """How strongly an edge diffracts sound."""
 
+    UNIFORM = "uniform"  # by angles, distances and reflectances of its faces, continuous with reflection
+    KELLER = "keller"  # by the angles to its faces, too loud near reflection
     PAPER = "paper"  # the same in all directions
-    KELLER = "keller"  # depends on the angles to its faces

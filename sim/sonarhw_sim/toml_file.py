@@ -1,12 +1,25 @@
 """Reading TOML files and checking them against a model; an error is one line that names the file and the key."""
 
+import os
+import re
+import stat
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from sonarhw.errors import InputError
+from sonarhw_sim.near_miss import near_miss
+
+MOST_BYTES = 16 * 2**20  # of a file; a room of 100 000 walls has about 10 MB
+MOST_DOTS = 100  # in one key; tomllib takes quadratic time for them
+_MOST_QUOTED = 80  # characters
+_PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)[ \t]*+\.[ \t]*+"""
+_DOTTED = re.compile(rf"(?<![\w-])(?:{_PART}){{{MOST_DOTS}}}")  # possessive, so that the search is linear
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 class TomlModel(BaseModel):
@@ -18,6 +31,11 @@ class TomlModel(BaseModel):
 Model = TypeVar("Model", bound=TomlModel)
 
 
+def about(meaning: str, unit: str = "") -> Any:
+    """Return the description of a key, for the reference page, the JSON Schema and errors. Put it into `Annotated`."""
+    return Field(description=meaning, json_schema_extra={"unit": unit} if unit else None)
+
+
 def parse_toml(text: str, where: str, model: type[Model]) -> Model:
     """Return the checked content of a file. Raises InputError with `where`, the line or key, and what is expected."""
     return checked(parse_table(text, where), where, model)
@@ -25,33 +43,103 @@ def parse_toml(text: str, where: str, model: type[Model]) -> Model:
 
 def parse_table(text: str, where: str) -> dict[str, Any]:
     """Return the content of a file, unchecked. Raises InputError with `where` and the line."""
+    if dotted := _DOTTED.search(text):
+        line = text.count("\n", 0, dotted.start()) + 1
+        raise InputError(f"{where}: line {line}: a key has more than {MOST_DOTS} parts; expected at most five")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not TOML: {error}") from error
+    except ValueError as error:  # Python reads no decimal number of more than 4300 digits
+        raise InputError(f"{where}: a number has too many digits; expected an ordinary number") from error
+    except RecursionError as error:
+        raise InputError(f"{where}: lists or tables are nested too deeply; expected at most three levels") from error
 
 
 def checked(values: dict[str, Any], where: str, model: type[Model]) -> Model:
     """Return the values of a file as its model. Raises InputError with `where`, the key, and what is expected."""
+    problems, count = [], 0
     try:
         return model.model_validate(_arrays_as_tuples(values))
     except ValidationError as error:
-        # an unknown key comes first: it is often the misspelt form of a key that is then reported as missing
-        first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        key = f"{_key(first['loc'])}: " if first["loc"] else ""
-        raise InputError(f"{where}: {key}{_reason(first)}{more}") from error
+        problems, count = _problems(error, model), error.error_count()
+    except RecursionError as error:
+        raise InputError(f"{where}: lists or tables are nested too deeply; expected at most three levels") from error
+    more = f" (and {count - 1} more)" if count > 1 else ""
+    raise InputError(f"{where}: {problems[0]}{more}")
+
+
+def problems_of(values: dict[str, Any], model: type[Model]) -> list[str]:
+    """Return a line for each error in the values of a file: the key, what was found and what is expected."""
+    try:
+        model.model_validate(_arrays_as_tuples(values))
+    except ValidationError as error:
+        return _problems(error, model)
+    return []
+
+
+def json_schema(model: type[TomlModel]) -> dict[str, Any]:
+    """Return the JSON Schema (draft 7) of a model, for editors. It has no rules that connect several keys."""
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **_as_draft_7(model.model_json_schema())}
+
+
+def _as_draft_7(schema: Any) -> Any:
+    if isinstance(schema, list):
+        return [_as_draft_7(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    # prefixItems is newer; the only tuples here are pairs of equal items
+    renamed = {("items" if key == "prefixItems" else key): value for key, value in schema.items()}
+    if "prefixItems" in schema:
+        renamed["items"] = schema["prefixItems"][0]
+    return {key: _as_draft_7(value) for key, value in renamed.items()}
+
+
+def _problems(error: ValidationError, model: type[TomlModel]) -> list[str]:
+    # an unknown key comes first: it is often the misspelt form of a key that is then reported as missing
+    found = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+    return [": ".join(filter(None, (_key(one["loc"]), _reason(one, model)))) for one in found]
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return the text of a file. Raises InputError if it is missing, unreadable or not UTF-8."""
+    """Return the text of a file. Raises InputError if it is missing, unreadable, too large or not UTF-8."""
     try:
-        return path.read_text(encoding="utf-8")
+        _check_kind(path)
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; give the name of a {what} (*.toml)") from error
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"{path}: cannot be read as a {what}: {reason}") from error
+    if len(content) > MOST_BYTES:
+        raise InputError(f"{path}: is larger than {MOST_BYTES / 2**20:g} MiB; expected a {what}, which is small")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = f"byte 0x{content[error.start]:02x} in line {line}"
+        raise InputError(
+            f"{path}: cannot be read as a {what}: not UTF-8 text ({byte}); save the file as UTF-8"
+        ) from error
+
+
+def _check_kind(path: Path) -> None:
+    """Raise OSError for a device, which may be endless, and for a named pipe, which may wait for ever."""
+    kind = path.stat().st_mode
+    if stat.S_ISFIFO(kind) and not os.path.realpath(path).startswith("/proc/"):  # /dev/stdin and <(command) are there
+        raise OSError(0, "it is a named pipe, not a file")
+    if (stat.S_ISCHR(kind) or stat.S_ISBLK(kind)) and not os.path.samefile(path, os.devnull):
+        raise OSError(0, "it is a device, not a file")
+
+
+def quoted(value: object) -> str:
+    """Return a value of a file as an error shows it: on one line, without control characters, and not long."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # Python prints no integer of more than 4300 digits
+        return "a huge number" if isinstance(value, int) else "a value that is too large to print"
+    return text if len(text) <= _MOST_QUOTED else f"{text[:_MOST_QUOTED]}…"
 
 
 def _arrays_as_tuples(value: object) -> object:
@@ -63,24 +151,94 @@ def _arrays_as_tuples(value: object) -> object:
     return value
 
 
-def _key(location: tuple[int | str, ...]) -> str:
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+def _key(location: Sequence[int | str]) -> str:
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{_part(part)}" for part in location if part != "[key]")
     return key.removeprefix(".")
 
 
-def _reason(error: object) -> str:
-    assert isinstance(error, dict)
-    kind, message, got = error["type"], error["msg"], error["input"]
+def _part(name: str) -> str:
+    return name if _BARE.fullmatch(name) and len(name) <= _MOST_QUOTED else quoted(name)
+
+
+# kinds of error for which pydantic would name a Python type
+_EXPECTED = {
+    "missing": "missing; it is required",
+    "model_type": "expected a table",
+    "dict_type": "expected a table",
+    "tuple_type": "expected a list of numbers",
+}
+
+
+def _reason(error: Mapping[str, Any], model: type[TomlModel]) -> str:
+    kind, got = error["type"], error["input"]
+    message: str = error["msg"]
     if kind == "extra_forbidden":
-        return "unknown key; check its spelling"
-    if kind == "missing":
-        return "missing; it is required"
+        return f"unknown key{_suggestion(error['loc'], model)}"
     if kind == "too_short":
         return f"expected at least {error['ctx']['min_length']} of them, got {error['ctx']['actual_length']}"
     if kind == "too_long":
-        return f"expected {error['ctx']['max_length']} of them, got {error['ctx']['actual_length']}"
+        most = error["ctx"]["max_length"]
+        return f"expected {'at most ' if most > 3 else ''}{most} of them, got {error['ctx']['actual_length'] or 'more'}"
     if kind == "string_pattern_mismatch":
-        return f"expected a name without > and /, which join names, got {got!r}"
+        return f"expected a name without > and /, which join names, got {quoted(got)}"
+    if kind in ("model_type", "dict_type") and isinstance(got, tuple):
+        return "expected a table, got a list; write [NAME], not [[NAME]]"
+    if kind in _EXPECTED:
+        return _EXPECTED[kind] if kind == "missing" else f"{_EXPECTED[kind]}, got {quoted(got)}"
     message = message.removeprefix("Value error, ").replace("Input should be", "expected")
-    message = message.replace("a valid tuple", "a list of numbers").replace("a valid boolean", "true or false")
-    return message if isinstance(got, dict | tuple) else f"{message}, got {got!r}"
+    message = message.replace("String should have", "expected a text of").replace("a valid boolean", "true or false")
+    if kind == "value_error" and isinstance(got, dict | tuple):  # a check of several keys, which names them
+        return message
+    return f"{message}{_limit_unit(error, model)}, got {'a table' if isinstance(got, dict) else quoted(got)}"
+
+
+# what people write for a key, where it is spelt too differently for a near miss
+_VARIANTS = {
+    "centre": "center",
+    "middle": "center",
+    "diameter": "radius",
+    "humidity": "relative_humidity",
+    "temp": "temperature_c",
+    "angle": "heading_deg",
+    "direction": "heading_deg",
+    "xy": "position",
+    "vertices": "points",
+    "corners": "points",
+}
+
+
+def _suggestion(location: Sequence[int | str], model: type[TomlModel]) -> str:
+    """Return the key that an unknown key probably means, with its unit, or all keys of its table."""
+    word, fields = str(location[-1]), _fields_at(location[:-1], model)
+    variant = _VARIANTS.get(word.casefold())
+    near = variant if variant in fields else near_miss(word, fields)
+    if near is None:
+        return f"; known: {', '.join(fields)}"
+    extra = fields[near].json_schema_extra
+    unit = f" ({extra['unit']})" if isinstance(extra, dict) else ""
+    return f"; did you mean {near!r}{unit}?"
+
+
+def _limit_unit(error: Mapping[str, Any], model: type[TomlModel]) -> str:
+    """Return the unit of a key whose number is beyond a limit, with a space before it."""
+    if not error["type"].startswith(("less_than", "greater_than")):
+        return ""
+    *table, key = [part for part in error["loc"] if isinstance(part, str)]
+    field = _fields_at(table, model).get(key)
+    extra = field.json_schema_extra if field else None
+    return f" {extra['unit']}" if isinstance(extra, dict) else ""
+
+
+def _fields_at(location: Sequence[int | str], model: type[TomlModel]) -> dict[str, FieldInfo]:
+    """Return the keys of the table at a location."""
+    for part in location:
+        field = model.model_fields.get(str(part))
+        model = next(_models_in(field.annotation), model) if field else model
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def _models_in(annotation: object) -> Iterator[type[TomlModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, TomlModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)

@@ -16,7 +16,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.choices import Unit
 from sonarhw_sim.room.model import ENDLESS, Place, Room, with_post, with_walls
 from sonarhw_sim.room.room_file import MEETING
-from sonarhw_sim.toml_file import TomlModel
+from sonarhw_sim.toml_file import TomlModel, about
 
 FACE = "unit"  # name of a transducer's face in `via`
 BODY = "body"
@@ -44,10 +44,12 @@ class TransducerPose:
 class Mount(TomlModel):
     """`[mount]` of a board profile: one head on a turntable; lengths in m."""
 
-    ahead: Offset = 0.0  # from the turning axis to the face, along the heading
-    aside: Offset = 0.0  # and to the left
-    separation: Length = 0.0  # from sender to receiver if they are separate, side by side, the sender on the left
-    body_radius: Length = 0.0  # of the round body about the axis; 0: no body
+    ahead: Annotated[Offset, about("distance from the turning axis to the face, along the heading", "m")] = 0.0
+    aside: Annotated[Offset, about("distance from the turning axis to the face, to the left", "m")] = 0.0
+    separation: Annotated[
+        Length, about("distance from sender to receiver, side by side, the sender on the left; 0: one transducer", "m")
+    ] = 0.0
+    body_radius: Annotated[Length, about("radius of the round body about the turning axis; 0: no body", "m")] = 0.0
 
     @model_validator(mode="after")
     def _sane(self) -> Self:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field
-from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
@@ -10,17 +9,21 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air, absorption
 from sonarhw_sim.board.mount import ON_AXIS, Mount
 from sonarhw_sim.board.ring import Ring
-from sonarhw_sim.choices import Receiver
-from sonarhw_sim.toml_file import TomlModel, parse_toml, read_text
+from sonarhw_sim.choices import EdgeStrength, Receiver
+from sonarhw_sim.named_file import Shipped
+from sonarhw_sim.toml_file import TomlModel, about, parse_toml
 
+SHIPPED_BOARDS = Shipped("sonarhw_sim.board.shipped", "board", "board profile")
 MOST_RANGE = 1000.0  # m; sound in air fades long before
 
-Positive = Annotated[float, Field(gt=0)]
+MOST_NAME = 60  # bytes in UTF-8; a scanner sends the name, and the protocol limits it
+
+Instant = Annotated[float, Field(gt=0, le=1)]  # s
+Level = Annotated[float, Field(ge=-300)]  # dB; lower, an amplitude would be lost to rounding
 
 # The next two values are unverified, so they are only defaults. With this time constant of rise and decay, once as
 # sender and once as receiver, the burst of 12 dB has decayed by 0.75 ms, where BINH may end blanking (6500 data sheet).
@@ -44,38 +47,73 @@ class Tone:
 class ToneFile(TomlModel):
     """A part of a chirp in a profile."""
 
-    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
-    cycles: Annotated[int, Field(ge=1)]
+    frequency: Annotated[float, Field(ge=1e3, le=1e6), about("frequency of this part", "Hz")]
+    cycles: Annotated[int, Field(ge=1, le=1000), about("number of its cycles")]
 
 
 class BoardFile(TomlModel):
     """The content of a profile."""
 
-    name: str
-    aperture_radius: Annotated[float, Field(gt=0, le=1)]  # m
-    frequency: Annotated[float, Field(ge=1e3, le=1e6)]  # Hz
-    transmit_cycles: Annotated[int, Field(ge=1, le=1000)]
-    blanking: Annotated[float, Field(ge=0, le=1)]  # s
-    max_range: Annotated[float, Field(gt=0, le=MOST_RANGE)]  # m
-    threshold_db: Annotated[float, Field(le=0)]
-    rounding: Annotated[float, Field(ge=0, le=1)] = 0.0  # m; 0: none
-    absorption: bool = True
-    receiver: Annotated[Receiver, Field(strict=False)] = Receiver.FIRST_ECHO
-    chirp: tuple[ToneFile, ...] = ()
+    name: Annotated[str, Field(max_length=MOST_NAME), about("name of the board, for titles and logs")]
+    aperture_radius: Annotated[float, Field(gt=0, le=1), about("radius of the vibrating face", "m")]
+    frequency: Annotated[float, Field(ge=1e3, le=1e6), about("frequency of the burst", "Hz")]
+    transmit_cycles: Annotated[int, Field(ge=1, le=1000), about("number of cycles of the burst")]
+    blanking: Annotated[float, Field(ge=0, le=1), about("end of blanking; earlier echoes are not detected", "s")]
+    max_range: Annotated[float, Field(gt=0, le=MOST_RANGE), about("largest range", "m")]
+    threshold_db: Annotated[
+        Level, Field(le=0), about("weakest detected echo, two-way, relative to a perfect wall straight ahead", "dB")
+    ]
+    rounding: Annotated[float, Field(ge=0, le=1), about("ranges are whole multiples of this; 0: not rounded", "m")] = (
+        0.0
+    )
+    absorption: Annotated[bool, about("false: no absorption by the air")] = True
+    receiver: Annotated[Receiver, Field(strict=False), about("receiver of predictions, if none is given")] = (
+        Receiver.FIRST_ECHO
+    )
+    edge_strength: Annotated[
+        EdgeStrength, Field(strict=False), about("diffraction at edges in predictions, if none is given")
+    ] = EdgeStrength.UNIFORM
+    sum_arrivals: Annotated[
+        bool, about("arrivals within one wavelength of path add up with their phases; false: each is detected alone")
+    ] = True
+    chirp: Annotated[
+        tuple[ToneFile, ...], Field(max_length=1000), about("parts of the burst; default: one, at `frequency`")
+    ] = ()
     # a shorter rise would need more than the 60 kHz to each side of the carrier that signals contain
-    rise_cycles: Annotated[float, Field(ge=0.5, le=100)] = RISE_CYCLES
-    own_burst_db: Annotated[float, Field(le=60)] = OWN_BURST_DB
-    integration_cycles: Annotated[float, Field(ge=0, le=1000)] = INTEGRATION_CYCLES
-    fixed_gain: bool = False
-    gain_steps: tuple[Positive, ...] = ()  # s
-    gain_step_db: Annotated[float, Field(ge=0, le=20)] = GAIN_STEP_DB
-    blanking_inhibit: Annotated[float, Field(ge=0)] | None = None  # s
-    rearm: Positive = REARM  # s
-    clock_error: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
-    mount: Mount = ON_AXIS
-    ring: Ring | None = None
-    range_offset: Annotated[float, Field(ge=-1, le=1)] = 0.0  # m; `sonarhw calibrate` measures these two
-    home_angle_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    rise_cycles: Annotated[
+        float, Field(ge=0.5, le=100), about("time constant of the transducer's rise and decay, each way", "cycles")
+    ] = RISE_CYCLES
+    own_burst_db: Annotated[
+        Level, Field(le=60), about("transmit burst in the receiver, over full scale; low for a second transducer", "dB")
+    ] = OWN_BURST_DB
+    integration_cycles: Annotated[
+        float, Field(ge=0, le=1000), about("time constant of the detector; 0: none", "cycles")
+    ] = INTEGRATION_CYCLES
+    fixed_gain: Annotated[
+        bool, about("true: the gain does not rise with time; levels are relative to a wall 0.5 m ahead")
+    ] = False
+    gain_steps: Annotated[
+        tuple[Instant, ...], Field(max_length=1000), about("times of the gain steps; default: an ideal gain", "s")
+    ] = ()
+    gain_step_db: Annotated[float, Field(ge=0, le=20), about("height of a gain step", "dB")] = GAIN_STEP_DB
+    blanking_inhibit: Annotated[
+        Annotated[float, Field(ge=0, le=1)] | None, about("when BINH ends blanking early; default: never", "s")
+    ] = None
+    rearm: Annotated[Instant, about("time from one echo to the next that can be detected", "s")] = REARM
+    clock_error: Annotated[
+        float,
+        Field(ge=-0.1, le=0.1),
+        about("0.01: the clock runs 1 % fast, so ranges are 1 % too long"),
+    ] = 0.0
+    mount: Annotated[Mount, about("one head on a turntable")] = ON_AXIS
+    ring: Annotated[Ring | None, about("a ring of sensors, in place of a turntable")] = None
+    # `sonarhw calibrate` measures these two
+    range_offset: Annotated[float, Field(ge=-1, le=1), about("reported range minus true range", "m")] = 0.0
+    home_angle_deg: Annotated[
+        float,
+        Field(ge=-360, le=360),
+        about("direction of the turntable's zero, counter-clockwise from the nominal one", "degrees"),
+    ] = 0.0
 
     @field_validator("gain_steps")
     @classmethod
@@ -83,6 +121,13 @@ class BoardFile(TomlModel):
         if any(later <= earlier for earlier, later in pairwise(steps)):
             raise ValueError("expected increasing times")
         return steps
+
+    @field_validator("name")
+    @classmethod
+    def _short(cls, name: str) -> str:
+        if len(name.encode()) > MOST_NAME:
+            raise ValueError(f"expected at most {MOST_NAME} bytes")
+        return name
 
     @model_validator(mode="after")
     def _one_mounting(self) -> "BoardFile":
@@ -140,6 +185,8 @@ class Board:
     rounding: float = 0.0  # ranges are reported in whole multiples of this; 0: not rounded
     absorption: bool = True  # whether air that differs from what the ideal gain expects has an effect
     receiver: Receiver = Receiver.FIRST_ECHO  # used unless a command selects another
+    edge_strength: EdgeStrength = EdgeStrength.UNIFORM  # used unless a command selects another
+    sum_arrivals: bool = True  # arrivals within one wavelength of path add up; False: each is detected alone
     chirp: tuple[Tone, ...] = ()  # the tones of the burst; empty: all of it at `frequency`
     rise_cycles: float = RISE_CYCLES  # time constant of rise and decay each way, in cycles
     own_burst_db: float = OWN_BURST_DB  # transmit burst in the receiver, over full scale
@@ -196,19 +243,17 @@ class Board:
         return absorption(self.frequency, air) - absorption(self.frequency, Air()) if self.absorption else 0.0
 
     def reported(self, distances: FloatArray) -> FloatArray:
-        """Return the ranges that the board reports for true ones, m, same shape; NaN stays NaN."""
-        ranges = distances + self.range_offset if self.range_offset else distances
+        """Return the ranges that the board reports for true ones, m, same shape; NaN stays NaN. None is negative."""
+        ranges = np.maximum(distances + self.range_offset, 0.0) if self.range_offset else distances
         return np.round(ranges / self.rounding) * self.rounding if self.rounding else ranges
 
 
-def load_board(name: str) -> Board:
-    """Return an included profile by name, or the one in a file. Raises InputError if it is unknown or wrong."""
-    if name.endswith(".toml"):
-        return parse_board(read_text(Path(name), "board profile"), name)
-    shipped = files("sonarhw_sim.board.shipped") / f"{name}.toml"
-    if name not in board_names():
-        raise InputError(f"unknown board {name!r}; known: {', '.join(board_names())}, or a file NAME.toml")
-    return parse_board(shipped.read_text(encoding="utf-8"), shipped.name)
+def load_board(name: Path | str) -> Board:
+    """Return a shipped profile by name, or the one in a file. Raises InputError if it is unknown or wrong.
+
+    A text without `.toml` at its end and without a slash is the name of a shipped profile.
+    """
+    return parse_board(*SHIPPED_BOARDS.read(name))
 
 
 def parse_board(text: str, where: str) -> Board:
@@ -225,9 +270,5 @@ def board_from(file: BoardFile, text: str = "") -> Board:
 
 
 def board_names() -> list[str]:
-    """Return the names of the included profiles."""
-    return sorted(
-        entry.name.removesuffix(".toml")
-        for entry in files("sonarhw_sim.board.shipped").iterdir()
-        if entry.name.endswith(".toml")
-    )
+    """Return the names of the shipped profiles."""
+    return SHIPPED_BOARDS.names()

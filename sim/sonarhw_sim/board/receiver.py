@@ -19,7 +19,7 @@ from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.traces import Arrivals, Noise, before_gain, gain_at_samples, pulses, received
 from sonarhw_sim.board.transducer import ComplexArray
 from sonarhw_sim.choices import Receiver
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
 
 _FIRST_LISTEN = 0.01  # s; most pings have an echo within this time
 _SHARE = 0.1  # of the signal just before a detection: an arrival with less did not cause it
@@ -120,7 +120,7 @@ def _charge_of_burst(board: Board, speed_of_sound: float) -> float:
     return float(_charged(np.abs(burst_of(board, speed_of_sound).samples), _time_constant(board)).max())
 
 
-@compiled
+@compiled_part
 def _kept(time_constant: float) -> float:
     """Return the share of its charge that REC keeps from one sample to the next."""
     kept: float = math.exp(-1.0 / time_constant) if time_constant > 0.0 else 0.0

@@ -14,7 +14,7 @@ from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.board.mount import TransducerPose
 from sonarhw_sim.room.model import Place
-from sonarhw_sim.toml_file import TomlModel
+from sonarhw_sim.toml_file import TomlModel, about
 
 _SAME_HEADING = 1e-6  # of the angle between sensors: a heading so near to a sensor's direction is that sensor's
 
@@ -22,10 +22,10 @@ _SAME_HEADING = 1e-6  # of the angle between sensors: a heading so near to a sen
 class Ring(TomlModel):
     """`[ring]` of a board profile: sensor 0 points along the place's heading, the others follow counter-clockwise."""
 
-    sensors: Annotated[int, Field(ge=1, le=360)]
-    radius: Annotated[float, Field(gt=0, le=10)]  # m: of the body that carries the faces
-    interval: Annotated[float, Field(ge=0, le=10)] = 0.0  # s from one ping to the next; 0: all at once
-    order: tuple[int, ...] = ()  # firing order; empty: 0, 1, 2, ...
+    sensors: Annotated[int, Field(ge=1, le=360), about("number of sensors")]
+    radius: Annotated[float, Field(gt=0, le=10), about("radius of the body that carries the faces", "m")]
+    interval: Annotated[float, Field(ge=0, le=10), about("time from one ping to the next; 0: all at once", "s")] = 0.0
+    order: Annotated[tuple[int, ...], Field(max_length=360), about("firing order; default: 0, 1, 2, …")] = ()
 
     @model_validator(mode="after")
     def _sane(self) -> Self:

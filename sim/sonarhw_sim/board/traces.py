@@ -37,7 +37,8 @@ class Arrivals:
     """All sound that returns after one ping, before the effect of the transducer; one row for each arrival."""
 
     times: FloatArray  # (n,), s since the start of transmission
-    amplitudes: FloatArray  # (n,), signed, without beam, spreading and the absorption that the ideal gain compensates
+    # (n,), with sign or phase, without beam, spreading and the absorption that the ideal gain compensates
+    amplitudes: FloatArray | ComplexArray
     leaving: FloatArray  # (n,), cosine of the angle between the axis and the departure
     arriving: FloatArray  # (n,), cosine of the angle between the axis and the direction of arrival
 
@@ -123,7 +124,7 @@ def pulses(
         spectra,
         arrivals.times,
         (arrivals.times * RATE - whole + burst.lead) / RATE,
-        arrivals.amplitudes,
+        arrivals.amplitudes.astype(np.complex128),
         np.column_stack((arrivals.leaving, arrivals.arriving)),
         burst.spectrum,
         burst.lowest,
@@ -151,7 +152,7 @@ def _may_matter(arrivals: Arrivals, board: Board, speed_of_sound: float) -> NDAr
 
 def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receiver: Receiver) -> Arrivals:
     """Return the arrivals at the input of the gain; for the ideal gain without the loss that it compensates."""
-    if not _is_stepped(board, receiver):
+    if not is_stepped(board, receiver):
         return arrivals
     # sound that returns at once is blanked, and its loss is negligible
     lengths = np.maximum(arrivals.times * speed_of_sound, 1e-3)
@@ -163,14 +164,15 @@ def before_gain(arrivals: Arrivals, board: Board, speed_of_sound: float, receive
 def gain_at_samples(count: int, board: Board, receiver: Receiver) -> FloatArray:
     """Return the factor to apply to `before_gain` at each sample from the start of transmission, (count,) float."""
     gain = np.ones(count)
-    if _is_stepped(board, receiver):
+    if is_stepped(board, receiver):
         clock = np.arange(count) / RATE * (1 + board.clock_error)
         gain = np.asarray(10 ** (stepped_gain_db(clock, board) / 20))
     gain.flags.writeable = False
     return gain
 
 
-def _is_stepped(board: Board, receiver: Receiver) -> bool:
+def is_stepped(board: Board, receiver: Receiver) -> bool:
+    """Return whether the gain of this receiver rises in steps; else it is ideal."""
     return receiver is Receiver.BOARD and bool(board.gain_steps)
 
 
@@ -190,7 +192,7 @@ def _fill(
     spectra: ComplexArray,
     times: FloatArray,
     delays: FloatArray,
-    amplitudes: FloatArray,
+    amplitudes: ComplexArray,
     cosines: FloatArray,
     burst: ComplexArray,
     lowest: float,

@@ -1,4 +1,4 @@
-"""Amplitude of each path at a heading, and the first path above the threshold.
+"""Amplitude of each path at a heading, sums of paths that arrive together, and the first arrival over the threshold.
 
 Amplitudes are relative to a perfect wall straight ahead; directions are unit vectors. Compiled by numba, because a scan
 needs the amplitude of every path at every heading. The beam is interpolated in a table by a cubic, with an error of
@@ -7,17 +7,19 @@ needs the amplitude of every path at every heading. The beam is interpolated in 
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import j1, jv
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.board.transducer import beam_gain
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.board.transducer import ComplexArray, beam_gain, disc_factor, disc_slope
+from sonarhw_sim.compiled import compiled, compiled_part
 
 BoolArray = NDArray[np.bool_]
 
+SAME_LENGTH = 1e-9  # m: lengths that differ less, by rounding, are equal
 _NODES_PER_UNIT = 32  # of x = ka sin α
 _SEPARATIONS = 721  # angles between departure and arrival for which the loudest heading is searched
 
@@ -26,9 +28,7 @@ _SEPARATIONS = 721  # angles between departure and arrival for which the loudest
 def beam_table(ka: float) -> FloatArray:
     """Return values and slopes of 2 J₁(x)/x at x = 0, 1/32, 2/32, ... beyond ka, (n, 2) float."""
     x = np.arange(math.ceil(ka * _NODES_PER_UNIT) + 2) / _NODES_PER_UNIT
-    x[0] = 1.0
-    table = np.column_stack((2 * j1(x) / x, -2 * jv(2, x) / x))
-    table[0] = 1.0, 0.0
+    table = np.column_stack((disc_factor(x), disc_slope(x)))
     table.flags.writeable = False
     return table
 
@@ -45,7 +45,7 @@ def loudest_by_separation(ka: float) -> FloatArray:
     return np.array([float((one * other[2 * turn : 2 * turn + len(one)]).max()) for turn in range(_SEPARATIONS)])
 
 
-@compiled
+@compiled_part
 def disc(x: float, table: FloatArray) -> float:
     """Return 2 J₁(x)/x with its sign, for x from 0 to the end of the table."""
     x *= _NODES_PER_UNIT
@@ -65,9 +65,15 @@ def disc(x: float, table: FloatArray) -> float:
 @compiled
 def beam(cosine: float, ka: float, table: FloatArray) -> float:
     """Return the amplitude, for one pass, at an angle α given by its cosine: |2 J₁(x)/x| cos α, 0 from 90° on."""
+    return abs(_signed_beam(cosine, ka, table))
+
+
+@compiled_part
+def _signed_beam(cosine: float, ka: float, table: FloatArray) -> float:
+    """Return `beam` with its sign, which alternates from lobe to lobe."""
     if cosine <= 0.0:
         return 0.0
-    amplitude: float = abs(disc(ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)), table)) * cosine
+    amplitude: float = disc(ka * math.sqrt(max(0.0, 1.0 - cosine * cosine)), table) * cosine
     return amplitude
 
 
@@ -75,7 +81,7 @@ def beam(cosine: float, ka: float, table: FloatArray) -> float:
 def amplitudes_at(
     heading: float, leaving: FloatArray, arriving: FloatArray, strengths: FloatArray, ka: float, table: FloatArray
 ) -> FloatArray:
-    """Return the amplitude of every path at a heading (rad), (p,).
+    """Return the signed amplitude of every path at a heading (rad), (p,).
 
     `leaving` and `arriving` (p, 2) are the horizontal parts of the unit vectors along which a path departs and from
     which it returns. `strengths` (p,) are the amplitudes without the beam.
@@ -83,10 +89,66 @@ def amplitudes_at(
     x, y = math.cos(heading), math.sin(heading)
     amplitudes = np.empty(strengths.shape[0])
     for path in range(strengths.shape[0]):
-        out = beam(leaving[path, 0] * x + leaving[path, 1] * y, ka, table)
-        back = beam(arriving[path, 0] * x + arriving[path, 1] * y, ka, table)
+        out = _signed_beam(leaving[path, 0] * x + leaving[path, 1] * y, ka, table)
+        back = _signed_beam(arriving[path, 0] * x + arriving[path, 1] * y, ka, table)
         amplitudes[path] = out * back * strengths[path]
     return amplitudes
+
+
+class Together(NamedTuple):
+    """The paths that arrive together with each path, and their phases."""
+
+    begins: NDArray[np.intp]  # (p,): the first of them
+    ends: NDArray[np.intp]  # (p,): the row after the last
+    phasors: ComplexArray  # (p,), of the carrier at arrival, magnitude 1; NaN: random phase, its power is added
+
+
+def together(lengths: FloatArray, phases: FloatArray, wavelength: float, board: Board) -> Together:
+    """Return which paths arrive together: those of the same length and up to one wavelength longer.
+
+    `lengths` (p,) m are in order, `phases` (p,) rad are beyond those of the lengths. If the board does not sum
+    arrivals, every path is alone.
+    """
+    phasors = np.exp(1j * (phases - math.tau / wavelength * lengths))
+    if not board.sum_arrivals:
+        rows = np.arange(len(lengths))
+        return Together(rows, rows + 1, phasors)
+    begins = np.searchsorted(lengths, lengths - SAME_LENGTH)
+    return Together(begins, np.searchsorted(lengths, lengths + wavelength, side="right"), phasors)
+
+
+@compiled_part
+def _sum_of(amplitudes: FloatArray, phasors: ComplexArray, begin: int, end: int) -> float:
+    """Return the magnitude of the sum of the paths from row `begin` to `end`."""
+    total, power = 0.0j, 0.0
+    for path in range(begin, end):
+        if math.isnan(phasors[path].real):
+            power += amplitudes[path] * amplitudes[path]
+        else:
+            total += amplitudes[path] * phasors[path]
+    magnitude: float = math.sqrt(total.real * total.real + total.imag * total.imag + power)
+    return magnitude
+
+
+@compiled_part
+def _loudest_of(amplitudes: FloatArray, begin: int, end: int) -> int:
+    """Return the loudest path from row `begin` to `end`; of equals, the first."""
+    loudest = begin
+    for path in range(begin + 1, end):
+        if abs(amplitudes[path]) > abs(amplitudes[loudest]) * (1.0 + 1e-9):
+            loudest = path
+    return loudest
+
+
+@compiled
+def sums_of_arrivals(amplitudes: FloatArray, sets: Together) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the amplitude of the arrival that begins with each path, (p,), and the loudest path of each, (p,)."""
+    sums, loudest = np.empty(len(amplitudes)), np.empty(len(amplitudes), np.intp)
+    for path in range(len(amplitudes)):
+        begin, end = sets.begins[path], sets.ends[path]
+        sums[path] = _sum_of(amplitudes, sets.phasors, begin, end)
+        loudest[path] = _loudest_of(amplitudes, begin, end)
+    return sums, loudest
 
 
 @compiled
@@ -95,34 +157,48 @@ def first_detected(
     leaving: FloatArray,
     arriving: FloatArray,
     strengths: FloatArray,
+    sets: Together,
     points: FloatArray,
     face: float,
     threshold: float,
     ka: float,
     table: FloatArray,
 ) -> NDArray[np.intp]:
-    """Return the first path above `threshold` (amplitude) at each heading, in the given order, (n,) int; -1: none.
+    """Return the loudest path of the first arrival above `threshold` (amplitude) at each heading, (n,) int; -1: none.
 
-    `points` (p, k, 2) are the points of the paths relative to the sensor, padded with NaN. If `face` (m) is above 0, a
-    face of this half width blocks sound that meets it.
+    Paths are in the given order. `points` (p, k, 2) are the points of the paths relative to the sensor, padded with
+    NaN. If `face` (m) is above 0, a face of this half width blocks sound that meets it.
     """
     first = np.full(headings.shape[0], -1, np.intp)
+    count = strengths.shape[0]
+    # the most that an arrival can have at any heading
+    most = np.empty(count)
+    for path in range(count):
+        most[path] = strengths[sets.begins[path] : sets.ends[path]].sum()
+    amplitudes = np.empty(count)
     for k in range(headings.shape[0]):
         x, y = math.cos(headings[k]), math.sin(headings[k])
-        for path in range(strengths.shape[0]):
-            if strengths[path] < threshold:
+        known = 0
+        for path in range(count):
+            if most[path] < threshold:
                 continue
-            level = beam(leaving[path, 0] * x + leaving[path, 1] * y, ka, table) * strengths[path]
-            if level < threshold:
-                continue
-            level *= beam(arriving[path, 0] * x + arriving[path, 1] * y, ka, table)
-            if level >= threshold and level > 0.0 and not (face > 0.0 and meets_face(points[path], x, y, face)):
-                first[k] = path
+            begin, end = sets.begins[path], sets.ends[path]
+            for member in range(max(begin, known), end):
+                amplitude = strengths[member] * _signed_beam(leaving[member, 0] * x + leaving[member, 1] * y, ka, table)
+                if amplitude != 0.0:
+                    amplitude *= _signed_beam(arriving[member, 0] * x + arriving[member, 1] * y, ka, table)
+                if amplitude != 0.0 and face > 0.0 and meets_face(points[member], x, y, face):
+                    amplitude = 0.0
+                amplitudes[member] = amplitude
+            known = max(known, end)
+            level = _sum_of(amplitudes, sets.phasors, begin, end)
+            if level >= threshold and level > 0.0:
+                first[k] = _loudest_of(amplitudes, begin, end)
                 break
     return first
 
 
-@compiled
+@compiled_part
 def meets_face(corners: FloatArray, x: float, y: float, half_width: float) -> bool:
     """Return whether a path, points (k, 2) relative to the sensor, meets the face of a transducer along x, y.
 

@@ -22,10 +22,10 @@ _KEPT_BELOW_THRESHOLD = 20.0
 def path_amplitudes(
     room: Room, board: Board, heading: float, paths: Paths, sender_headings: FloatArray | None = None
 ) -> FloatArray:
-    """Return the amplitude of every path at a heading (rad) relative to a perfect wall straight ahead, (p,) float.
+    """Return the signed amplitude of every path at a heading (rad), (p,) float; 1 is a perfect wall straight ahead.
 
     It includes reflectances, edges and curvature, the beam at departure and arrival, and absorption beyond the ideal
-    gain. `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
+    gain, but no other path. `sender_headings` (p,) rad are the headings of the senders; None: that of the receiver.
     """
     ka = board.wavenumber(room.air) * board.aperture_radius
     # as if the sender had pointed along `heading`

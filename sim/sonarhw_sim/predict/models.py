@@ -119,6 +119,7 @@ def _nearest_wall(room: Room, place: Place, board: Board, headings: FloatArray, 
         departures=headings[rows],  # these models treat every surface as straight ahead
         arrivals=headings[rows],
         gains=np.ones(len(rows)),
+        phases=np.zeros(len(rows)),
         surfaces=np.array(spanning, dtype=np.int32)[surfaces].reshape(-1, 1),
         edges=np.full(len(rows), -1, dtype=np.int32),
         bends=np.ones(len(rows), dtype=np.int32),

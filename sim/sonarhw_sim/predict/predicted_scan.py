@@ -11,7 +11,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import ReceivedEchoes, counted_time, detect_echoes, detect_first_echo
 from sonarhw_sim.board.traces import Arrivals, Noise, Signal, received
-from sonarhw_sim.board.weighing import BoolArray, all_meeting_face
+from sonarhw_sim.board.weighing import BoolArray, all_meeting_face, sums_of_arrivals, together
 from sonarhw_sim.choices import Receiver, Unit
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.levels import is_blanked, path_amplitudes, strengths
@@ -21,11 +21,11 @@ from sonarhw_sim.room.model import Place, Room
 
 @dataclass(frozen=True)
 class Echo:
-    """One detectable arrival at one heading."""
+    """One detectable arrival at one heading: one path, or several within one wavelength."""
 
-    path: int  # row in the scan's paths
+    path: int  # row in the scan's paths, of the loudest
     range: float  # m, as the board reports it
-    level_db: float  # at the detector, relative to a perfect wall straight ahead
+    level_db: float  # of their sum, at the detector, relative to a perfect wall straight ahead
 
 
 @dataclass(frozen=True)
@@ -68,28 +68,47 @@ class PredictedScan:
         return is_blanked(self.apparent_lengths, self.board, self.room)
 
     def levels_at(self, index: int) -> FloatArray:
-        """Return the level of every path at heading `index`, (p,) dB relative to a perfect wall straight ahead.
+        """Return the level of the arrival that begins with each path at heading `index`, (p,) dB.
 
-        The level is -inf where nothing arrives.
+        It is the level of the sum of this path and of those up to one wavelength longer (unless the board does not sum
+        arrivals), relative to a perfect wall straight ahead, and -inf where nothing arrives.
         """
+        return self.arrivals_at(index)[0]
+
+    def arrivals_at(self, index: int) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return `levels_at`, and the loudest path of each arrival, (p,) rows of `paths`."""
         here, paths = self._present_at(index)
         heading, senders = float(self.headings[index]), self.sender_headings
         present = path_amplitudes(self.room, self.board, heading, paths, None if senders is None else senders[here])
         present[self._meets_face(paths, heading)] = 0.0
-        amplitudes = np.zeros(len(self.paths))
-        amplitudes[here] = present
+        lengths = self.apparent_lengths[here]
+        sums, loudest = sums_of_arrivals(
+            present, together(lengths, paths.phases, self.board.wavelength(self.room.air), self.board)
+        )
+        amplitudes, members = np.zeros(len(self.paths)), np.arange(len(self.paths))
+        amplitudes[here], members[here] = sums, here[loudest]
         with np.errstate(divide="ignore"):
-            return np.asarray(20 * np.log10(amplitudes))
+            return np.asarray(20 * np.log10(amplitudes)), members
+
+    def level_of_reading(self, index: int) -> float:
+        """Return the level of the arrival that gave the reading at heading `index`, dB; expects a winner.
+
+        For the board's own receiver, it is the arrival that begins with the winner.
+        """
+        winner = int(self.winners[index])
+        levels, loudest = self.arrivals_at(index)
+        detected = np.flatnonzero((loudest == winner) & self._in_time & (levels >= self.board.threshold_db))
+        first_echo = self.receiver is Receiver.FIRST_ECHO and len(detected)
+        return float(levels[detected[0] if first_echo else winner])
 
     @cached_property
     def over_threshold(self) -> FloatArray:
-        """Level of the loudest path after blanking and within range over the threshold, at each heading, (n,) dB.
+        """Level of the loudest arrival after blanking and within range over the threshold, at each heading, (n,) dB.
 
         Below 0 there is no echo; -inf where nothing arrives within the beam and in time. The higher the level, the more
         certain is an echo at any range.
         """
-        in_time = ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
-        loudest = [self.levels_at(k)[in_time].max(initial=-np.inf) for k in range(len(self.headings))]
+        loudest = [self.levels_at(k)[self._in_time].max(initial=-np.inf) for k in range(len(self.headings))]
         return np.array(loudest, dtype=np.float64) - self.board.threshold_db
 
     def signal_at(self, index: int, duration: float) -> Signal:
@@ -131,7 +150,8 @@ class PredictedScan:
 
     def _arrivals_at(self, index: int) -> Arrivals:
         heading, (here, paths) = float(self.headings[index]), self._present_at(index)
-        amplitudes = strengths(self.room, self.board, paths)
+        # sound of random phase gets the phase of its length
+        amplitudes = strengths(self.room, self.board, paths) * np.exp(1j * np.nan_to_num(paths.phases))
         amplitudes[self._meets_face(paths, heading)] = 0.0
         sender_headings = heading if self.sender_headings is None else self.sender_headings[here]
         leaving = paths.leaving[:, 0] * np.cos(sender_headings) + paths.leaving[:, 1] * np.sin(sender_headings)
@@ -153,13 +173,24 @@ class PredictedScan:
         return self._loud(index, self.blanked)
 
     def _loud(self, index: int, among: BoolArray) -> tuple[Echo, ...]:
-        levels = self.levels_at(index)
+        levels, loudest = self.arrivals_at(index)
         within = self.apparent_lengths <= 2 * self.board.max_range + SLACK
         loud = np.flatnonzero((levels >= self.board.threshold_db) & np.isfinite(levels) & within & among)
-        ranges = self.board.reported(self.apparent_lengths[loud] / 2)
-        return tuple(
-            Echo(int(path), float(distance), float(levels[path])) for path, distance in zip(loud, ranges, strict=True)
-        )
+        span = self.board.wavelength(self.room.air) if self.board.sum_arrivals else -1.0
+        echoes: list[Echo] = []
+        until = -math.inf  # the end of the last arrival, whose paths begin no other one
+        for first in loud.tolist():
+            if self.apparent_lengths[first] <= until:
+                continue
+            until, path = self.apparent_lengths[first] + span, int(loudest[first])
+            distance = float(self.board.reported(self.apparent_lengths[path : path + 1] / 2)[0])
+            echoes.append(Echo(path, distance, float(levels[first])))
+        return tuple(echoes)
+
+    @property
+    def _in_time(self) -> BoolArray:
+        """Which paths arrive after blanking and within range, (p,) bool."""
+        return ~self.blanked & (self.apparent_lengths <= 2 * self.board.max_range + SLACK)
 
 
 def silent_scan(

@@ -14,7 +14,7 @@ from sonarhw_sim.board.gain import largest_gain
 from sonarhw_sim.board.mount import FACE_REFLECTANCES
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.board.receiver import counted_time
-from sonarhw_sim.board.weighing import beam_table, first_detected
+from sonarhw_sim.board.weighing import beam_table, first_detected, together
 from sonarhw_sim.choices import EdgeStrength, Receiver, Unit
 from sonarhw_sim.predict.by_heading import HeadingPaths, SensorPair, find_by_heading
 from sonarhw_sim.predict.levels import faintest_kept, is_blanked, loud_enough, path_amplitudes, strengths
@@ -36,7 +36,7 @@ class PredictionOptions:
     max_bounces: int = MAX_BOUNCES
     diffraction: bool = True
     rays: int = RAYS
-    edge_strength: EdgeStrength = EdgeStrength.PAPER
+    edge_strength: EdgeStrength | None = None  # None: that of the board profile
     receiver: Receiver = Receiver.FIRST_ECHO
     noise: float = 0.0  # of the receiver, root mean square, 1 is full scale; no effect on the paper's receiver
     seed: int | None = None  # of random numbers; None: 0 for `noise`, and no random range errors
@@ -94,8 +94,9 @@ def search_for(room: Room, board: Board, options: PredictionOptions) -> PathSear
         options.max_bounces,
         options.diffraction,
         options.rays,
-        options.edge_strength,
+        options.edge_strength or board.edge_strength,
         10 ** ((board.threshold_db - DIFFRACTED_BELOW_THRESHOLD) / 20) / gained,
+        ka=board.wavenumber(room.air) * board.aperture_radius,
     )
 
 
@@ -128,7 +129,7 @@ def _predict_by_heading(
         paths = _paths(room_with_faces, start, board, search_pair, options, None if start.position == end else end)
         sender_headings = np.full(len(paths), pair.sender.heading)
         amplitudes = path_amplitudes(room, board, pair.listener.heading, paths, sender_headings)
-        return paths.select(np.flatnonzero(amplitudes >= faintest))
+        return paths.select(np.flatnonzero(np.abs(amplitudes) >= faintest))
 
     found = find_by_heading(room, place, board, headings, find, FACE_REFLECTANCES[options.unit])
     return _scan_of(found, place, board, headings, options.unit)
@@ -152,6 +153,7 @@ def weigh_paths(
         paths.leaving[in_time],
         paths.arriving[in_time],
         strengths(room, board, paths)[in_time],
+        together(paths.lengths[in_time], paths.phases[in_time], board.wavelength(room.air), board),
         paths.points[in_time] - np.array(place.position),
         board.aperture_radius if unit is Unit.BLOCK else 0.0,
         10 ** (board.threshold_db / 20),

@@ -125,8 +125,9 @@ class RoomEchoes:
 
     def _echo_times(self, scan: PredictedScan, ping: Ping, random: np.random.Generator) -> tuple[float, ...]:
         count = len(scan.paths)
-        levels = scan.levels_at(0) + random.normal(0, self._disturbance.level_db, count)
-        lengths = scan.apparent_lengths + 2 * self._board.range_offset
+        levels, loudest = scan.arrivals_at(0)
+        levels += random.normal(0, self._disturbance.level_db, count)
+        lengths = scan.apparent_lengths[loudest] + 2 * self._board.range_offset
         times = lengths / scan.room.air.speed_of_sound + random.normal(0, self._disturbance.timing, count)
         detected = times[(levels >= self._board.threshold_db) & ~scan.blanked & (times <= ping.listen)]
         echoes: list[float] = []

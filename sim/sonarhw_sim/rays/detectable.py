@@ -60,13 +60,18 @@ class TransducerAxes:
 
 def all_rays(rays: int, targets: int) -> Detectable:
     """Return the limits for a search that drops only rays without any sound left."""
-    return Detectable(np.ones(rays), np.zeros(targets), 1.0, 0.0, np.ones(1))
+    return Detectable(np.ones(rays), np.zeros(targets), 1.0, 0.0, _for_kernels(np.ones(1)))
 
 
 @lru_cache(maxsize=16)
 def _loudest_aside(ka: float) -> FloatArray:
     """Return the largest beam factor, for one pass, at or beyond each angle minus one degree, (1441,) for 0 to π."""
     angles = np.linspace(0, math.pi, _ANGLES)
-    loudest = np.maximum.accumulate(beam_gain(np.maximum(angles - _ASIDE, 0.0), ka)[::-1])[::-1]
-    loudest.flags.writeable = False
-    return loudest
+    return _for_kernels(np.maximum.accumulate(beam_gain(np.maximum(angles - _ASIDE, 0.0), ka)[::-1])[::-1])
+
+
+def _for_kernels(receiving: FloatArray) -> FloatArray:
+    """Return a contiguous, read-only array. For an array of another kind, the kernels would be compiled once more."""
+    receiving = np.ascontiguousarray(receiving)
+    receiving.flags.writeable = False
+    return receiving

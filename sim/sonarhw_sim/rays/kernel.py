@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.rays import path_table
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, enter, list_points, listed
 
@@ -19,6 +21,7 @@ from sonarhw_sim.room.grid import Cells, IntArray, Listing, Surfaces, advance, e
 # both; the rest finds paths through gaps narrower than the spacing.
 ALLOWANCE = 1.5
 _AT_START = 1e-11  # m
+_MOST_TOUCHES = 100_000_000  # 400 MB
 _FULL = 0.5  # share of a hash table's slots in use at which it grows
 
 
@@ -29,10 +32,11 @@ def first_hit(x: float, y: float, dx: float, dy: float, leaving: int, surfaces: 
     `leaving` is the surface on which the ray starts, or -1. It is convex or flat, so the ray cannot meet it again.
     """
     walls, posts, cells, (starts, numbers) = surfaces
-    return first_among(x, y, dx, dy, leaving, walls, posts, cells, starts, numbers)
+    # int(): a constant -1 has a type of its own, for which `first_among` would be compiled once more
+    return first_among(x, y, dx, dy, int(leaving), walls, posts, cells, starts, numbers)
 
 
-@compiled
+@compiled_part
 def first_among(
     x: float,
     y: float,
@@ -80,7 +84,7 @@ def distance_to(x: float, y: float, dx: float, dy: float, surface: int, walls: F
     return distance
 
 
-@compiled
+@compiled_part
 def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) -> float:
     """Return the distance (m) along a ray to the near side of a post (x, y, radius); inf if the ray misses it."""
     cx, cy = post[0] - x, post[1] - y
@@ -93,7 +97,7 @@ def post_distance(x: float, y: float, dx: float, dy: float, post: FloatArray) ->
     return near_side
 
 
-@compiled
+@compiled_part
 def reflect(
     x: float, y: float, dx: float, dy: float, surface: int, walls: FloatArray, posts: FloatArray
 ) -> tuple[float, float, float]:
@@ -126,7 +130,6 @@ class _Leg(NamedTuple):
     amplitude: float
 
 
-@compiled
 def follow_fan(
     source: FloatArray,
     directions: FloatArray,
@@ -136,27 +139,90 @@ def follow_fan(
     longest: FloatArray,
     max_bounces: int,
     detectable: Detectable,
+    radii: FloatArray | None = None,
 ) -> tuple[IntArray, IntArray]:
     """Follow every ray until its path is too long or too faint for every target.
 
-    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges; `longest` (t,) m.
+    `directions` (n,) rad, evenly spaced; `targets` (t, 2): row 0 the receiver, the others edges or the centres of
+    posts; `longest` (t,) m; `radii` (t,) m of the targets, None for points.
+
     Returns the surfaces touched (n, max_bounces) int32, and candidates (c, 3) int32: ray, reflections before the
     target, row of the target. Each sequence of surfaces to a target is listed once.
+
+    Raises InputError if rays times reflections, or the candidates, would need too much memory.
+    """
+    if len(directions) * max_bounces > _MOST_TOUCHES:
+        raise InputError(
+            f"{len(directions)} rays with up to {max_bounces} reflections each: expected at most {_MOST_TOUCHES} "
+            "reflections in all, because of memory; use fewer rays or fewer reflections"
+        )
+    # what NumPy does as fast is not compiled: a call of min(), zeros() or full() in a kernel costs a tenth of a second
+    # or more at its compilation
+    spacing, max_length = float(directions[1] - directions[0]), float(longest.max())
+    to_receiver = np.hypot(*(targets[1:] - targets[0]).T)
+    radii = np.zeros(len(targets)) if radii is None else radii
+    touched = np.full((len(directions), max_bounces), -1, np.int32)
+    candidates = _follow(
+        source,
+        directions,
+        surfaces,
+        reflectances,
+        targets,
+        radii,
+        longest,
+        detectable,
+        list_points(surfaces.cells, targets[1:], ALLOWANCE * spacing * max_length + radii[1:, None]),
+        touched,
+        np.full(4096, -1, np.int32),
+        np.zeros(len(targets), np.int32),
+        spacing,
+        max_length,
+        float(np.append(longest[1:] + to_receiver, longest[0]).max()),
+        float(detectable.least.min()),
+        path_table.MOST_POINTS,
+    )
+    path_table.check_size(len(candidates), int(candidates[:, 1].max(initial=0)) + 2)
+    return touched, candidates
+
+
+@compiled
+def _follow(
+    source: FloatArray,
+    directions: FloatArray,
+    surfaces: Surfaces,
+    reflectances: FloatArray,
+    targets: FloatArray,
+    radii: FloatArray,
+    longest: FloatArray,
+    detectable: Detectable,
+    edges: Listing,
+    touched: IntArray,
+    slots: IntArray,
+    met: IntArray,
+    spacing: float,
+    max_length: float,
+    max_return: float,
+    faintest: float,
+    most_points: int,
+) -> IntArray:
+    """Fill `touched` (n, b), all -1, and return the candidates of `follow_fan`, up to `most_points` points in all.
+
+    `edges` lists the targets after the first, by the cells near them; `slots` is a hash table, all -1; `met` (t,) is
+    all 0; `max_return` is the length of the longest path to any target and straight on to the receiver, m.
     """
     # one long function: passing growing lists between compiled functions costs 5 to 20 % of the time
     walls, posts, cells, (starts, numbers) = surfaces
     leaving, least, axis_x, axis_y, receiving = detectable
-    faintest, max_length, max_return = least.min(), longest.max(), _longest_path(targets, longest)
-    spacing = directions[1] - directions[0]
-    touched = np.full((directions.shape[0], max_bounces), -1, np.int32)
+    max_bounces = touched.shape[1]
     candidates, misses, found = np.empty((1024, 3), np.int32), np.empty(1024), 0
-    slots = np.full(4096, -1, np.int32)
-    edges = list_points(cells, targets[1:], ALLOWANCE * spacing * max_length)
-    nearby, met, leg_number = np.empty(targets.shape[0], np.int32), np.zeros(targets.shape[0], np.int32), 0
+    nearby, leg_number = np.empty(targets.shape[0], np.int32), 0
+    deepest = 0
     same_transducer = targets[0, 0] == source[0] and targets[0, 1] == source[1]
     for ray in range(directions.shape[0]):
         dx, dy = math.cos(directions[ray]), math.sin(directions[ray])
-        leg, surface = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray]), -1
+        leg = _Leg(source[0], source[1], dx, dy, 0.0, 0.0, 1.0, leaving[ray])
+        # a plain -1 has a type of its own, for which `first_among` would be compiled once more
+        surface: int = np.int64(-1)  # type: ignore[assignment]
         if leg.amplitude <= faintest:
             continue
         for bounces in range(max_bounces + 1):
@@ -175,7 +241,8 @@ def follow_fan(
                 nearby[passed] = 0
                 passed += 1
             for target in nearby[:passed]:
-                miss, loudest = _passes(leg, reach, targets[target, 0], targets[target, 1], longest[target], spacing)
+                x, y = targets[target]
+                miss, loudest = _passes(leg, reach, x, y, radii[target], longest[target], spacing)
                 if target == 0 and miss >= 0.0:
                     loudest *= _most_received(leg, axis_x, axis_y, spacing, receiving)
                 if miss < 0.0 or loudest <= least[target]:
@@ -185,6 +252,10 @@ def follow_fan(
                 candidates[found, 0], candidates[found, 1], candidates[found, 2] = ray, bounces, target
                 misses[found] = miss
                 found += _enter(candidates[: found + 1], misses, touched, slots)
+                if bounces > deepest:
+                    deepest = bounces
+                if found * (deepest + 2) > most_points:
+                    return candidates[:found]
                 if found > _FULL * slots.shape[0]:
                     slots = _grown(slots, candidates[:found], misses, touched)
 
@@ -200,22 +271,14 @@ def follow_fan(
                 break
             surface = following
             touched[ray, bounces] = following
-    return touched, candidates[:found]
+    return candidates[:found]
 
 
-@compiled
-def _longest_path(targets: FloatArray, longest: FloatArray) -> float:
-    """Return the greatest length of a path to any target and straight on to the receiver, m."""
-    most = longest[0]
-    for target in range(1, targets.shape[0]):
-        on = math.hypot(targets[target, 0] - targets[0, 0], targets[target, 1] - targets[0, 1])
-        most = max(most, longest[target] + on)
-    return float(most)
-
-
-@compiled
-def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing: float) -> tuple[float, float]:
-    """Return the distance at which a leg passes a target, in widths of its tube, and its largest amplitude there.
+@compiled_part
+def _passes(
+    leg: _Leg, reach: float, x: float, y: float, radius: float, longest: float, spacing: float
+) -> tuple[float, float]:
+    """Return the distance at which a leg passes a target, relative to the limit, and its largest amplitude there.
 
     The distance is negative if the leg is not near, or its path is too long.
     """
@@ -223,13 +286,13 @@ def _passes(leg: _Leg, reach: float, x: float, y: float, longest: float, spacing
     ahead, aside = tx * leg.dx + ty * leg.dy, abs(tx * leg.dy - ty * leg.dx)
     on = max(ahead, 0.0)
     width = leg.width + leg.opening * on
-    near = ALLOWANCE * spacing * width
+    near = ALLOWANCE * spacing * width + radius
     if not (-near <= ahead <= reach + near and aside <= near) or leg.length + ahead > longest + near:
         return -1.0, 0.0
     return aside / near, leg.amplitude * math.sqrt((leg.length + on) / width)
 
 
-@compiled
+@compiled_part
 def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, receiving: FloatArray) -> float:
     """Return the largest beam factor of the receiver for the directions of a tube."""
     cosine = -leg.dx * axis_x - leg.dy * axis_y
@@ -238,14 +301,14 @@ def _most_received(leg: _Leg, axis_x: float, axis_y: float, spacing: float, rece
     return most
 
 
-@compiled
+@compiled_part
 def _shortest_return(leg: _Leg, distance: float, x: float, y: float, spacing: float) -> float:
     """Return the least length of a path that continues from `distance` ahead to the receiver: straight."""
     home = math.hypot(x - leg.x - distance * leg.dx, y - leg.y - distance * leg.dy)
     return leg.length + distance + home - ALLOWANCE * spacing * (leg.width + leg.opening * (distance + home))
 
 
-@compiled
+@compiled_part
 def _reflected(
     leg: _Leg, distance: float, surface: int, reflectance: float, walls: FloatArray, posts: FloatArray
 ) -> _Leg:
@@ -256,7 +319,7 @@ def _reflected(
     return _Leg(x, y, dx, dy, leg.length + distance, width, opening, leg.amplitude * reflectance)
 
 
-@compiled
+@compiled_part
 def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return both arrays with twice the capacity; numba would need a second to compile a concatenation."""
     count = misses.shape[0]
@@ -267,7 +330,7 @@ def _longer(candidates: IntArray, misses: FloatArray) -> tuple[IntArray, FloatAr
     return more, more_misses
 
 
-@compiled
+@compiled_part
 def _edges_along(
     x: float,
     y: float,
@@ -307,7 +370,7 @@ def _edges_along(
     return count
 
 
-@compiled
+@compiled_part
 def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: IntArray) -> bool:
     """Enter the last candidate in the hash table, unless an earlier one has the same sequence and target.
 
@@ -327,15 +390,17 @@ def _enter(candidates: IntArray, misses: FloatArray, touched: IntArray, slots: I
     return True
 
 
-@compiled
+@compiled_part
 def _grown(slots: IntArray, candidates: IntArray, misses: FloatArray, touched: IntArray) -> IntArray:
-    larger = np.full(4 * slots.shape[0], -1, np.int32)
+    larger = np.empty(4 * slots.shape[0], np.int32)
+    for k in range(larger.shape[0]):
+        larger[k] = -1
     for count in range(1, candidates.shape[0] + 1):
         _enter(candidates[:count], misses, touched, larger)
     return larger
 
 
-@compiled
+@compiled_part
 def _hash(candidate: IntArray, touched: IntArray) -> int:
     ray, bounces, target = candidate
     # targets and surfaces have similar numbers, so the target is scrambled first to avoid collisions
@@ -348,7 +413,7 @@ def _hash(candidate: IntArray, touched: IntArray) -> int:
     return mixed
 
 
-@compiled
+@compiled_part
 def _alike(one: IntArray, other: IntArray, touched: IntArray) -> bool:
     if one[1] != other[1] or one[2] != other[2]:
         return False

@@ -1,13 +1,11 @@
 """Paths from a place to the receiver or to an edge, each solved exactly, without duplicates."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled
 from sonarhw_sim.rays.detectable import Detectable
 from sonarhw_sim.rays.kernel import follow_fan
 from sonarhw_sim.rays.path_table import PathTable
@@ -24,6 +22,7 @@ class PartialPaths(PathTable):
     """Paths from a place to the receiver or to an edge, or, diffracted, past an edge to the receiver."""
 
     gains: FloatArray  # (n,)
+    phases: FloatArray  # (n,), rad
     surfaces: IntArray  # (n, b)
     edges: IntArray  # (n,): the edge that the path leads to or past; -1: none
     bends: IntArray  # (n,)
@@ -34,7 +33,7 @@ class PartialPaths(PathTable):
         """Return an empty table."""
         no = np.empty(0)
         whole = no.astype(np.int32)
-        return PartialPaths(no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
+        return PartialPaths(no, no, no, np.empty((0, 0), np.int32), whole, whole, np.empty((0, 3, 2)))
 
 
 def find_partial_paths(
@@ -55,7 +54,22 @@ def find_partial_paths(
     touched, candidates = follow_fan(
         place, directions, room.surfaces, room.reflectances, targets, longest, max_bounces, detectable
     )
-    candidates = _with_direct_paths(candidates, len(targets))
+    candidates = with_direct_paths(candidates, len(targets))
+    leads_to = np.append(-1, edges).astype(np.int32)
+    return solved_paths(room, place, directions, touched, candidates, targets, longest, leads_to)
+
+
+def solved_paths(
+    room: Room,
+    place: FloatArray,
+    directions: FloatArray,
+    touched: IntArray,
+    candidates: IntArray,
+    targets: FloatArray,
+    longest: FloatArray,
+    leads_to: IntArray,
+) -> PartialPaths:
+    """Return those candidates of `follow_fan` that are real paths; `leads_to` (t,) is the edge at each target or -1."""
     real, points, lengths, divergences = solve_candidates(
         place, directions, touched, candidates, targets, longest, room.surfaces
     )
@@ -65,13 +79,13 @@ def find_partial_paths(
     # surface -1, "none", selects the appended 1
     gains = np.append(room.reflectances, 1.0)[surfaces].prod(axis=1) / np.sqrt(divergences[real])
     points = np.concatenate((points[real], np.full((len(ray), 1, 2), np.nan)), axis=1)
-    leads_to = np.append(-1, edges).astype(np.int32)[target]
-    paths = PartialPaths(lengths[real], gains, surfaces, leads_to, bounces.astype(np.int32), points)
+    bends = bounces.astype(np.int32)
+    paths = PartialPaths(lengths[real], gains, np.zeros(len(gains)), surfaces, leads_to[target], bends, points)
     return paths.select(np.flatnonzero(gains > 0))
 
 
-def _with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
-    """Return the candidates and the direct path to every edge, which rays miss in a sharp corner."""
+def with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
+    """Return the candidates and the direct path to every target but the receiver, which rays may miss."""
     bounces, target = candidates[:, 1], candidates[:, 2]
     straight = np.zeros((targets - 1, 3), dtype=np.int32)
     straight[:, 2] = np.arange(1, targets)
@@ -80,67 +94,45 @@ def _with_direct_paths(candidates: IntArray, targets: int) -> IntArray:
 
 def shortest_first(paths: PartialPaths) -> PartialPaths:
     """Sort paths by length and drop duplicates: through a vertex, several sequences describe one path."""
+    paths = paths.select(_in_order(paths))
+    return paths.select(np.flatnonzero(_first_of_kind(paths)))
+
+
+def _in_order(paths: PartialPaths) -> NDArray[np.intp]:
+    """Return the rows by length, and those of equal length as in the room file."""
     order = np.argsort(paths.lengths, kind="stable")
-    kept = _order_and_keep(paths.lengths, paths.edges, paths.surfaces, paths.points, order)
-    return paths.select(order[kept])
+    apart = np.diff(paths.lengths[order]) > NEARLY
+    group = np.append(0, np.cumsum(apart))[: len(order)]
+    tied = np.flatnonzero(np.append(~apart, False)[: len(order)] | np.append(False, ~apart)[: len(order)])
+    # as big-endian bytes, numbers from 0 compare like tuples, but faster
+    sequences = np.column_stack((paths.edges, paths.surfaces))[order[tied]] + 1
+    keys = np.ascontiguousarray(sequences.astype(">i4")).view(f"S{4 * sequences.shape[1]}").ravel()
+    order[tied] = order[tied[np.lexsort((keys, group[tied]))]]
+    return order
 
 
-@compiled
-def _order_and_keep(
-    lengths: FloatArray, edges: IntArray, surfaces: IntArray, points: FloatArray, order: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Sort paths of equal length in `order` as in the room file, and return whether each is the first of its kind."""
-    # few paths are equal to a nanometre, so insertion sort is fast
-    for k in range(1, order.shape[0]):
-        j = k
-        while j > 0 and _belongs_before(order[j], order[j - 1], lengths, edges, surfaces):
-            order[j], order[j - 1] = order[j - 1], order[j]
-            j -= 1
-    kept = np.ones(order.shape[0], np.bool_)
-    for k in range(order.shape[0]):
-        j = k - 1
-        while kept[k] and j >= 0 and lengths[order[k]] - lengths[order[j]] <= _SAME:
-            kept[k] = not (kept[j] and _are_one(order[k], order[j], edges, points))
-            j -= 1
+def _first_of_kind(paths: PartialPaths) -> NDArray[np.bool_]:
+    """Return which rows, in order of length, have no earlier row of equal length, departure, arrival and edge."""
+    rows, points = np.arange(len(paths.lengths)), paths.points
+    last = np.isfinite(points[:, :, 0]).sum(axis=1) - 1
+    legs = np.stack((points[:, 1] - points[:, 0], points[rows, last] - points[rows, last - 1]), axis=1)
+    kept = np.ones(len(rows), dtype=np.bool_)
+    pairs: list[tuple[int, int]] = []
+    later, before = rows, 0
+    while len(later):
+        before += 1
+        later = later[later >= before]
+        later = later[paths.lengths[later] - paths.lengths[later - before] <= _SAME]
+        alike = (paths.edges[later] == paths.edges[later - before]) & _are_parallel(legs[later], legs[later - before])
+        pairs += [(row, row - before) for row in later[alike].tolist()]
+    for row, earlier in sorted(pairs):
+        kept[row] &= ~kept[earlier]
     return kept
 
 
-@compiled
-def _belongs_before(one: int, other: int, lengths: FloatArray, edges: IntArray, surfaces: IntArray) -> bool:
-    if abs(lengths[one] - lengths[other]) > NEARLY:
-        return False
-    difference = edges[one] - edges[other]
-    for k in range(surfaces.shape[1]):
-        if difference == 0:
-            difference = surfaces[one, k] - surfaces[other, k]
-    return bool(difference < 0)
-
-
-@compiled
-def _are_one(one: int, other: int, edges: IntArray, points: FloatArray) -> bool:
-    """Return whether two paths of equal length have the same departure, arrival and edge."""
-    if edges[one] != edges[other]:
-        return False
-    first, second = _last(points[one]), _last(points[other])
-    return _are_parallel(points[one], 0, points[other], 0) and _are_parallel(
-        points[one], first - 1, points[other], second - 1
-    )
-
-
-@compiled
-def _last(corners: FloatArray) -> int:
-    """Return the number of a path's last point; the rest is NaN."""
-    last: int = corners.shape[0] - 1
-    while math.isnan(corners[last, 0]):
-        last -= 1
-    return last
-
-
-@compiled
-def _are_parallel(one: FloatArray, leg: int, other: FloatArray, other_leg: int) -> bool:
-    """Return whether a leg of one path is parallel to a leg of the other; a leg has the number of its first point."""
-    ax, ay = one[leg + 1, 0] - one[leg, 0], one[leg + 1, 1] - one[leg, 1]
-    bx, by = other[other_leg + 1, 0] - other[other_leg, 0], other[other_leg + 1, 1] - other[other_leg, 1]
-    both = math.hypot(ax, ay) * math.hypot(bx, by)
-    parallel: bool = abs(ax * by - ay * bx) <= _SAME * both and ax * bx + ay * by >= 0.0
-    return parallel
+def _are_parallel(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
+    """Return whether all vectors (n, k, 2) of a row have the same directions, (n,) bool."""
+    both = np.hypot(one[..., 0], one[..., 1]) * np.hypot(other[..., 0], other[..., 1])
+    cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    parallel = (np.abs(cross) <= _SAME * both) & ((one * other).sum(axis=-1) >= 0.0)
+    return np.asarray(parallel.all(axis=1))

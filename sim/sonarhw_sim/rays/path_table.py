@@ -1,4 +1,4 @@
-"""Tables of paths, one row each: the base of `Paths` and `PartialPaths`."""
+"""Tables of paths, one row each: the base of `Paths` and `PartialPaths`; and the limit of their size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,7 +7,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
+
+# Points of all paths of one table. A search needs about 80 bytes for each, 2.4 GB. The shipped
+# rooms have up to 2 million.
+MOST_POINTS = 30_000_000
 
 
 @dataclass(frozen=True)
@@ -30,11 +35,21 @@ class PathTable:
         return cls(*(np.concatenate(_widened(column)) for column in columns))
 
 
+def check_size(paths: int, points: int) -> None:
+    """Raise InputError if a table of so many paths with up to `points` points each needs too much memory."""
+    if paths * points > MOST_POINTS:
+        raise InputError(
+            f"too many paths: {paths} or more, with up to {points} points each: expected at most {MOST_POINTS} points "
+            "in all, because of memory; choose a shorter range or fewer reflections"
+        )
+
+
 def _widened(arrays: list[NDArray[np.generic]]) -> list[NDArray[np.generic]]:
     """Return the arrays with their second axis padded to the longest: with -1 for no surface, NaN for no point."""
     if arrays[0].ndim == 1:
         return arrays
     width = max(array.shape[1] for array in arrays)
+    check_size(sum(map(len, arrays)), width)
     return [_pad(array, width) for array in arrays]
 
 

@@ -3,7 +3,7 @@
 Paths do not depend on the heading of the transducer, so one search serves a whole scan.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
 from sonarhw_sim.choices import EdgeStrength
+from sonarhw_sim.rays.cylinder import thin_post_factors
 from sonarhw_sim.rays.detectable import TransducerAxes, all_rays
 from sonarhw_sim.rays.diffraction import EdgeDiffraction, diffracted_paths
 from sonarhw_sim.rays.kernel import fan
 from sonarhw_sim.rays.partial_paths import PartialPaths, find_partial_paths, shortest_first
 from sonarhw_sim.rays.path_table import PathTable
+from sonarhw_sim.rays.post_paths import post_paths
 from sonarhw_sim.room.grid import IntArray
 from sonarhw_sim.room.model import Room
 
@@ -34,14 +36,16 @@ class PathSearch:
     max_bounces: int = MAX_BOUNCES
     diffraction: bool = True
     rays: int = RAYS
-    edge_strength: EdgeStrength = EdgeStrength.PAPER
+    edge_strength: EdgeStrength = EdgeStrength.UNIFORM
     faintest_diffraction: float = 1e-3  # gain; fainter diffracted paths are omitted, because their number is infinite
     axes: TransducerAxes | None = None  # where sender and receiver point, to list only paths that they can detect
+    ka: float | None = None  # of a transducer at any heading, to list only diffracted paths that it can detect
 
     @property
     def edge_diffraction(self) -> EdgeDiffraction:
         """The part of the search that concerns edges."""
-        return EdgeDiffraction(self.wavelength, self.faintest_diffraction, self.edge_strength)
+        ka = None if self.axes else self.ka
+        return EdgeDiffraction(self.wavelength, self.faintest_diffraction, self.edge_strength, ka)
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ class Paths(PathTable):
     departures: FloatArray  # (n,), rad in -π..π
     arrivals: FloatArray  # (n,), rad: direction from which the sound arrives
     gains: FloatArray  # (n,): reflectances, edge factor and curvature; no directivity, spreading, absorption
+    phases: FloatArray  # (n,), rad, beyond that of the length: of uniform edges; NaN: random, the sound adds by power
     surfaces: IntArray  # (n, b): reflecting surfaces, in order, padded with -1
     edges: IntArray  # (n,): diffracting edge, a row of the room's edges; -1: none
     bends: IntArray  # (n,): number of reflections before that edge; without an edge, of all
@@ -103,17 +108,26 @@ def find_paths(
     if _inside_post(room, source) or _inside_post(room, end):
         return _paths_of(PartialPaths.none())
     edges = _diffracting_edges(room, source, end, search)
-    out = _partial_paths_from(room, source, end, edges, search, search.axes, search.max_length + SLACK)
+    leaving, arriving = _fan(search, back=False), _fan(search, back=True)
+    out = _partial_paths_from(room, source, end, edges, search, search.axes, leaving, search.max_length + SLACK)
     back = out
     # paths back are only used at edges
     if receiver is not None and len(edges):
         axes = None if search.axes is None else search.axes.reversed
-        back = _partial_paths_from(room, end, source, edges, search, axes, to_other=0.0)
+        back = _partial_paths_from(room, end, source, edges, search, axes, arriving, to_other=0.0)
     straight = out.select(np.flatnonzero(out.edges < 0))
     diffracted = diffracted_paths(
         room, out, back, search.edge_diffraction, search.max_length + SLACK, search.max_bounces
     )
-    return _paths_of(shortest_first(PartialPaths.join([straight, diffracted])))
+    by_posts = post_paths(room, source, end, leaving, arriving, search.max_length + SLACK, search.max_bounces)
+    paths = shortest_first(PartialPaths.join([straight, diffracted, by_posts]))
+    return _paths_of(replace(paths, gains=paths.gains * thin_post_factors(room, paths, search.wavelength)))
+
+
+def _fan(search: PathSearch, back: bool) -> FloatArray:
+    """Return the directions in which paths leave, or from which they arrive, (n,) rad."""
+    axes = search.axes
+    return fan(search.rays, None if axes is None else axes.arriving if back else axes.leaving)
 
 
 def _partial_paths_from(
@@ -123,16 +137,18 @@ def _partial_paths_from(
     edges: NDArray[np.intp],
     search: PathSearch,
     axes: TransducerAxes | None,
+    directions: FloatArray,
     to_other: float,
 ) -> PartialPaths:
-    """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end."""
+    """Return the paths from `place` to these edges and, not longer than `to_other`, to the other end.
+
+    `directions` (n,) rad are those of the rays.
+    """
     targets = np.vstack((other, room.edges.points[edges]))
     longest = np.append(to_other, _longest_partial(room, other, search)[edges])
     if axes is None:
-        directions = fan(search.rays)
         detectable = all_rays(len(directions), len(targets))
     else:
-        directions = fan(search.rays, axes.leaving)
         there, on = (np.hypot(*(targets[1:] - end).T) for end in (place, other))
         detectable = axes.detectable(directions, np.append(1.0, search.edge_diffraction.loudest(there, on)))
     return find_partial_paths(room, place, targets, edges, longest, directions, search.max_bounces, detectable)
@@ -169,6 +185,7 @@ def _paths_of(paths: PartialPaths) -> Paths:
         np.arctan2(away[:, 1], away[:, 0]),
         np.arctan2(home[:, 1], home[:, 0]),
         paths.gains,
+        paths.phases,
         paths.surfaces,
         paths.edges,
         paths.bends,

@@ -41,6 +41,7 @@ def scattered_paths(
         departures=np.arctan2(*(touches - source)[rows].T[::-1]),
         arrivals=np.arctan2(*(touches - target)[rows].T[::-1]),
         gains=gains[rows],
+        phases=np.full(count, np.nan),
         surfaces=surfaces[rows, None].astype(np.int32),
         edges=np.full(count, -1, dtype=np.int32),
         bends=np.ones(count, dtype=np.int32),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.rays.kernel import post_distance, reflect
 from sonarhw_sim.room.grid import IntArray, Surfaces, advance, enter, listed
 
@@ -24,7 +24,6 @@ _NEAR_TARGET = 1e-7  # m
 _MOST_SHOTS = 60
 
 
-@compiled
 def solve_candidates(
     source: FloatArray,
     directions: FloatArray,
@@ -40,15 +39,30 @@ def solve_candidates(
     points from the source to the target, (c, b + 2, 2) m, padded with NaN, for up to b reflections; its length (c,) m;
     its divergence (c,), the width of its ray tube over its length, 1 without posts.
     """
+    count, most = len(candidates), int(candidates[:, 1].max(initial=0))
+    real, points = np.zeros(count, dtype=np.bool_), np.full((count, most + 2, 2), np.nan)
+    lengths, divergences = np.zeros(count), np.ones(count)
+    _solve(source, directions, touched, candidates, targets, longest, surfaces, real, points, lengths, divergences)
+    return real, points, lengths, divergences
+
+
+@compiled
+def _solve(
+    source: FloatArray,
+    directions: FloatArray,
+    touched: IntArray,
+    candidates: IntArray,
+    targets: FloatArray,
+    longest: FloatArray,
+    surfaces: Surfaces,
+    real: BoolArray,
+    points: FloatArray,
+    lengths: FloatArray,
+    divergences: FloatArray,
+) -> None:
+    """Fill in the results of `solve_candidates`."""
     walls, posts = surfaces.walls, surfaces.posts
-    count, most = candidates.shape[0], 0
-    for c in range(count):
-        most = max(most, candidates[c, 1])
-    real = np.zeros(count, np.bool_)
-    points = np.full((count, most + 2, 2), np.nan)
-    lengths = np.zeros(count)
-    divergences = np.ones(count)
-    for c in range(count):
+    for c in range(candidates.shape[0]):
         ray, bounces, target = candidates[c]
         sequence = touched[ray, :bounces]
         path = points[c, : bounces + 2]
@@ -61,10 +75,9 @@ def solve_candidates(
         for k in range(bounces + 1):
             lengths[c] += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
         real[c] = solved and lengths[c] <= longest[target] and path_is_free(path, surfaces)
-    return real, points, lengths, divergences
 
 
-@compiled
+@compiled_part
 def _touches_post(sequence: IntArray, walls: int) -> bool:
     for surface in sequence:  # noqa: SIM110  numba compiles no generators
         if surface >= walls:
@@ -72,7 +85,7 @@ def _touches_post(sequence: IntArray, walls: int) -> bool:
     return False
 
 
-@compiled
+@compiled_part
 def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     """Fill in the points between path[0] and path[-1] with image sources; return whether each is on its wall."""
     bounces = sequence.shape[0]
@@ -98,14 +111,14 @@ def _unfold(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     return True
 
 
-@compiled
+@compiled_part
 def _mirror(x: float, y: float, wall: FloatArray) -> tuple[float, float]:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     aside = ((x - wall[0]) * ey - (y - wall[1]) * ex) / (ex * ex + ey * ey)
     return x - 2.0 * aside * ey, y + 2.0 * aside * ex
 
 
-@compiled
+@compiled_part
 def _refine(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float]:
@@ -127,7 +140,7 @@ def _refine(
     return False, 1.0
 
 
-@compiled
+@compiled_part
 def _shoot(
     path: FloatArray, direction: float, sequence: IntArray, walls: FloatArray, posts: FloatArray
 ) -> tuple[bool, float, float, float]:
@@ -141,7 +154,8 @@ def _shoot(
     dx, dy = math.cos(direction), math.sin(direction)
     length, width, opening = 0.0, 0.0, 1.0
     for k in range(last - 1):
-        surface = sequence[k]
+        # of the type as in `_follow`, so that `reflect` is compiled once
+        surface: int = np.int64(sequence[k])  # type: ignore[assignment]
         if surface < n:
             distance = _wall_distance(x, y, dx, dy, walls[surface])
         else:
@@ -159,7 +173,7 @@ def _shoot(
     return ahead > 0.0, dx * ty - dy * tx, width + opening * ahead, length + ahead
 
 
-@compiled
+@compiled_part
 def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -> float:
     # the infinite line of the wall: during refinement a ray may pass its end
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -167,7 +181,7 @@ def _wall_distance(x: float, y: float, dx: float, dy: float, wall: FloatArray) -
     return ((wall[0] - x) * ey - (wall[1] - y) * ex) / across if across != 0.0 else np.inf
 
 
-@compiled
+@compiled_part
 def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArray) -> bool:
     for k in range(sequence.shape[0]):
         if sequence[k] >= walls.shape[0]:
@@ -181,7 +195,7 @@ def _touches_lie_on_walls(path: FloatArray, sequence: IntArray, walls: FloatArra
     return True
 
 
-@compiled
+@compiled_part
 def path_is_free(path: FloatArray, surfaces: Surfaces) -> bool:
     """Return whether no surface blocks any leg of a path (k, 2), apart from surfaces at its points."""
     for k in range(path.shape[0] - 1):  # noqa: SIM110  numba compiles no generators
@@ -212,7 +226,7 @@ def leg_is_free(start: FloatArray, end: FloatArray, surfaces: Surfaces) -> bool:
     return True
 
 
-@compiled
+@compiled_part
 def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: FloatArray) -> bool:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     across = dx * ey - dy * ex
@@ -225,7 +239,7 @@ def _crosses_wall(start: FloatArray, dx: float, dy: float, length: float, wall: 
     return crosses
 
 
-@compiled
+@compiled_part
 def _crosses_post(start: FloatArray, dx: float, dy: float, length: float, post: FloatArray) -> bool:
     ahead = (post[0] - start[0]) * dx + (post[1] - start[1]) * dy
     ahead = min(max(ahead, 0.0), length)

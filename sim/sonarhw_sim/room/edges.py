@@ -1,23 +1,28 @@
-"""Edges: the wall ends and corners that diffract sound, one `Edges` row for each wedge of air at a vertex.
+"""Edges: the wall ends, corners and crossings that diffract sound, one `Edges` row for each wedge of air at a vertex.
 
 A wedge whose angle divides 180°, such as an inner right angle, reflects and does not diffract: Keller's coefficient
 is 0.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
-from sonarhw_sim.room.grid import IntArray, Listing, Surfaces, lay_grid, listed_at
+from sonarhw_sim.compiled import compiled, compiled_part
+from sonarhw_sim.room.grid import IntArray, Listing, cells_at, lay_wall_grid, whole_numbers
 from sonarhw_sim.room.room_file import MEETING
 
 _DIVIDES = 1e-6  # largest distance of 180° / angle from a whole number
 _FLUSH = 1e-9  # rad
-_AT_ONCE = 1024  # vertices at a time: all of a large room would need gigabytes
+_FEW = 1 << 14  # pairs of vertex and wall that are tested without a grid
+_AT_ONCE = 1 << 18  # pairs at a time: all of a large room would need gigabytes
+_MOST_FACES = 10_000_000  # chained walls have 2 each; overlapping walls have the square of their number
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,7 @@ class Edges:
     points: FloatArray  # (n, 2), m
     starts: FloatArray  # (n,), rad: direction of the wedge's first face
     openings: FloatArray  # (n,), rad: angle of the air, counter-clockwise from the first face
+    faces: IntArray  # (n, 2): walls of the first and of the last face; equal at a free end
     names: tuple[str, ...]  # as in `via`
 
     def __len__(self) -> int:
@@ -48,54 +54,152 @@ class _Faces(NamedTuple):
 
 
 def find_edges(walls: FloatArray, names: tuple[str, ...]) -> Edges:
-    """Return the diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates."""
-    vertices = np.unique(walls.reshape(-1, 2), axis=0)
-    faces = _faces_at(vertices, lay_grid(walls, np.empty((0, 3))))
+    """Return the diffracting wedges of walls (n, 4) whose meeting ends have equal coordinates.
+
+    Wedges are at the ends of walls, and where walls cross. Raises InputError if so many walls overlap that the search
+    would take minutes.
+    """
+    ends = np.unique(walls.reshape(-1, 2), axis=0)
+    vertices = np.unique(np.vstack((ends, _crossings(walls, ends))), axis=0)
+    faces = _faces_at(vertices, walls)
     following = _following(faces.vertices)
     openings = np.mod(faces.directions[following] - faces.directions, math.tau)
     # a single face has 360° of air
     openings[openings == 0] = math.tau
     rows = np.flatnonzero(_diffracts(openings))
-    beside = zip(faces.walls[rows].tolist(), faces.walls[following[rows]].tolist(), strict=True)
+    beside = np.column_stack((faces.walls[rows], faces.walls[following[rows]]))
     return Edges(
         vertices[faces.vertices[rows]],
         faces.directions[rows],
         openings[rows],
-        tuple(_edge_name(first, second, names) for first, second in beside),
+        beside,
+        tuple(_edge_name(first, second, names) for first, second in beside.tolist()),
     )
 
 
-def edges_on_walls(edges: Edges, surfaces: Surfaces) -> Listing:
-    """Return, for each wall, the edges that lie on it."""
-    faces = _faces_at(edges.points, surfaces)
+def _crossings(walls: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the points (c, 2) where walls (n, 4) cross, away from the ends (e, 2) of all walls."""
+    _, (starts, numbers) = lay_wall_grid(walls.reshape(-1, 2), walls)
+    if (np.diff(starts).astype(np.int64) ** 2).sum() > len(walls) ** 2:
+        # walls share most cells: one cell is enough
+        starts, numbers = np.array([0, len(walls)], np.int32), np.arange(len(walls), dtype=np.int32)
+    points = np.vstack((ends, _crossings_in_cells(np.ascontiguousarray(walls), starts, numbers)))
+    # found in several cells, by several pairs, or at an end: with different rounding
+    _, first = np.unique(np.round(points / (2 * MEETING)), axis=0, return_index=True)
+    return np.asarray(points[first[first >= len(ends)]])
+
+
+@compiled
+def _crossings_in_cells(walls: FloatArray, starts: IntArray, numbers: IntArray) -> FloatArray:
+    """Return where walls that are listed in one cell cross, (c, 2) m, some several times."""
+    points = np.empty((0, 2))
+    for filling in (False, True):
+        found = 0
+        for cell in range(starts.shape[0] - 1):
+            for one in range(starts[cell], starts[cell + 1]):
+                for other in range(one + 1, starts[cell + 1]):
+                    along = _crossing(walls[numbers[one]], walls[numbers[other]])
+                    if along > 0.0 and filling:
+                        wall = walls[numbers[one]]
+                        points[found, 0] = wall[0] + along * (wall[2] - wall[0])
+                        points[found, 1] = wall[1] + along * (wall[3] - wall[1])
+                    found += along > 0.0
+        if not filling:
+            points = np.empty((found, 2))
+    return points
+
+
+@compiled_part
+def _crossing(one: FloatArray, other: FloatArray) -> float:
+    """Return where a wall crosses another one, as a share of its length; 0 if it does not, or only at an end."""
+    ex, ey = one[2] - one[0], one[3] - one[1]
+    fx, fy = other[2] - other[0], other[3] - other[1]
+    rx, ry = other[0] - one[0], other[1] - one[1]
+    area = ex * fy - ey * fx
+    at, on = rx * fy - ry * fx, rx * ey - ry * ex
+    if area < 0.0:
+        area, at, on = -area, -at, -on
+    if not (0.0 < at < area and 0.0 < on < area):
+        return 0.0
+    length, other_length = math.hypot(ex, ey), math.hypot(fx, fy)
+    # nearer to an end, that end is the vertex
+    margin, other_margin = 2.0 * MEETING / length * area, 2.0 * MEETING / other_length * area
+    if area <= _FLUSH * length * other_length or not margin < at < area - margin:
+        return 0.0
+    along: float = at / area if other_margin < on < area - other_margin else 0.0
+    return along
+
+
+def edges_on_walls(edges: Edges, walls: FloatArray) -> Listing:
+    """Return, for each wall (n, 4), the edges that lie on it."""
+    faces = _faces_at(edges.points, walls)
     wall, edge = np.unique(np.column_stack((faces.walls, faces.vertices)), axis=0).T
-    starts = np.searchsorted(wall, np.arange(len(surfaces.walls) + 1)).astype(np.int32)
+    starts = np.searchsorted(wall, np.arange(len(walls) + 1)).astype(np.int32)
     return Listing(starts, np.ascontiguousarray(edge))
 
 
-def _faces_at(vertices: FloatArray, surfaces: Surfaces) -> _Faces:
-    parts = [
-        _list_faces(np.arange(first, min(first + _AT_ONCE, len(vertices))), vertices, surfaces)
-        for first in range(0, len(vertices) or 1, _AT_ONCE)
-    ]
-    vertex, direction, wall = (np.concatenate(column) for column in zip(*parts, strict=True))
-    # of flush walls, the first is the face
+def _faces_at(vertices: FloatArray, walls: FloatArray) -> _Faces:
+    parts, count = [], 0
+    for vertex, wall in _pairs_near(np.arange(len(vertices)), np.arange(len(walls), dtype=np.int32), vertices, walls):
+        faces = _list_faces(vertex, wall, vertices, walls)
+        count += len(faces[0])
+        if count > _MOST_FACES:
+            raise _overlap(faces[0], vertices)
+        parts.append(_first_of_flush(*faces))
+    vertex, direction, wall = _first_of_flush(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _Faces(vertex.astype(np.int32), direction, wall)
+
+
+def _overlap(crowded: NDArray[np.intp], vertices: FloatArray) -> InputError:
+    """Return the error for walls that overlap at these vertices, given once for each face there."""
+    x, y = vertices[np.bincount(crowded).argmax()]
+    return InputError(
+        f"walls: too many overlap, for example at x = {x:g} m, y = {y:g} m: expected at most {_MOST_FACES} directions "
+        "of walls at ends of walls (about 2000 walls that overlap on one line); replace walls on one line by one wall"
+    )
+
+
+def _first_of_flush(
+    vertex: NDArray[np.intp], direction: FloatArray, wall: IntArray
+) -> tuple[NDArray[np.intp], FloatArray, IntArray]:
+    """Return faces in order of vertex and direction; of flush walls, the first is the face."""
     order = np.lexsort((wall, np.round(direction / _FLUSH), vertex))
     vertex, direction, wall = vertex[order], direction[order], wall[order]
     own = np.ones(len(order), dtype=np.bool_)
     own[1:] = (vertex[1:] != vertex[:-1]) | (direction[1:] - direction[:-1] > _FLUSH)
-    return _Faces(vertex[own].astype(np.int32), direction[own], wall[own])
+    return vertex[own], direction[own], wall[own]
+
+
+def _pairs_near(
+    rows: NDArray[np.intp], numbers: IntArray, vertices: FloatArray, walls: FloatArray
+) -> Iterator[tuple[NDArray[np.intp], IntArray]]:
+    """Yield the vertices in these rows, and the walls with these numbers near each, (k,) each, some at a time.
+
+    All walls near a vertex are yielded together.
+    """
+    if len(rows) * len(numbers) <= _FEW:
+        yield np.repeat(rows, len(numbers)), np.tile(numbers, len(rows))
+        return
+    cells, listing = lay_wall_grid(vertices[rows], walls[numbers])
+    at = cells_at(cells, vertices[rows])
+    near, beside = np.diff(listing.starts)[at].astype(np.intp), np.bincount(at)[at]
+    # a cell with many vertices and many walls is divided again, if that makes a difference
+    crowded = (near * beside > _FEW) & ((near < len(numbers)) | (beside < len(rows)))
+    for cell in np.unique(at[crowded]):
+        inside = listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
+        yield from _pairs_near(rows[at == cell], numbers[inside], vertices, walls)
+    alone = np.flatnonzero(~crowded)
+    for some in np.split(alone, np.flatnonzero(np.diff(np.cumsum(near[alone]) // _AT_ONCE)) + 1):
+        first = listing.starts[at[some]].astype(np.intp)
+        row, place = whole_numbers(first, first + near[some] - 1)
+        yield rows[some[row]], numbers[listing.numbers[place]]
 
 
 def _list_faces(
-    chosen: NDArray[np.intp], vertices: FloatArray, surfaces: Surfaces
+    vertex: NDArray[np.intp], wall: IntArray, vertices: FloatArray, walls: FloatArray
 ) -> tuple[NDArray[np.intp], FloatArray, IntArray]:
-    """Return the faces at some vertices, in any order: number of the vertex, direction (rad) and number of the wall."""
-    row, wall = listed_at(surfaces, vertices[chosen])
-    vertex = chosen[row]
-    are_walls = wall < len(surfaces.walls)
-    vertex, wall = vertex[are_walls], wall[are_walls]
-    start, end = surfaces.walls[wall, :2], surfaces.walls[wall, 2:]
+    """Return the faces among pairs of vertex and wall, in any order: vertex, direction (rad) and wall."""
+    start, end = walls[wall, :2], walls[wall, 2:]
     along, there = end - start, vertices[vertex] - start
     length = np.hypot(along[:, 0], along[:, 1])
     at = (there[:, 0] * along[:, 0] + there[:, 1] * along[:, 1]) / length

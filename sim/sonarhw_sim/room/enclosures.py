@@ -43,8 +43,7 @@ class Enclosures:
 
     def is_outside_of_all(self, point: FloatArray, walls: FloatArray) -> bool:
         """Return whether `point` (2,) is in no chain, and one chain encloses all `walls` (n, 4) of the room."""
-        ends = walls.reshape(-1, 2)
-        chains = np.split(self.walls, self.starts[1:]) if len(self.starts) else []
+        ends, chains = walls.reshape(-1, 2), self._chains()
         round_all = any(
             (chain.reshape(-1, 2).min(axis=0) <= ends.min(axis=0) + MEETING).all()
             and (chain.reshape(-1, 2).max(axis=0) >= ends.max(axis=0) - MEETING).all()
@@ -53,6 +52,13 @@ class Enclosures:
         return round_all and not any(
             inside(point[None], chain)[0] or wall_distances(point[None], chain).min() <= MEETING for chain in chains
         )
+
+    def chains_around(self, point: FloatArray) -> list[FloatArray]:
+        """Return the walls (n, 4) of each closed chain that contains `point` (2,)."""
+        return [chain for chain in self._chains() if inside(point[None], chain)[0]]
+
+    def _chains(self) -> list[FloatArray]:
+        return np.split(self.walls, self.starts[1:]) if len(self.starts) else []
 
 
 def find_enclosures(walls: FloatArray, edges: Edges) -> Enclosures:

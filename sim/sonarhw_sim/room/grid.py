@@ -1,6 +1,7 @@
 """A grid of square cells that lists the surfaces in each, so that a large room costs little more than a small one.
 
-`Surfaces` is the input of every kernel that follows rays: walls, posts and grid. Compiled by numba.
+`Surfaces` is the input of every kernel that follows rays: walls, posts and grid. Walking along a ray is compiled by
+numba.
 """
 
 import math
@@ -10,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sonarhw.readings import FloatArray
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled_part
 
 IntArray = NDArray[np.int32]
 
 _MOST_CELLS = 1 << 20
+_MOST_LISTED = 1 << 20  # or 16 for each surface, if that is more
+_AT_ONCE = 4096  # boxes, so that memory does not grow with the number of cells that they cross
 _MARGIN = 3e-6  # m: a surface that ends on the line between two cells is listed in both
 
 
@@ -60,109 +63,122 @@ class Walk(NamedTuple):
 
 def lay_grid(walls: FloatArray, posts: FloatArray) -> Surfaces:
     """Return walls (n, 4) and posts (m, 3) with a grid of about one cell for each."""
-    corners = np.vstack((walls[:, :2], walls[:, 2:], posts[:, :2] - posts[:, 2:], posts[:, :2] + posts[:, 2:]))
+    rim = posts[:, 2:]
+    boxes = np.vstack((_boxes_of(walls), np.hstack((posts[:, :2] - rim, posts[:, :2] + rim))))
+    return Surfaces(walls, posts, *_grid_around(boxes.reshape(-1, 2), boxes, walls))
+
+
+def lay_wall_grid(points: FloatArray, walls: FloatArray) -> tuple[Cells, Listing]:
+    """Return a grid that covers `points` (p, 2), with the walls (n, 4) that cross each cell."""
+    return _grid_around(points, _boxes_of(walls), walls)
+
+
+def _grid_around(points: FloatArray, boxes: FloatArray, walls: FloatArray) -> tuple[Cells, Listing]:
+    """Return about one cell for each of the boxes, but fewer if most boxes cross many cells."""
+    count = min(len(boxes), _MOST_CELLS)
+    most = max(_MOST_LISTED, 16 * len(boxes))  # the fewest cells are four, so there is always a grid
+    while True:
+        cells = _cells_around(points, count)
+        listing = _list_boxes(cells, boxes, walls, most)
+        if listing is not None:
+            return cells, listing
+        count //= 8
+
+
+def _cells_around(points: FloatArray, count: int) -> Cells:
     # a section of a room may be empty
-    low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(2), np.zeros(2))
-    count = max(1, min(len(walls) + len(posts), _MOST_CELLS))
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     width, height = np.maximum(high - low, 1e-3)
     # a long narrow room has a single row of square cells
+    count = max(1, count)
     side = max(math.sqrt(width * height / count), max(width, height) / count)
     columns, rows = math.ceil(width / side) + 1, math.ceil(height / side) + 1
-    cells = Cells(float(low[0] - side / 2), float(low[1] - side / 2), float(side), columns, rows)
-    return Surfaces(walls, posts, cells, _list_surfaces(cells, walls, posts))
+    return Cells(float(low[0] - side / 2), float(low[1] - side / 2), float(side), columns, rows)
 
 
-@compiled
-def list_points(cells: Cells, points: FloatArray, reach: float) -> Listing:
-    """Return, for each cell, the points (n, 2) within `reach` (m) of it."""
-    boxes = np.empty((points.shape[0], 4))
-    for k in range(points.shape[0]):
-        _set_box(boxes, k, points[k, 0], points[k, 1], reach)
-    return _list_boxes(cells, boxes, boxes[:0])
+def list_points(cells: Cells, points: FloatArray, reach: float | FloatArray) -> Listing:
+    """Return, for each cell, the points (n, 2) within `reach` of it: m, or (n, 1) m, one for each point."""
+    listing = _list_boxes(cells, np.hstack((points - reach, points + reach)), np.empty((0, 4)), math.inf)
+    assert listing is not None
+    return listing
 
 
-@compiled
-def _set_box(boxes: FloatArray, k: int, x: float, y: float, reach: float) -> None:
-    boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = x - reach, y - reach, x + reach, y + reach
-
-
-def listed_at(surfaces: Surfaces, points: FloatArray) -> tuple[NDArray[np.intp], IntArray]:
-    """Return the surfaces in the cell of each point (p, 2): the row of the point and the surface, (k,) each.
-
-    The points must be within the extent of the surfaces.
-    """
-    cells, (starts, numbers) = surfaces.cells, surfaces.listing
+def cells_at(cells: Cells, points: FloatArray) -> NDArray[np.intp]:
+    """Return the number of the cell of each point (p, 2), which must be within the extent of the cells."""
     column = ((points[:, 0] - cells.left) / cells.side).astype(np.intp)
-    cell = ((points[:, 1] - cells.bottom) / cells.side).astype(np.intp) * cells.columns + column
-    counts = starts[cell + 1] - starts[cell]
-    rows = np.repeat(np.arange(len(points)), counts)
-    first = np.cumsum(counts) - counts
-    return rows, numbers[np.arange(len(rows)) + np.repeat(starts[cell] - first, counts)]
+    return np.asarray(((points[:, 1] - cells.bottom) / cells.side).astype(np.intp) * cells.columns + column)
 
 
-@compiled
-def _list_surfaces(cells: Cells, walls: FloatArray, posts: FloatArray) -> Listing:
-    boxes = np.empty((walls.shape[0] + posts.shape[0], 4))
-    for k in range(walls.shape[0]):
-        boxes[k, 0], boxes[k, 2] = min(walls[k, 0], walls[k, 2]), max(walls[k, 0], walls[k, 2])
-        boxes[k, 1], boxes[k, 3] = min(walls[k, 1], walls[k, 3]), max(walls[k, 1], walls[k, 3])
-    for k in range(posts.shape[0]):
-        _set_box(boxes, walls.shape[0] + k, posts[k, 0], posts[k, 1], posts[k, 2])
-    return _list_boxes(cells, boxes, walls)
+def _boxes_of(walls: FloatArray) -> FloatArray:
+    return np.hstack((np.minimum(walls[:, :2], walls[:, 2:]), np.maximum(walls[:, :2], walls[:, 2:])))
 
 
-@compiled
-def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray) -> Listing:
+def _list_boxes(cells: Cells, boxes: FloatArray, walls: FloatArray, most: float) -> Listing | None:
     """Return the boxes in each cell; boxes (n, 4) are x, y of the lower left and of the upper right corner.
 
-    The first boxes are those of `walls` (w, 4), which are listed only in the cells that the wall itself crosses.
+    The first boxes are those of `walls` (w, 4), which are listed only in the cells that the wall itself crosses. The
+    result is None if more than `most` numbers would be listed.
     """
-    counts = np.zeros(cells.columns * cells.rows + 1, np.int32)
-    numbers = np.empty(0, np.int32)
-    for filling in (False, True):
-        if filling:
-            for cell in range(1, counts.shape[0]):
-                counts[cell] += counts[cell - 1]
-            numbers = np.empty(counts[-1], np.int32)
-        for k in range(boxes.shape[0]):
-            first, last = _span(cells.left, cells.side, cells.columns, boxes[k, 0], boxes[k, 2])
-            for column in range(first, last + 1):
-                low, high = boxes[k, 1], boxes[k, 3]
-                if k < walls.shape[0]:
-                    low, high = _within_column(cells, column, walls[k], low, high)
-                lowest, highest = _span(cells.bottom, cells.side, cells.rows, low, high)
-                for row in range(lowest, highest + 1):
-                    cell = row * cells.columns + column
-                    if filling:
-                        # filled backwards, so that each end becomes a start
-                        counts[cell] -= 1
-                        numbers[counts[cell]] = k
-                    else:
-                        counts[cell] += 1
-    return Listing(counts, numbers)
+    parts, count = [], 0
+    for first in range(0, len(boxes) or 1, _AT_ONCE):
+        chosen = np.arange(first, min(first + _AT_ONCE, len(boxes)))
+        parts.append(_cells_of(cells, chosen, boxes, walls))
+        count += len(parts[-1][0])
+        if count > most:
+            return None
+    # of surfaces at equal distances, the one listed first is hit: the last
+    cell, number = (np.concatenate(column)[::-1] for column in zip(*parts, strict=True))
+    starts = np.zeros(cells.columns * cells.rows + 1, np.int32)
+    np.cumsum(np.bincount(cell, minlength=len(starts) - 1), out=starts[1:])
+    return Listing(starts, number[np.argsort(cell, kind="stable")])
 
 
-@compiled
-def _span(start: float, side: float, count: int, low: float, high: float) -> tuple[int, int]:
+def _cells_of(
+    cells: Cells, chosen: NDArray[np.intp], boxes: FloatArray, walls: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Return the cells of the boxes with these numbers, and the number of the box of each."""
+    first, last = _span(cells.left, cells.side, cells.columns, boxes[chosen, 0], boxes[chosen, 2])
+    row, column = whole_numbers(first, last)
+    number = chosen[row]
+    low, high = boxes[number, 1], boxes[number, 3]
+    of_walls = slice(0, int(np.searchsorted(number, len(walls))))
+    inside = _within_columns(cells, column[of_walls], walls[number[of_walls]], low[of_walls], high[of_walls])
+    low[of_walls], high[of_walls] = inside
+    row, cell_row = whole_numbers(*_span(cells.bottom, cells.side, cells.rows, low, high))
+    return (cell_row * cells.columns + column[row]).astype(np.int32), number[row].astype(np.int32)
+
+
+def _span(
+    start: float, side: float, count: int, low: FloatArray, high: FloatArray
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the first and last of `count` cells between two coordinates; if there is none, last < first."""
-    first = math.floor((low - start - _MARGIN) / side)
-    last = math.floor((high - start + _MARGIN) / side)
-    return max(first, 0), min(last, count - 1)
+    first = np.floor((low - start - _MARGIN) / side)
+    last = np.floor((high - start + _MARGIN) / side)
+    return np.clip(first, 0, count).astype(np.intp), np.clip(last, -1, count - 1).astype(np.intp)
 
 
-@compiled
-def _within_column(cells: Cells, column: int, wall: FloatArray, low: float, high: float) -> tuple[float, float]:
-    """Return the lowest and highest coordinate of a wall inside a column."""
-    across, up = wall[2] - wall[0], wall[3] - wall[1]
-    if abs(across) <= _MARGIN:
-        return low, high
-    left = cells.left + column * cells.side - _MARGIN
-    right = left + cells.side + 2 * _MARGIN
-    one, other = wall[1] + up * (left - wall[0]) / across, wall[1] + up * (right - wall[0]) / across
-    return max(low, min(one, other)), min(high, max(one, other))
+def whole_numbers(first: NDArray[np.intp], last: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return all whole numbers from `first` to `last` (n,) of each row: the row and the number, (k,) each."""
+    counts = np.maximum(last - first + 1, 0)
+    row = np.repeat(np.arange(len(first)), counts)
+    return row, np.arange(len(row)) + np.repeat(first - (np.cumsum(counts) - counts), counts)
 
 
-@compiled
+def _within_columns(
+    cells: Cells, columns: NDArray[np.intp], walls: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest coordinate of walls (n, 4) inside columns (n,) of cells."""
+    x, y, end_x, end_y = walls.T
+    across, up = end_x - x, end_y - y
+    steep = np.abs(across) <= _MARGIN
+    across = np.where(steep, 1.0, across)
+    left = cells.left + columns * cells.side - _MARGIN
+    one, other = y + up * (left - x) / across, y + up * (left + cells.side + 2 * _MARGIN - x) / across
+    lowest, highest = np.maximum(low, np.minimum(one, other)), np.minimum(high, np.maximum(one, other))
+    return np.where(steep, low, lowest), np.where(steep, high, highest)
+
+
+@compiled_part
 def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
     """Return a ray from (x, y) along the unit vector (dx, dy) in its first cell."""
     right, top = cells.left + cells.columns * cells.side, cells.bottom + cells.rows * cells.side
@@ -178,7 +194,7 @@ def enter(cells: Cells, x: float, y: float, dx: float, dy: float) -> Walk:
     return Walk(True, column, row, column_step, row_step, next_column, next_row, per_column, per_row)
 
 
-@compiled
+@compiled_part
 def advance(cells: Cells, walk: Walk) -> Walk:
     """Return the ray in its next cell."""
     inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row = walk
@@ -193,14 +209,14 @@ def advance(cells: Cells, walk: Walk) -> Walk:
     return Walk(inside, column, row, column_step, row_step, next_column, next_row, per_column, per_row)
 
 
-@compiled
+@compiled_part
 def listed(cells: Cells, listing: Listing, walk: Walk) -> IntArray:
     """Return the objects in the cell of the ray."""
     cell = walk.row * cells.columns + walk.column
     return listing.numbers[listing.starts[cell] : listing.starts[cell + 1]]
 
 
-@compiled
+@compiled_part
 def _ahead(at: float, along: float, low: float, high: float) -> float:
     """Return the distance along a ray until its coordinate is between two bounds; 0 if it is there, inf if never."""
     if low <= at <= high:
@@ -211,7 +227,7 @@ def _ahead(at: float, along: float, low: float, high: float) -> float:
     return (bound - at) / along
 
 
-@compiled
+@compiled_part
 def _crossings(at: float, along: float, start: float, side: float, cell: int) -> tuple[float, float, int]:
     """Return the distance along a ray to the next grid line and between grid lines, and the step of the cell number."""
     if along > 0.0:

@@ -11,18 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from sonarhw.errors import InputError
 from sonarhw.readings import FloatArray
 from sonarhw_sim.air import Air
+from sonarhw_sim.named_file import Shipped
 from sonarhw_sim.room.edges import Edges, edges_on_walls, find_edges
 from sonarhw_sim.room.enclosures import Enclosures, find_enclosures
 from sonarhw_sim.room.grid import Listing, Surfaces, lay_grid
 from sonarhw_sim.room.outside import walls_enclose
 from sonarhw_sim.room.room_file import MAX_COORDINATE, MEETING, LevelSection, PostSection, RoomFile, Span, WallSection
-from sonarhw_sim.toml_file import parse_toml, read_text
+from sonarhw_sim.toml_file import parse_toml
 
+SHIPPED_ROOMS = Shipped("sonarhw_rooms", "room", "room file")
 ENDLESS: Span = (-math.inf, math.inf)
 
 
@@ -66,7 +67,7 @@ class Room:
     @cached_property
     def edges_on_walls(self) -> Listing:
         """For each wall, the edges that lie on it."""
-        return edges_on_walls(self.edges, self.surfaces)
+        return edges_on_walls(self.edges, self.walls)
 
     @property
     def levels(self) -> range:
@@ -109,15 +110,33 @@ class Room:
         # a single plate or post is small, and is detected from farther away than its size
         return bool(beyond.max() > max(5.0, float((highest - lowest).max())))
 
-    def place(self, name: str | None) -> Place:
-        """Return the place with this name or at `X,Y`; for None, the only place.
+    def check_height(self, height: float) -> None:
+        """Raise InputError if a transducer cannot be at this height, m, or if the height has no effect."""
+        levels = {self.names[k]: float(self.heights[k, 0]) for k in self.levels}
+        lowest, highest = levels.get("floor", -MAX_COORDINATE), levels.get("ceiling", MAX_COORDINATE)
+        if not np.isfinite(self.heights).any():
+            raise InputError(
+                f"height {height:g}: has no effect: room {self.name!r} has no floor or ceiling, and no wall or post "
+                "with a height; leave it out, or add one of them to the room file"
+            )
+        if not lowest < height < highest:
+            raise InputError(
+                f"height {height:g}: expected metres between {lowest:g} and {highest:g} (floor and ceiling)"
+            )
 
-        Raises InputError if there is no such place, or it is inside a post.
+    def place(self, name: "Place | str | tuple[float, float] | None" = None) -> Place:
+        """Return the place with this name, or at `X,Y` (text, or two numbers in m); for None, the only place.
+
+        A `Place` is returned as it is. Raises InputError if there is no such place, or it is inside a post.
         """
+        if isinstance(name, Place):
+            return name
+        if isinstance(name, tuple):
+            name = ",".join(f"{coordinate!r}" for coordinate in map(float, name))
         if name is None:
             if len(self.places) == 1:
                 return next(iter(self.places.values()))
-            raise InputError(f"room {self.name!r}: --place is needed; {self._known_places()}")
+            raise InputError(f"room {self.name!r}: give a place; {self._known_places()}")
         if name in self.places:
             return self.places[name]
         return self._place_at(name)
@@ -139,9 +158,17 @@ class Room:
         return f"its places: {', '.join(self.places)}" if self.places else "it has no places"
 
 
-def load_room(path: Path | str) -> Room:
-    """Return the room in a file. Raises InputError with file, key and reason if it is wrong."""
-    return parse_room(read_text(Path(path), "room file"), str(path))
+def load_room(name: Path | str) -> Room:
+    """Return a shipped room by name, or the room in a file. Raises InputError with file, key and reason if it is wrong.
+
+    A text without `.toml` at its end and without a slash is the name of a shipped room.
+    """
+    return parse_room(*SHIPPED_ROOMS.read(name))
+
+
+def room_names() -> list[str]:
+    """Return the names of the shipped rooms."""
+    return SHIPPED_ROOMS.names()
 
 
 def parse_room(text: str, where: str) -> Room:
@@ -161,7 +188,7 @@ def parse_room(text: str, where: str) -> Room:
         heights=np.array([_span(surface) for surface in surfaces], dtype=np.float64),
         names=(*names, *(post.name for post in file.posts), *file.levels),
         materials=tuple(surface.material for surface in surfaces),
-        edges=find_edges(walls, names),
+        edges=_edges_of(walls, names, where),
         air=Air(**file.air.model_dump()),
         places={
             name: Place(name, place.position, math.radians(place.heading_deg), place.height)
@@ -169,6 +196,13 @@ def parse_room(text: str, where: str) -> Room:
         },
         text=text,
     )
+
+
+def _edges_of(walls: FloatArray, names: tuple[str, ...], where: str) -> Edges:
+    try:
+        return find_edges(walls, names)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def _surfaces(file: RoomFile) -> list[WallSection | PostSection | LevelSection]:
@@ -231,9 +265,30 @@ def _more_rows(room: Room, behind: int, count: int, name: str, reflectance: floa
 
 def _join_ends(walls: FloatArray) -> FloatArray:
     """Return the walls with meeting ends moved to one point, so that no sound passes through gaps of rounding."""
-    ends = walls.reshape(-1, 2).copy()
-    meeting = cKDTree(ends).query_pairs(MEETING, output_type="ndarray")
+    ends = walls.reshape(-1, 2)
+    # ends in one small square are one point, so that the number of pairs grows with that of the points
+    _, first, square = np.unique(np.floor(ends / (MEETING / 4)), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    points = ends[first[order]]
     # in order, so that an end that moves to a moved end moves to its new position
-    for first, second in meeting[np.lexsort(meeting.T[::-1])]:
-        ends[second] = ends[first]
-    return ends.reshape(-1, 4)
+    for one, other in sorted(_meeting(points)):
+        points[other] = points[one]
+    return np.asarray(points[np.argsort(order)[square.ravel()]].reshape(-1, 4))
+
+
+def _meeting(points: FloatArray) -> list[tuple[int, int]]:
+    """Return the pairs of rows of `points` (n, 2) that meet, the smaller row first."""
+    # along a direction that walls rarely have, so that few points that do not meet are level with each other
+    along = points @ np.array([math.cos(1.0), math.sin(1.0)])
+    order = np.argsort(along)
+    pairs: list[tuple[int, int]] = []
+    lower, behind = np.arange(len(points)), 0
+    while len(lower):
+        behind += 1
+        lower = lower[: np.searchsorted(lower, len(points) - behind)]
+        one, other = order[lower], order[lower + behind]
+        level = along[other] - along[one] <= 2 * MEETING
+        lower, one, other = lower[level], one[level], other[level]
+        near = ((points[other] - points[one]) ** 2).sum(axis=1) <= MEETING**2
+        pairs += zip(np.minimum(one, other)[near].tolist(), np.maximum(one, other)[near].tolist(), strict=True)
+    return pairs

@@ -10,43 +10,51 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sonarhw_sim.toml_file import TomlModel
+from sonarhw_sim.near_miss import did_you_mean
+from sonarhw_sim.toml_file import TomlModel, about, quoted
 
 MEETING = 1e-6  # m; wall ends closer than this meet
 MAX_COORDINATE = 1e6  # m; beyond, rounding would move walls
 
+MOST_SURFACES = 200_000  # walls and posts; more would need gigabytes
+MOST_NAME = 200  # characters
+MOST_TURNS_DEG = 36_000.0  # of a heading; far beyond, a degree would be lost to rounding
+
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
+Length = Annotated[float, Field(gt=0, le=MAX_COORDINATE)]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
 Point = tuple[Coordinate, Coordinate]
 Span = tuple[Coordinate, Coordinate]  # lower and upper end, m
-Name = Annotated[str, Field(pattern=r"^[^>/\n\r]+$")]  # via joins names with > and /
+Name = Annotated[str, Field(pattern=r"^[^>/\n\r]+$", max_length=MOST_NAME)]  # via joins names with > and /
+Text = Annotated[str, Field(max_length=MOST_NAME)]
 
 
 class AirSection(TomlModel):
     """`[air]`."""
 
-    temperature_c: Annotated[float, Field(ge=-40, le=60)] = 20.0
-    relative_humidity: Share = 0.5
-    pressure_kpa: Annotated[float, Field(ge=30, le=120)] = 101.325
+    temperature_c: Annotated[float, Field(ge=-40, le=60), about("temperature of the air", "°C")] = 20.0
+    relative_humidity: Annotated[Share, about("relative humidity; 0.5 is 50 %")] = 0.5
+    pressure_kpa: Annotated[float, Field(ge=30, le=120), about("air pressure", "kPa")] = 101.325
 
 
 class Material(TomlModel):
     """`[materials.NAME]`."""
 
-    reflectance: Share  # amplitude ratio
-    scatter: Share = 0.0  # 0 mirror .. 1 fully diffuse
+    reflectance: Annotated[Share, about("amplitude of the reflected sound over that of the incident sound")]
+    scatter: Annotated[Share, about("share of the reflected power that is diffuse: 0 mirror, 1 fully diffuse")] = 0.0
 
 
 class WallSection(TomlModel):
     """`[[walls]]`: a chain of segments."""
 
-    name: Name
-    points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    material: str
-    closed: bool = False
-    edges: tuple[Name, ...] | None = None
-    height: Span | None = None
+    name: Annotated[Name, about("name of the chain; its segments are NAME[0], NAME[1], … without `edges`")]
+    points: Annotated[
+        tuple[Point, ...], Field(min_length=2, max_length=MOST_SURFACES), about("corners in order, as [x, y]", "m")
+    ]
+    material: Annotated[Text, about("name of one of [materials]")]
+    closed: Annotated[bool, about("true: a last segment leads from the last point to the first")] = False
+    edges: Annotated[tuple[Name, ...] | None, about("a name for each segment, in order")] = None
+    height: Annotated[Span | None, about("[lower, upper] end; default: from floor to ceiling", "m")] = None
 
     @cached_property
     def segments(self) -> list[tuple[Point, Point]]:
@@ -67,19 +75,26 @@ class WallSection(TomlModel):
         if self.closed and len(self.points) == 2:
             raise ValueError(f"wall {self.name!r} is closed but has only two points; expected three or more")
         if self.edges is not None and len(self.edges) != len(self.segments):
-            raise ValueError(f"wall {self.name!r}: expected a name in edges for each of {len(self.segments)} segments")
+            raise ValueError(
+                f"wall {self.name!r}: expected a name in edges for each of {len(self.segments)} segments, "
+                f"got {len(self.edges)}{self._closing_hint()}"
+            )
         _check_span(self.height, f"wall {self.name!r}")
         return self
+
+    def _closing_hint(self) -> str:
+        missing = not self.closed and self.edges is not None and len(self.edges) == len(self.points)
+        return "; is closed = true missing?" if missing else ""
 
 
 class PostSection(TomlModel):
     """`[[posts]]`: a round object."""
 
-    name: Name
-    center: Point
-    radius: Positive
-    material: str
-    height: Span | None = None
+    name: Annotated[Name, about("name of the post")]
+    center: Annotated[Point, about("centre, as [x, y]", "m")]
+    radius: Annotated[Length, about("radius", "m")]
+    material: Annotated[Text, about("name of one of [materials]")]
+    height: Annotated[Span | None, about("[lower, upper] end; default: from floor to ceiling", "m")] = None
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
@@ -94,34 +109,45 @@ class PostSection(TomlModel):
 class LevelSection(TomlModel):
     """`[floor]` or `[ceiling]`."""
 
-    height: Coordinate
-    material: str
+    height: Annotated[Coordinate, about("height of the surface", "m")]
+    material: Annotated[Text, about("name of one of [materials]")]
 
 
 class PlaceSection(TomlModel):
     """`[places.NAME]`."""
 
-    position: Point
-    heading_deg: float = 0.0
-    height: Coordinate | None = None  # of the transducer; with it, floor, ceiling and heights are used
+    position: Annotated[Point, about("position of the turning axis, as [x, y]", "m")]
+    heading_deg: Annotated[
+        float,
+        Field(ge=-MOST_TURNS_DEG, le=MOST_TURNS_DEG),
+        about("direction of the turntable's step 0: 0 along x, 90 along y", "degrees"),
+    ] = 0.0
+    height: Annotated[
+        Coordinate | None, about("height of the transducer; without it, floor, ceiling and heights have no effect", "m")
+    ] = None
 
 
 class RoomFile(TomlModel):
     """A whole room file."""
 
-    name: str
-    air: AirSection = AirSection()
-    materials: dict[str, Material] = Field(default_factory=dict)
-    walls: tuple[WallSection, ...] = ()
-    posts: tuple[PostSection, ...] = ()
-    floor: LevelSection | None = None
-    ceiling: LevelSection | None = None
-    places: dict[str, PlaceSection] = Field(default_factory=dict)
+    name: Annotated[Text, about("name of the room, for titles and logs")]
+    air: Annotated[AirSection, about("the air")] = AirSection()
+    materials: Annotated[dict[Text, Material], about("what walls, posts, floor and ceiling are made of")] = Field(
+        default_factory=dict
+    )
+    walls: Annotated[tuple[WallSection, ...], Field(max_length=MOST_SURFACES), about("chains of flat walls")] = ()
+    posts: Annotated[tuple[PostSection, ...], Field(max_length=MOST_SURFACES), about("round objects")] = ()
+    floor: Annotated[LevelSection | None, about("the floor; used from a place with a height")] = None
+    ceiling: Annotated[LevelSection | None, about("the ceiling; used from a place with a height")] = None
+    places: Annotated[dict[Text, PlaceSection], about("positions of the sensor")] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
         if not self.walls:
-            raise ValueError("a room needs at least one [[walls]]")
+            raise ValueError("walls: missing; a room needs at least one [[walls]]")
+        surfaces = sum(len(wall.segments) for wall in self.walls) + len(self.posts)
+        if surfaces > MOST_SURFACES:
+            raise ValueError(f"walls, posts: expected at most {MOST_SURFACES} segments and posts, got {surfaces}")
         self._materials_are_defined()
         self._names_are_unique()
         self._places_are_free()
@@ -134,36 +160,41 @@ class RoomFile(TomlModel):
         return {name: level for name, level in (("floor", self.floor), ("ceiling", self.ceiling)) if level is not None}
 
     def _materials_are_defined(self) -> None:
-        used = [(wall.name, wall.material) for wall in self.walls]
-        used += [(post.name, post.material) for post in self.posts]
-        used += [(name, level.material) for name, level in self.levels.items()]
-        for name, material in used:
+        used = [(f"walls[{k}]", wall.name, wall.material) for k, wall in enumerate(self.walls)]
+        used += [(f"posts[{k}]", post.name, post.material) for k, post in enumerate(self.posts)]
+        used += [(name, name, level.material) for name, level in self.levels.items()]
+        for key, name, material in used:
             if material not in self.materials:
+                hint = did_you_mean(material, self.materials) or ";"
                 known = ", ".join(self.materials) or "none"
-                raise ValueError(f"unknown material {material!r} of {name!r}; defined: {known}")
+                raise ValueError(
+                    f"{key}.material: unknown material {quoted(material)} of {name!r}{hint} defined: {known}"
+                )
 
     def _names_are_unique(self) -> None:
         names = [name for wall in self.walls for name in wall.segment_names] + [post.name for post in self.posts]
         names += self.levels
         twice, times = Counter(names).most_common(1)[0]
         if times > 1:
-            raise ValueError(f"two surfaces are named {twice!r}; expected different names")
+            raise ValueError(f"walls, posts: two surfaces are named {twice!r}; expected different names")
 
     def _places_are_free(self) -> None:
         for name, place in self.places.items():
             for post in self.posts:
                 if math.dist(place.position, post.center) <= post.radius and post.spans(place.height):
-                    raise ValueError(f"place {name!r} lies inside post {post.name!r}")
+                    raise ValueError(f"places: place {name!r} lies inside post {post.name!r}; move one of them")
 
     def _levels_leave_room(self) -> None:
         bottom = -math.inf if self.floor is None else self.floor.height
         top = math.inf if self.ceiling is None else self.ceiling.height
         if bottom >= top:
-            raise ValueError(f"the floor must lie below the ceiling, got heights {bottom:g} and {top:g}")
+            raise ValueError(
+                f"floor, ceiling: the floor must lie below the ceiling, got heights {bottom:g} and {top:g}"
+            )
         for name, place in self.places.items():
             if place.height is not None and not bottom < place.height < top:
                 raise ValueError(
-                    f"height of place {name!r} must lie between floor and ceiling, {bottom:g} to {top:g}, "
+                    f"places: height of place {name!r} must lie between floor and ceiling, {bottom:g} to {top:g}, "
                     f"got {place.height:g}"
                 )
 

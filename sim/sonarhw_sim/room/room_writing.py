@@ -14,7 +14,8 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from sonarhw.errors import InputError, OutputError
+from sonarhw.atomic_file import atomic_file
+from sonarhw.errors import InputError
 from sonarhw_sim.air import Air
 from sonarhw_sim.room.model import Place, Room, parse_room
 from sonarhw_sim.room.room_file import MEETING, Material, RoomFile
@@ -113,11 +114,11 @@ def section(document: Document, *names: str) -> Document:
 
 
 def save_room(room: Room, path: Path, overwrite: bool = False) -> None:
-    """Write the room's text. Raises InputError if the file exists already, OutputError if it cannot be written."""
-    try:
-        with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
-            file.write(room.text)
-    except FileExistsError as error:
-        raise InputError(f"{path}: exists already; choose another name, or allow overwriting") from error
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}; choose another folder") from error
+    """Write the room's text, completely or not at all.
+
+    Raises InputError if the file exists already (unless `overwrite`), OutputError if it cannot be written.
+    """
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; choose another name, or allow overwriting")
+    with atomic_file(path, "folder", overwrite=overwrite) as file:
+        file.write(room.text.encode())

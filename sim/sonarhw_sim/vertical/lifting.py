@@ -21,6 +21,7 @@ class _Event:
     surfaces: tuple[int, ...]  # reflecting surfaces
     edge: int = -1  # diffracting edge
     gain: float = 1.0  # in addition to the gain in the section
+    phase: float = 0.0  # rad, in addition to the phase in the section
     at_mirror: bool = True  # whether it is at one of the plane's mirrors, not at floor or ceiling
 
 
@@ -66,6 +67,7 @@ def lifted(view: SectionQuery, plane: Plane, section: Section, found: Paths) -> 
         departures=departures,
         arrivals=arrivals,
         gains=found.gains[rows] * [math.prod(event.gain for event in path.events) for path in paths],
+        phases=found.phases[rows] + np.array([sum(event.phase for event in path.events) for path in paths]),
         surfaces=surfaces,
         edges=np.array([path.edge for path in paths], dtype=np.int32),
         bends=np.array([path.bend for path in paths], dtype=np.int32),
@@ -87,7 +89,11 @@ def _lift(view: SectionQuery, section: Section, found: Paths, row: int) -> _Lift
 
 def _touched(owner: Owner, length: float) -> _Event:
     if isinstance(owner, Mirror):
-        return _Event(owner.surfaces) if owner.edge < 0 else _Event((), owner.edge, _oblique_gain(owner, length))
+        return (
+            _Event(owner.surfaces)
+            if owner.edge < 0
+            else _Event((), owner.edge, _oblique_gain(owner, length), owner.phase)
+        )
     return _Event(() if owner is None else (owner,), at_mirror=False)
 
 

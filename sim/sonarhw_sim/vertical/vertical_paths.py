@@ -85,7 +85,8 @@ def _edge_and_corner_planes(view: SectionQuery, flat: Paths) -> Iterator[Plane]:
         surfaces = touched if edge < 0 else view.room.surfaces_at_edge(edge)
         spans = view.room.heights[list(surfaces)]
         span = float(spans[:, 0].max()), float(spans[:, 1].min())
-        mirror = Mirror(float(flat.lengths[k]) / 2, span, float(flat.gains[k]), touched, edge)
+        at, gain, phase = float(flat.lengths[k]) / 2, float(flat.gains[k]), float(flat.phases[k])
+        mirror = Mirror(at, span, gain, touched, edge, phase=phase)
         yield Plane(float(flat.departures[k]), (mirror,))
 
 

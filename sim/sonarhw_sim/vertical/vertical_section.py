@@ -45,6 +45,7 @@ class Mirror:
     surfaces: tuple[int, ...]  # surfaces that sound touches there
     edge: int = -1  # edge that diffracts there; then there are no surfaces
     curvature: float = 1.0  # gain by the curvature of a post, for sound diffracted at its rim
+    phase: float = 0.0  # rad, of sound that the edge diffracts
 
     @property
     def has_rims(self) -> bool:
@@ -179,7 +180,7 @@ def walls_at_edge(name: str) -> list[int]:
 
 def _edge_rows(edges: Edges, rows: list[int]) -> Edges:
     names = tuple(edges.names[row] for row in rows)
-    return Edges(edges.points[rows], edges.starts[rows], edges.openings[rows], names)
+    return Edges(edges.points[rows], edges.starts[rows], edges.openings[rows], edges.faces[rows], names)
 
 
 def span_of(room: Room, surface: int) -> Span:

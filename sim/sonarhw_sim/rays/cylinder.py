@@ -1,0 +1,49 @@
+"""How strongly a thin post reflects: the exact series of a rigid cylinder, where ray optics is wrong."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.partial_paths import PartialPaths
+from sonarhw_sim.room.model import Room
+
+THIN = 0.005  # m: ray optics is good enough for posts from this radius on
+_TERMS = 24  # more than enough for ka up to 8, or 86 kHz
+
+
+def cylinder_factor(ka: FloatArray, incidence: FloatArray) -> NDArray[np.float64]:
+    """Return the amplitude of an echo from a rigid cylinder relative to ray optics, (n,) float.
+
+    `ka` (n,) is the wave number times the radius, `incidence` (n,) rad that of the ray. Far from the cylinder, the
+    scattered wave is √(2 / (π k r)) |f| with f = Σ εₙ Jₙ′(ka) / Hₙ′(ka) cos n(π − 2i) (Morse and Ingard, Theoretical
+    Acoustics, ch. 8), and ray optics gives √(a cos i / (2 r)).
+    """
+    from scipy.special import h1vp, jvp  # slow to import, and most rooms have no thin posts
+
+    order = np.arange(_TERMS)[:, None]
+    weight = np.where(order == 0, 1.0, 2.0)
+    terms = weight * jvp(order, ka) / h1vp(order, ka) * np.cos(order * (math.pi - 2 * incidence))
+    return np.asarray(2 * np.abs(terms.sum(axis=0)) / np.sqrt(math.pi * ka * np.cos(incidence)))
+
+
+def thin_post_factors(room: Room, paths: PartialPaths, wavelength: float) -> FloatArray:
+    """Return the factor by which thin posts change the gain of each path, (n,) float."""
+    factors = np.ones(len(paths))
+    # surface -1, "none", selects the last
+    radii = np.concatenate((np.full(len(room.walls), np.inf), room.posts[:, 2], [np.inf]))[paths.surfaces]
+    row, touch = np.nonzero(radii < THIN)
+    if len(row):
+        # the edge of a diffracted path is a point between two reflections
+        point = touch + 1 + ((paths.edges[row] >= 0) & (touch >= paths.bends[row]))
+        before, at, after = (paths.points[row, point + step] for step in (-1, 0, 1))
+        back, on = _unit(before - at), _unit(after - at)
+        incidence = np.arccos(np.clip((back * on).sum(axis=1), -1.0, 1.0)) / 2
+        ka = math.tau / wavelength * radii[row, touch]
+        np.multiply.at(factors, row, cylinder_factor(ka, incidence))
+    return factors
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.hypot(vectors[:, 0], vectors[:, 1])[:, None])

@@ -1,0 +1,137 @@
+"""Every path of up to three reflections with a post among them, also where the rays of a fan pass a thin post.
+
+A fan finds the ways to the centre of each post. Two ways to the same post make one sequence of surfaces, which is
+solved exactly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sonarhw.readings import FloatArray
+from sonarhw_sim.rays.detectable import all_rays
+from sonarhw_sim.rays.kernel import follow_fan
+from sonarhw_sim.rays.partial_paths import PartialPaths, solved_paths, with_direct_paths
+from sonarhw_sim.rays.sequences import solve_candidates
+from sonarhw_sim.room.grid import IntArray, Listing, whole_numbers
+from sonarhw_sim.room.model import Room
+
+MOST_REFLECTIONS = 3  # a post, and two reflections before or after it
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """Ways from a place to the centres of posts, in order of post; one row each."""
+
+    posts: IntArray  # (n,): row in the room's posts
+    directions: FloatArray  # (n,), rad: departure
+    bounces: IntArray  # (n,)
+    surfaces: IntArray  # (n, 2), padded with -1
+    lengths: FloatArray  # (n,), m
+    courses: FloatArray  # (n, 2): unit vector of the last leg
+    shifts: FloatArray  # (n,), m/rad: how far the end moves to the left when the departure turns to the left
+
+
+def post_paths(
+    room: Room,
+    source: FloatArray,
+    end: FloatArray,
+    leaving: FloatArray,
+    arriving: FloatArray,
+    max_length: float,
+    max_bounces: int,
+) -> PartialPaths:
+    """Return the paths by posts, up to `max_length` (m), from `source` (2,) to `end` (2,).
+
+    `leaving` (n,) and `arriving` (m,) are the directions of evenly spaced rays (rad), in which paths depart and arrive.
+    """
+    most = min(max_bounces, MOST_REFLECTIONS)
+    if most == 0 or len(room.posts) == 0:
+        return PartialPaths.none()
+    out = _ways_to_posts(room, source, end, leaving, max_length, most - 1)
+    same = np.array_equal(source, end) and np.array_equal(leaving, arriving)
+    back = out if same else _ways_to_posts(room, end, source, arriving, max_length, most - 1)
+    first, second = _pairs(out, back)
+    bounces = out.bounces[first] + 1 + back.bounces[second]
+    # a path is shorter than the two ways to the centre by up to the diameter
+    lengths = out.lengths[first] + back.lengths[second] - 2 * room.posts[out.posts[first], 2]
+    kept = (bounces <= most) & (lengths <= max_length)
+    first, second, bounces = first[kept], second[kept], bounces[kept]
+    candidates = np.column_stack((np.arange(len(first)), bounces, np.zeros_like(bounces))).astype(np.int32)
+    sequences = _sequences(out, back, first, second, len(room.walls))
+    longest, no_edge = np.array([max_length]), np.array([-1], np.int32)
+    return solved_paths(
+        room, source, _aimed(room, out, back, first, second), sequences, candidates, end[None], longest, no_edge
+    )
+
+
+def _ways_to_posts(
+    room: Room, place: FloatArray, other: FloatArray, directions: FloatArray, max_length: float, most: int
+) -> _Ways:
+    """Return the ways from `place` to posts with up to `most` reflections that may continue to `other`."""
+    targets, radii = np.vstack((other, room.posts[:, :2])), np.append(0.0, room.posts[:, 2])
+    # the receiver is not a target
+    longest = np.append(0.0, max_length + radii[1:] - np.hypot(*(targets[1:] - other).T))
+    no_limits = all_rays(len(directions), len(targets))
+    touched, candidates = follow_fan(
+        place, directions, room.surfaces, room.reflectances, targets, longest, max(most, 1), no_limits, radii
+    )
+    candidates = with_direct_paths(candidates, len(targets))
+    candidates = candidates[(candidates[:, 1] <= most) & (candidates[:, 2] > 0)]
+    candidates = candidates[np.argsort(candidates[:, 2], kind="stable")]
+    return _solved_ways(room, place, directions, touched, candidates, targets)
+
+
+def _solved_ways(
+    room: Room,
+    place: FloatArray,
+    directions: FloatArray,
+    touched: IntArray,
+    candidates: IntArray,
+    targets: FloatArray,
+) -> _Ways:
+    # a way ends within its post, so an empty grid: nothing blocks; the whole path is checked later
+    surfaces = room.surfaces
+    nothing = Listing(np.zeros_like(surfaces.listing.starts), surfaces.listing.numbers[:0])
+    real, points, lengths, divergences = solve_candidates(
+        place,
+        directions,
+        touched,
+        candidates,
+        targets,
+        np.full(len(targets), np.inf),
+        surfaces._replace(listing=nothing),
+    )
+    ray, bounces, target = candidates[real].T
+    points, row = points[real], np.arange(len(ray))
+    away, last = points[:, 1] - place, points[row, bounces + 1] - points[row, bounces]
+    # every reflection swaps left and right
+    shifts = np.where(bounces % 2, -1.0, 1.0) * lengths[real] * divergences[real]
+    rows = np.where(np.arange(touched.shape[1]) < bounces[:, None], touched[ray], -1).astype(np.int32)
+    directions = np.arctan2(away[:, 1], away[:, 0])
+    # a way that reflects off a wall at the centre of a post has no last leg
+    ahead = last / np.maximum(np.hypot(*last.T), 1e-300)[:, None]
+    return _Ways(target - 1, directions, bounces, rows, lengths[real], ahead, shifts)
+
+
+def _aimed(room: Room, out: _Ways, back: _Ways, first: NDArray[np.intp], second: NDArray[np.intp]) -> FloatArray:
+    """Return the directions in which rays meet each post about midway between the two ways, (k,) rad."""
+    to, on = out.courses[first], -back.courses[second]
+    midway = on - to
+    midway /= np.maximum(np.hypot(*midway.T), 1e-12)[:, None]
+    left = room.posts[out.posts[first], 2] * (to[:, 0] * midway[:, 1] - to[:, 1] * midway[:, 0])
+    return np.asarray(out.directions[first] + left / out.shifts[first])
+
+
+def _pairs(out: _Ways, back: _Ways) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return all pairs of a row of `out` and a row of `back` with the same post, (k,) each."""
+    start = np.searchsorted(back.posts, out.posts)
+    return whole_numbers(start, np.searchsorted(back.posts, out.posts, side="right") - 1)
+
+
+def _sequences(out: _Ways, back: _Ways, first: NDArray[np.intp], second: NDArray[np.intp], walls: int) -> IntArray:
+    """Return the surfaces of each pair: one way, the post, the other way reversed, (k, 2 b + 1), padded with -1."""
+    whole = np.hstack((out.surfaces[first], (walls + out.posts[first])[:, None], back.surfaces[second][:, ::-1]))
+    # moves the padding to the end and keeps the order of the surfaces
+    return np.take_along_axis(whole, np.argsort(whole < 0, axis=1, kind="stable"), axis=1).astype(np.int32)
