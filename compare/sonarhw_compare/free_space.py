@@ -19,6 +19,7 @@ from sonarhw.readings import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
+_EXACTLY = 1e-9  # m; a wall through the middles of cells separates them in spite of rounding
 _CELLS = 120  # along the longer side of the room, by default
 _TRIES = 100_000  # to draw a position
 
@@ -91,7 +92,7 @@ def _pieces(room: Room, middles: FloatArray, shape: tuple[int, int], spacing: fl
     """Return the number of the connected area of each cell, `shape` int. Walls and posts separate areas."""
     numbers = np.arange(len(middles)).reshape(shape)
     clear = [
-        (distances_ahead(middles, np.full(len(middles), angle), room.surfaces) > spacing).reshape(shape)
+        (distances_ahead(middles, np.full(len(middles), angle), room.surfaces) > spacing + _EXACTLY).reshape(shape)
         for angle in (0.0, math.pi / 2)
     ]
     aside, above = clear[0][:, :-1], clear[1][:-1]

@@ -23,9 +23,9 @@ _SAME_LENGTH = 1e-6  # m, for a path and its reverse
 class Step:
     """One winner and the thresholds with which it wins."""
 
-    path: int
+    path: int  # the loudest of its arrival
     range: float  # m, as reported by the board
-    level_db: float  # its own level, the highest threshold with which it wins
+    level_db: float  # of its arrival, the highest threshold with which it wins
     above_db: float  # it wins above this, the level of the loudest earlier echo; -inf without one
 
 
@@ -72,17 +72,17 @@ def contest(prediction: PredictedScan, index: int) -> Contest:
 
 def steps(prediction: PredictedScan, index: int) -> tuple[Step, ...]:
     """Return each echo that wins at heading `index` with some threshold, nearest and faintest first."""
-    lengths, levels = prediction.apparent_lengths, prediction.levels_at(index)
+    lengths, (levels, loudest) = prediction.apparent_lengths, prediction.arrivals_at(index)
     listened = ~prediction.blanked & (lengths <= 2 * prediction.board.max_range + SLACK) & np.isfinite(levels)
     rows = np.flatnonzero(listened)
     rows = rows[np.argsort(lengths[rows], kind="stable")]
     before = np.maximum.accumulate(np.append(-math.inf, levels[rows]))[:-1]
     records = rows[levels[rows] > before]
-    ranges = prediction.board.reported(lengths[records] / 2)
+    ranges = prediction.board.reported(lengths[loudest[records]] / 2)
     above = before[levels[rows] > before]
     return tuple(
-        Step(int(path), float(distance), float(levels[path]), float(least))
-        for path, distance, least in zip(records, ranges, above, strict=True)
+        Step(int(loudest[first]), float(distance), float(levels[first]), float(least))
+        for first, distance, least in zip(records, ranges, above, strict=True)
     )
 
 
@@ -109,7 +109,8 @@ def _into(threshold: float, above: float, upto: float) -> float:
 def wall_change(prediction: PredictedScan, index: int) -> WallChange | None:
     """Return the smallest shift of one wall, with its corners, after which another echo wins at heading `index`.
 
-    The result is correct to first order in the shift. Levels are assumed not to change. Diffracted echoes and those
+    The result is correct to first order in the shift. Levels are assumed not to change, and sums of arrivals are
+    ignored, so it may be wrong by half a wavelength. Diffracted echoes and those
     with the same length as the winner are ignored. None without such a wall, without a winner, or if the winner is
     diffracted.
     """

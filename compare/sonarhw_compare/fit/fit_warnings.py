@@ -60,8 +60,13 @@ def unexplained(scans: Sequence[PlacedScan], agreement: Sequence[Summary]) -> tu
 def _several_solutions(result: FitResult) -> list[str]:
     if len(result.modes) < 2:
         return []
-    poses = "; ".join(_pose(result, dict(mode.values)) for mode in result.modes)
-    return [f"{len(result.modes)} solutions explain the scan about equally well, the room may be symmetric: {poses}"]
+    # solutions that differ only in digits that are not printed are one
+    poses = [*dict.fromkeys(_pose(result, dict(mode.values)) for mode in result.modes)]
+    if len(poses) < 2:
+        return []
+    return [
+        f"{len(poses)} solutions explain the scan about equally well, the room may be symmetric: {'; '.join(poses)}"
+    ]
 
 
 def _pose(result: FitResult, values: dict[str, float]) -> str:

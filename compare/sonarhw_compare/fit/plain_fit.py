@@ -32,6 +32,35 @@ class Fit:
     heading: float  # rad, of turntable step 0 in the room
     offset: float  # m, added to every measured range
     place: Place  # as given, except for a fitted position
+    free: tuple[str, ...] = ()  # names of the fitted quantities, in the order of PARAMETERS
+    moved: float = 0.0  # m from the given position
+
+    @property
+    def at_edge(self) -> tuple[str, ...]:
+        """The fitted quantities whose value is at the edge of its search. The best value may lie beyond."""
+        edges = {
+            "offset": abs(self.offset) > OFFSETS[-1] - 1e-9,
+            "position": self.moved > REACH - STEP / 2,
+        }
+        return tuple(name for name in self.free if edges.get(name, False))
+
+    @property
+    def search(self) -> str:
+        """The grid that was searched, as a clause."""
+        step = float(OFFSETS[1] - OFFSETS[0])
+        grids = {
+            "heading": f"heading in steps of {360 / HEADINGS:g}°",
+            "offset": f"offset within {OFFSETS[-1] * 1000:.0f} mm in steps of {step * 1000:.0f} mm",
+            "position": f"position within {REACH * 100:.0f} cm in steps of {STEP * 100:.0f} cm",
+        }
+        return "; ".join(grids[name] for name in self.free)
+
+    def lines(self) -> list[str]:
+        """Return lines of text: how the grid was searched, what lies at its edge, and what `sonarhw fit` adds."""
+        lines = [f"fitted on a grid for the most readings within 5 cm: {self.search}"]
+        if self.at_edge:
+            lines.append(f"warning: {' and '.join(self.at_edge)} at the edge of the grid; a better fit may lie beyond")
+        return [*lines, "`sonarhw fit` searches between these steps and farther, and adds credible intervals"]
 
 
 def fit_scan(
@@ -53,7 +82,7 @@ def fit_scan(
     """
     _check(readings, free)
     if board.ring is not None:
-        raise InputError(f"--fit: board {board.name!r} is a ring of sensors and has no turntable to fit")
+        raise InputError(f"fit: board {board.name!r} is a ring of sensors and has no turntable to fit")
     places = places_near(place) if "position" in free else [place]
 
     def tables() -> Iterator[tuple[Place, FloatArray]]:
@@ -63,7 +92,8 @@ def fit_scan(
 
     best = best_agreement(readings, tables(), free)
     tick(1.0)
-    return best
+    moved = math.dist(best.place.position, place.position)
+    return replace(best, free=tuple(name for name in PARAMETERS if name in free), moved=moved)
 
 
 def all_round() -> FloatArray:
@@ -107,7 +137,7 @@ def best_agreement(
 def _check(readings: Sequence[Reading], free: frozenset[str]) -> None:
     unknown = free.difference(PARAMETERS)
     if unknown:
-        raise InputError(f"--fit {sorted(unknown)[0]}: unknown parameter; expected some of {', '.join(PARAMETERS)}")
+        raise InputError(f"fit {sorted(unknown)[0]}: unknown parameter; expected some of {', '.join(PARAMETERS)}")
     if all(reading.range is None for reading in readings):
         raise InputError("nothing to fit: no reading of this scan has an echo")
 

@@ -10,19 +10,28 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TextIO
 
-from sonarhw_sim.air import speed_of_sound
-
 from sonarhw.errors import InputError
 from sonarhw.readings import Reading
+from sonarhw.sound_speed import speed_of_sound
 
 SPACING = 0.1  # s between readings of a file without times
 # limits of the frames of a log
 MOST_DEGREES = 2147.0
 MOST_RANGE = 700.0  # m
-LONGEST = 1e9  # s, between readings
+LONGEST = 86_400.0  # s, between readings
+LONGEST_SCAN = 1e8  # s
+# limits of a file, so that nothing needs more than 1 GB
+MOST_READINGS = 200_000
+MOST_CHARACTERS = 65_536  # of a line
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_AT_DECIMAL_COMMAS = (
+    "if its numbers have decimal commas, write points, or separate the columns by semicolons and choose decimal commas"
+)
 _PINGS = 256
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _HEADING_NAMES = ("heading", "angle", "bearing", "azimuth", "theta", "turret", "deg", "degrees")
@@ -34,11 +43,12 @@ _UNITS = {"m": 1.0, "metres": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001, "in":
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """The names of the columns to import."""
+    """The names of the columns to import, and how the file is written."""
 
     heading: str
     distance: str
     time: str | None = None
+    decimal_comma: bool = False  # numbers such as 1,5 between semicolons or tabs
 
 
 @dataclass(frozen=True)
@@ -72,13 +82,13 @@ def guess_columns(file: Path) -> tuple[CsvColumns, Meaning]:
     Raises InputError if no column, or more than one, has a name for a heading or for a range.
     """
     with _opened(file) as text:
-        header = _header(file, next(csv.reader(text), []))
+        header = _header(file, next(csv.reader([next(_lines(file, text), "")]), []))
     heading, distance = _column_named(header, _HEADING_NAMES), _column_named(header, _RANGE_NAMES)
     if heading is None or distance is None:
         wanted = "a heading" if heading is None else "a range"
         raise InputError(
             f"{file}, line 1: expected exactly one column with a name for {wanted}, got: {', '.join(header)}; "
-            "use `sonarhw import` with --heading COL --range COL"
+            "use `sonarhw import --heading COL --range COL`"
         )
     unit = _UNITS.get(_words(distance)[-1], 1.0)
     return CsvColumns(heading, distance, _column_named(header, _TIME_NAMES)), Meaning(unit)
@@ -114,43 +124,84 @@ def _words(column: str) -> list[str]:
 @contextmanager
 def _opened(file: Path) -> Iterator[TextIO]:
     try:
+        if file.exists() and not file.is_file():
+            raise InputError(f"{file}: is not a file; give the name of a CSV file")
         with file.open(encoding="utf-8-sig", newline="") as text:
             yield text
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}; expected a CSV file") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file}: not a CSV text file: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{file}: is not UTF-8 text: byte {error.object[error.start]:#04x}; save it as CSV in UTF-8"
+        ) from error
+    except (ValueError, csv.Error) as error:  # ValueError: a NUL in the name
+        raise InputError(f"{file}: is not a CSV file: {error}") from error
+
+
+def _lines(file: Path, text: TextIO) -> Iterator[str]:
+    """Yield the lines. Raises InputError before a line, or the number of lines, needs much memory."""
+    for number in count(1):
+        line = text.readline(MOST_CHARACTERS + 1)
+        if not line:
+            return
+        if len(line) > MOST_CHARACTERS:
+            raise InputError(f"{file}, line {number}: has more than {MOST_CHARACTERS} characters; expected a CSV file")
+        yield line
 
 
 def _rows(file: Path, columns: CsvColumns, no_echo: float | None) -> Iterator[_Row]:
     with _opened(file) as text:
-        lines = csv.reader(text)
-        indices = _column_indices(file, _header(file, next(lines, [])), columns)
-        for fields in lines:
+        lines = _lines(file, text)
+        first = next(lines, "")
+        separator = _separator(first) if columns.decimal_comma else ","
+        header = _header(file, next(csv.reader([first], delimiter=separator), []), separator)
+        indices = _column_indices(file, header, columns)
+        reader, read = csv.reader(lines, delimiter=separator), 0
+        for fields in reader:
             if any(field.strip() for field in fields):
-                yield _row(_Line(file, lines.line_num, fields), columns, indices, no_echo)
+                read += 1
+                if read > MOST_READINGS:
+                    raise InputError(f"{file}: has more than {MOST_READINGS} readings; split it into several files")
+                line = _Line(file, reader.line_num + 1, fields, columns.decimal_comma)
+                line.check_length(len(header))
+                yield _row(line, columns, indices, no_echo)
 
 
-def _header(file: Path, fields: list[str]) -> list[str]:
+def _separator(header: str) -> str:
+    """Return what separates the columns of a file with decimal commas: a tab if the header has one, or semicolons."""
+    return "\t" if "\t" in header else ";"
+
+
+def _header(file: Path, fields: list[str], separator: str = ",") -> list[str]:
     """Return the names of the columns. Raises InputError if there are none."""
     header = [name.strip() for name in fields]
     if not any(header):
         raise InputError(f"{file}: the file is empty; expected a header line and one reading per line")
-    separator = next((mark for mark in _OTHER_SEPARATORS if len(header) == 1 and mark in header[0]), None)
-    if separator is not None:
+    other = next((mark for mark in _OTHER_SEPARATORS if len(header) == 1 and mark in header[0]), None)
+    if other is not None and separator == ",":
         raise InputError(
-            f"{file}, line 1: only one column, with {_OTHER_SEPARATORS[separator]} in it; "
-            "expected commas between columns, and points in numbers"
+            f"{file}, line 1: only one column, with {_OTHER_SEPARATORS[other]} in it; expected commas between columns, "
+            "and points in numbers; for semicolons or tabs, and decimal commas, use "
+            "`sonarhw import --decimal-comma`"
+        )
+    if len(header) == 1 and separator != ",":
+        raise InputError(
+            f"{file}, line 1: only one column; with decimal commas, expected semicolons or tabs between columns"
         )
     return header
 
 
 def _column_indices(file: Path, header: list[str], columns: CsvColumns) -> dict[str, int]:
     wanted = [columns.heading, columns.distance, *([] if columns.time is None else [columns.time])]
+    if repeated := next((name for name in wanted if wanted.count(name) > 1), None):
+        raise InputError(
+            f"{file}: column {repeated!r} is given for two quantities; expected one column each for heading, range and "
+            "time"
+        )
     for name in wanted:
         if header.count(name) != 1:
-            count = "no column" if name not in header else "more than one column"
-            raise InputError(f"{file}, line 1: {count} {name!r}; columns: {', '.join(header)}")
+            found = "no column" if name not in header else "more than one column"
+            raise InputError(f"{file}, line 1: {found} {name!r}; columns: {', '.join(header)}")
     return {name: header.index(name) for name in wanted}
 
 
@@ -159,10 +210,18 @@ class _Line:
     file: Path
     number: int
     fields: list[str]
+    decimal_comma: bool
 
     def error(self, message: str) -> InputError:
         """Return an error with the file and the line."""
         return InputError(f"{self.file}, line {self.number}: {message}")
+
+    def check_length(self, columns: int) -> None:
+        """Raise InputError if the line has more fields than the header."""
+        extra = self.fields[columns:]
+        if any(field.strip() for field in extra):
+            found = f"has {len(self.fields)} fields; expected {columns}, as in the header"
+            raise self.error(found if self.decimal_comma else f"{found}; {_AT_DECIMAL_COMMAS}")
 
     def text(self, name: str, index: int) -> str:
         """Return the field of a column."""
@@ -175,10 +234,12 @@ class _Line:
     def number_in(self, name: str, index: int) -> float:
         """Return the number in a column, which may be infinite or NaN."""
         text = self.text(name, index)
-        try:
+        if self.decimal_comma and _DECIMAL_COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        if _NUMBER.fullmatch(text):
             return float(text)
-        except ValueError:
-            raise self.error(f"{name} is {text!r}; expected a number") from None
+        advice = f"; {_AT_DECIMAL_COMMAS}" if _DECIMAL_COMMA.fullmatch(text) else ""
+        raise self.error(f"{name} is {text!r}; expected a number{advice}")
 
 
 def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: float | None) -> _Row:
@@ -197,7 +258,9 @@ def _row(line: _Line, columns: CsvColumns, indices: dict[str, int], no_echo: flo
     if no_echo is not None and (distance == no_echo or (math.isnan(distance) and math.isnan(no_echo))):
         return _Row(line.number, heading, None, seconds)
     if not 0 <= distance < math.inf:
-        raise line.error(f"{name} is {distance:g}; expected a range of 0 or more, or --no-echo {distance:g}")
+        raise line.error(
+            f"{name} is {distance:g}; expected a range of 0 or more, or {distance:g} as the value for no echo"
+        )
     return _Row(line.number, heading, distance, seconds)
 
 
@@ -216,19 +279,19 @@ def _readings(file: Path, rows: Iterator[_Row], meaning: Meaning) -> list[Readin
             echo_times=() if row.distance is None else (2 * row.distance * meaning.scale / speed,),
             speed_of_sound=speed,
         )
-        _check(reading, before, f"{file}, line {row.line}")
+        _check(reading, before, readings[0].time if readings else reading.time, f"{file}, line {row.line}")
         readings.append(reading)
     if not readings:
         raise InputError(f"{file}: no readings; expected a header line and one reading per line")
     return readings
 
 
-def _check(reading: Reading, before: Reading | None, where: str) -> None:
+def _check(reading: Reading, before: Reading | None, began: float, where: str) -> None:
     degrees = math.degrees(reading.angle)
     if abs(degrees) > MOST_DEGREES:
         raise InputError(f"{where}: turntable angle {degrees:g} degrees; expected at most {MOST_DEGREES:g}")
     if reading.range is not None and reading.range > MOST_RANGE:
-        raise InputError(f"{where}: range {reading.range:g} m; expected at most {MOST_RANGE:g} m; check --scale")
+        raise InputError(f"{where}: range {reading.range:g} m; expected at most {MOST_RANGE:g} m; check the scale")
     if before and reading.time < before.time:
         raise InputError(
             f"{where}: time {reading.time:g} s is before the reading above it at {before.time:g} s; "
@@ -236,5 +299,10 @@ def _check(reading: Reading, before: Reading | None, where: str) -> None:
         )
     if before and reading.time - before.time > LONGEST:
         raise InputError(
-            f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} s after the reading above"
+            f"{where}: time {reading.time:g} s; expected seconds, at most {LONGEST:g} s after the reading above; "
+            "convert other units to seconds"
+        )
+    if reading.time - began > LONGEST_SCAN:
+        raise InputError(
+            f"{where}: time {reading.time:g} s; expected at most {LONGEST_SCAN:g} s after the first reading"
         )

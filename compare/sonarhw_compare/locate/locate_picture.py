@@ -4,14 +4,15 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from sonarhw_compare.locate.poses import NEAR, Located, Pose
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED
 from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures.shown_figure import new_figure
 
 _DEEPEST = 12.0  # of the logarithm, lower end of the shading
 _MOST_POSES = 5
@@ -22,8 +23,7 @@ _BESIDE, _ABOVE = 8, 14  # points, from a mark to its text: beside it, and above
 
 def draw_located(located: Located) -> Figure:
     """Return a figure of the room with the posterior of the lattice, the poses as arrows, and the scan at the best."""
-    figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     _shade(axes, figure, located)
     draw_room(axes, located.room)
@@ -36,7 +36,7 @@ def draw_located(located: Located) -> Figure:
     for pose in located.poses[:_MOST_POSES]:
         _draw_pose(axes, pose, _ARROW * float(np.ptp(located.room.walls.reshape(-1, 2), axis=0).max()))
     axes.plot([], [], "^", color=PREDICTED, ms=8, label="probable pose, turntable step 0 along the arrow")
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{located.room.name}: where the scan was taken")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=f"{picture_text(located.room.name)}: where the scan was taken")
     axes.set_aspect("equal")
     # the image would limit the axes to the walls
     axes.use_sticky_edges = False
@@ -68,7 +68,7 @@ def _draw_places(axes: Axes, located: Located) -> None:
     for name, place in located.room.places.items():
         at = [pose for pose in located.poses[:_MOST_POSES] if math.dist(pose.position, place.position) <= NEAR]
         axes.plot(*place.position, "+", color="black", alpha=0.6, ms=6)
-        _write_beside(axes, name, place.position, at[0].heading + math.pi if at else math.pi, "black")
+        _write_beside(axes, picture_text(name), place.position, at[0].heading + math.pi if at else math.pi, "black")
 
 
 def _write_beside(axes: Axes, text: str, position: tuple[float, float], towards: float, color: str) -> None:

@@ -111,8 +111,11 @@ def locate_scan(
     """Return the possible poses of a scan in a room.
 
     `height` (m) of the transducer includes floor, ceiling and the heights of walls in the prediction. `tick` receives
-    the completed share, 0..1. Raises InputError if no reading has an echo or the board is a ring of sensors.
+    the completed share, 0..1. Raises InputError if no reading has an echo, the board is a ring of sensors, or the
+    height is not between floor and ceiling.
     """
+    if height is not None:
+        room.check_height(height)
     options = FitOptions(prediction=prediction or PredictionOptions())
     free = free_parameters(("position", "heading", "offset"), ("scan",), room, board)
     scan = PlacedScan(readings, Place("", (0.0, 0.0), height=height))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.profile import Board
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.models import CONE_HALF_ANGLE
 
@@ -99,7 +99,7 @@ def _cones(
     return np.vstack(positions), np.concatenate(directions), np.concatenate(distances)
 
 
-@compiled
+@compiled_part
 def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
     """Return first and last row and column of the cells within reach of a point; the last ones are excluded."""
     low_row, high_row = int((y - reach) / cell), int((y + reach) / cell) + 1
@@ -107,7 +107,7 @@ def _window(shape: tuple[int, int], cell: float, x: float, y: float, reach: floa
     return max(0, low_row), min(shape[0], high_row), max(0, low_column), min(shape[1], high_column)
 
 
-@compiled
+@compiled_part
 def _seen(cell: float, row: int, column: int, x: float, y: float, heading: float) -> tuple[float, float]:
     """Return the distance of a cell, m, and the weight of the cone there: 1 on its axis, 0 from its rim on."""
     dx, dy = (column + 0.5) * cell - x, (row + 0.5) * cell - y

@@ -6,7 +6,7 @@ with all arcs, and the best supported ones are accepted first.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -18,6 +18,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc, BoolArray, direction
 
 RANGE_SPREAD = 0.01  # m, standard deviation of an arc's range
+CONFIRMING = 3  # places that must agree on a feature; two places always agree on something
 _FARTHEST = 3.0  # standard deviations of range and bearing together, for an arc that belongs to a feature
 _OTHER_PLACE = 0.05  # m, between places that count as different
 _WALLS_FIRST = 1.01  # weight of walls, which win if both fit equally well, because rooms have more walls
@@ -51,6 +52,11 @@ class Features:
     arcs: tuple[Arc, ...]
     walls: tuple[Wall, ...]
     points: tuple[Point, ...]
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether three places agree on each feature. If only two places have arcs, agreement may be chance."""
+        return count_places(arc.centre for arc in self.arcs) >= CONFIRMING
 
     @property
     def alone(self) -> tuple[Arc, ...]:
@@ -111,15 +117,14 @@ def _agreed(arcs: Sequence[Arc], columns: _ArcArrays) -> Iterator[tuple[bool, Fl
     misfits = np.array([_misfits(columns, *hypothesis) for hypothesis in hypotheses])
     weights = np.array([_WALLS_FIRST if is_wall else 1.0 for is_wall, _ in hypotheses])
     free = np.ones(len(arcs), dtype=np.bool_)
-    # two places always agree on something; with more places, three must agree
-    least = min(3, _places(columns.centres))
+    least = min(CONFIRMING, count_places(columns.centres))
     while (best := _best(misfits, weights, free, columns.centres, least)) is not None:
         is_wall, values = hypotheses[best]
         members = np.flatnonzero(free & (misfits[best] < _FARTHEST))
         fitted = _fitted(columns, is_wall, values, members)
         agreed = np.flatnonzero(free & (_misfits(columns, is_wall, fitted) < _FARTHEST))
         # after the fit, an arc may no longer belong
-        if _places(columns.centres[agreed]) < least:
+        if count_places(columns.centres[agreed]) < least:
             agreed, fitted = members, values
         free[agreed] = False
         yield is_wall, fitted, tuple(agreed.tolist())
@@ -139,14 +144,14 @@ def _best(misfits: FloatArray, weights: FloatArray, free: BoolArray, centres: Fl
     for row in np.argsort(-support, kind="stable").tolist():
         if support[row] <= 0:
             return None
-        if _places(centres[members[row]]) >= least:
+        if count_places(centres[members[row]]) >= least:
             return int(row)
     return None
 
 
-def _places(centres: FloatArray) -> int:
-    """Return the number of different places among `centres` (n, 2), at least 5 cm apart."""
-    apart: list[FloatArray] = []
+def count_places(centres: Iterable[Sequence[float]] | FloatArray) -> int:
+    """Return the number of different places among positions (m), at least 5 cm apart."""
+    apart: list[Sequence[float] | FloatArray] = []
     for centre in centres:
         if all(math.dist(centre, other) >= _OTHER_PLACE for other in apart):
             apart.append(centre)

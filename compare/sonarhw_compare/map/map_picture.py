@@ -3,7 +3,6 @@
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from sonarhw_sim.room.model import Room
@@ -12,6 +11,7 @@ from sonarhw.readings import FloatArray
 from sonarhw_compare.map.arcs import Arc, direction
 from sonarhw_compare.map.room_map import Layer, RoomMap
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.shown_figure import new_figure
 
 _ARC_STEPS = 20
 _MARGIN = 0.08  # around the features, of their longer side
@@ -20,8 +20,7 @@ _SHADES = "Greys"  # empty is white, unknown grey, occupied black
 
 def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
     """Return a figure of two plans with grid, arcs, walls and points; `room` is drawn dotted over both."""
-    figure = Figure(figsize=(14, 7.5), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(14, 7.5, 110)
     for axes, layer, title in zip(figure.subplots(1, 2), (found.plain, found.direct), _titles(found), strict=True):
         _draw_layer(axes, layer)
         if room is not None:
@@ -42,14 +41,11 @@ def draw_map(found: RoomMap, room: Room | None = None) -> Figure:
 
 
 def _titles(found: RoomMap) -> tuple[str, str]:
-    echoes = sum(reading.range is not None for scan in found.scans for reading in scan.readings)
     if found.followed_room is None:
-        left = "the same: no walls found, so sound was not followed"
-    elif found.rejected:
-        left = f"direct echoes: {echoes - found.rejected}; excluded, by several reflections: {found.rejected}"
+        left = "the same: not determined which echoes came by several reflections"
     else:
-        left = "the same: no echo by several reflections"
-    return f"all echoes, interpreted as direct: {echoes}", left
+        left = f"without {found.rejected} echoes by several reflections; {found.undetermined} not determined"
+    return f"all echoes, interpreted as direct: {found.echoes}", left
 
 
 def _draw_layer(axes: Axes, layer: Layer) -> None:
@@ -59,12 +55,16 @@ def _draw_layer(axes: Axes, layer: Layer) -> None:
     for arc in features.arcs:
         axes.plot(*_outline(arc), "-", color=MEASURED, lw=1, alpha=0.7)
     axes.plot([], [], "-", color=MEASURED, lw=1, label="region of constant depth")
+    # features that fewer than three places agree on are dashed and hollow: they may be chance
+    line, fill, edge, maybe = (
+        ("-", PREDICTED, "white", "") if features.confirmed else (":", "none", PREDICTED, "possible ")
+    )
     for wall in features.walls:
-        axes.plot(*np.transpose((wall.start, wall.end)), "-", color=PREDICTED, lw=3)
-    axes.plot([], [], "-", color=PREDICTED, lw=3, label="wall")
+        axes.plot(*np.transpose((wall.start, wall.end)), line, color=PREDICTED, lw=3)
+    axes.plot([], [], line, color=PREDICTED, lw=3, label=f"{maybe}wall")
     for is_corner, mark, name in ((True, "s", "corner"), (False, "o", "edge")):
         at = np.array([point.position for point in features.points if point.is_corner == is_corner]).reshape(-1, 2)
-        axes.plot(*at.T, mark, color=PREDICTED, mec="white", ms=9, ls="none", label=name)
+        axes.plot(*at.T, mark, mfc=fill, mec=edge, ms=9, ls="none", label=f"{maybe}{name}")
 
 
 def _marks(layer: Layer) -> list[FloatArray]:

@@ -6,6 +6,7 @@ it is reflected at more than one point.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,26 +28,34 @@ _BEYOND = 0.1  # m behind a wall; a leg that ends farther behind it crosses the 
 _ONE_POINT = 1e-3  # m between reflections that count as one point
 
 
-def direct_readings(
-    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
-) -> tuple[BoolArray, ...]:
-    """Return which readings to keep, (n,) bool for each scan: those reflected at one point, and those without a path.
+@dataclass(frozen=True)
+class JudgedReadings:
+    """What following sound in a room shows about the readings, (n,) bool for each scan."""
 
-    `tick` is called before each scan.
-    """
-    kept = []
+    direct: tuple[BoolArray, ...]  # reflected at one point, or without a path: kept
+    explained: tuple[BoolArray, ...]  # with a path
+
+
+def judged_readings(
+    scans: Sequence[PlacedScan], room: Room, board: Board, tick: Callable[[], None] = lambda: None
+) -> JudgedReadings:
+    """Return which readings are direct and which have a path in a room. `tick` is called before each scan."""
+    direct, explained = [], []
     for scan in scans:
         tick()
-        kept.append(_direct(scan, room, board))
-    return tuple(kept)
+        points = _points_of_readings(scan, room, board)
+        direct.append(points <= 1)
+        explained.append(points > 0)
+    return JudgedReadings(tuple(direct), tuple(explained))
 
 
-def _direct(scan: PlacedScan, room: Room, board: Board) -> BoolArray:
+def _points_of_readings(scan: PlacedScan, room: Room, board: Board) -> NDArray[np.intp]:
+    """Return the number of points at which the path of each reading is reflected, (n,); 0 without a path."""
     heading = board.heading_at(0.0, scan.place.heading)
     options = PredictionOptions(receiver=board.receiver)
     comparison = compare_readings(scan.readings, room, scan.place, board, heading=heading, options=options)
     points = _reflection_points(comparison.prediction.paths)
-    return np.array([row.path is None or points[row.path] <= 1 for row in comparison.rows], dtype=np.bool_)
+    return np.array([0 if row.path is None else max(1, points[row.path]) for row in comparison.rows], dtype=np.intp)
 
 
 def _reflection_points(paths: Paths) -> NDArray[np.intp]:

@@ -13,8 +13,8 @@ from sonarhw_compare.fit.values.fit_result import PlacedScan
 from sonarhw_compare.fit.values.given_twice import check_given_once
 from sonarhw_compare.map.arcs import arcs_of
 from sonarhw_compare.map.certainty import BoolArray, CertaintyGrid, certainty_grid
-from sonarhw_compare.map.features import Features, find_features
-from sonarhw_compare.map.rejection import direct_readings, room_of
+from sonarhw_compare.map.features import Features, count_places, find_features
+from sonarhw_compare.map.rejection import judged_readings, room_of
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,36 @@ class RoomMap:
 
     scans: tuple[PlacedScan, ...]
     plain: Layer  # of all readings
-    followed_room: (
-        Room | None
-    )  # the room in which sound is followed: the given one, or else one made of the walls found
+    # the room in which sound is followed: the given one, else one of the confirmed walls. None: not followed
+    followed_room: Room | None
     direct: Layer  # without readings from several reflections
+    explained: tuple[BoolArray, ...]  # readings with a path in that room, (n,) for each scan
+
+    @property
+    def places(self) -> int:
+        """The number of different positions of the scans."""
+        return count_places(scan.place.position for scan in self.scans)
+
+    @property
+    def echoes(self) -> int:
+        """The number of readings with an echo."""
+        return self._echoes_not(tuple(np.zeros_like(kept) for kept in self.direct.kept))
 
     @property
     def rejected(self) -> int:
         """The number of rejected readings with an echo."""
+        return self._echoes_not(self.direct.kept)
+
+    @property
+    def undetermined(self) -> int:
+        """The number of echoes without a path: whether they came by several reflections is not determined."""
+        return self._echoes_not(self.explained)
+
+    def _echoes_not(self, among: tuple[BoolArray, ...]) -> int:
         return sum(
-            reading.range is not None and not keep
-            for scan, kept in zip(self.scans, self.direct.kept, strict=True)
-            for reading, keep in zip(scan.readings, kept.tolist(), strict=True)
+            reading.range is not None and not inside
+            for scan, rows in zip(self.scans, among, strict=True)
+            for reading, inside in zip(scan.readings, rows.tolist(), strict=True)
         )
 
 
@@ -55,7 +73,7 @@ def map_scans(
 ) -> RoomMap:
     """Return the map from scans at known places.
 
-    Sound is followed in `room` if given, or else in a room of the walls that the scans agree on. `tick` receives the
+    Sound is followed in `room` if given, or else in a room of the walls that three places agree on. `tick` receives the
     completed share, 0..1. Raises InputError if no reading has an echo, a scan is given twice or the board is a ring.
     """
     if board.ring is not None:
@@ -71,15 +89,15 @@ def map_scans(
 
     begin_part()
     plain = _layer(scans, board, tuple(np.ones(len(scan.readings), dtype=np.bool_) for scan in scans))
-    followed_room = room_of(plain.features) if room is None else room
-    if followed_room is None:
-        direct = plain
-    else:
-        kept = direct_readings(scans, followed_room, board, begin_part)
+    found = room_of(plain.features) if plain.features.confirmed else None
+    followed_room = found if room is None else room
+    direct, explained = plain, tuple(np.zeros_like(kept) for kept in plain.kept)
+    if followed_room is not None:
+        judged = judged_readings(scans, followed_room, board, begin_part)
         begin_part()
-        direct = _layer(scans, board, kept)
+        direct, explained = _layer(scans, board, judged.direct), judged.explained
     tick(1.0)
-    return RoomMap(tuple(scans), plain, followed_room, direct)
+    return RoomMap(tuple(scans), plain, followed_room, direct, explained)
 
 
 def _layer(scans: Sequence[PlacedScan], board: Board, kept: tuple[BoolArray, ...]) -> Layer:

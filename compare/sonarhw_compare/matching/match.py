@@ -15,7 +15,7 @@ from sonarhw_sim.predict.prediction import PredictionOptions, paths_serve_all_he
 from sonarhw_sim.rays.paths import Paths
 from sonarhw_sim.room.model import Place, Room
 
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
 from sonarhw_compare.headings import in_degrees
 from sonarhw_compare.matching.silence import roc_area
 
@@ -69,6 +69,7 @@ class Summary:
     offset_m: float
     x_m: float  # of the sensor in the room
     y_m: float
+    origin: str = Origin.MEASURED.value  # of the readings
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class Comparison:
     rows: tuple[Matched, ...]
     heading: float  # rad, of turntable step 0 in the room
     offset: float  # m, added to every measured range
+    origin: Origin = Origin.MEASURED  # of the readings
 
     def summary(self) -> Summary:
         """Return the figures of the whole scan."""
@@ -100,6 +102,7 @@ class Comparison:
             offset_m=self.offset,
             x_m=self.prediction.place.position[0],
             y_m=self.prediction.place.position[1],
+            origin=self.origin.value,
         )
 
 
@@ -114,11 +117,13 @@ def compare_readings(
     model: Model = Model.RAY_FOLLOWING,
     options: PredictionOptions | None = None,
     paths: Paths | None = None,
+    origin: Origin | None = None,
 ) -> Comparison:
     """Return each reading with the prediction at its heading.
 
     `heading` (rad in the room) is that of turntable step 0, by default the heading of the place. `offset` (m) is added
     to every measured range. Known `paths` of this place and board are reused if one search serves all headings.
+    `origin` names the readings in texts and pictures; by default it is that of the first reading.
     Raises InputError if the board is a ring and no sensor points along a reading.
     """
     heading = place.heading if heading is None else heading
@@ -133,7 +138,8 @@ def compare_readings(
     rows = tuple(
         _matched(prediction, index, reading, float(ranges[index]), offset) for index, reading in enumerate(readings)
     )
-    return Comparison(prediction, rows, heading, offset)
+    origin = origin or (readings[0].origin if readings else None) or Origin.MEASURED
+    return Comparison(prediction, rows, heading, offset, origin)
 
 
 def _matched(prediction: PredictedScan, index: int, reading: Reading, predicted: float, offset: float) -> Matched:

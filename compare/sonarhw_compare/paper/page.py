@@ -1,4 +1,4 @@
-"""The page of figures: a PNG of every exhibit, and the text of `figures.md`, in the order of the paper."""
+"""The page of figures: a picture of every exhibit, and the text of `figures.md`, in the order of the paper."""
 
 from io import BytesIO
 from textwrap import fill
@@ -12,6 +12,7 @@ from sonarhw_compare.paper import ray_figures as rays
 from sonarhw_compare.paper import simple_room_figures as simple_room
 from sonarhw_compare.paper import single_reflection_figures as single_reflections
 from sonarhw_compare.paper.exhibit import Claim, Exhibit
+from sonarhw_compare.pictures.picture_file import write_picture
 
 PAGE = "figures.md"
 EXHIBITS: tuple[Exhibit, ...] = (
@@ -36,16 +37,15 @@ cropped where they would show only distant readings.
 """
 
 
-def picture_name(exhibit: Exhibit) -> str:
+def picture_name(exhibit: Exhibit, suffix: str = ".png") -> str:
     """Return the file name of an exhibit's picture."""
-    return f"{exhibit.name}.png"
+    return f"{exhibit.name}{suffix}"
 
 
-def picture(exhibit: Exhibit) -> bytes:
-    """Return the picture of an exhibit as PNG."""
+def picture(exhibit: Exhibit, suffix: str = ".png") -> bytes:
+    """Return the picture of an exhibit in the format of `suffix`."""
     out = BytesIO()
-    # the metadata omit the version of matplotlib, so that equal pictures are equal files
-    exhibit.draw().savefig(out, format="png", bbox_inches="tight", metadata={"Software": None})
+    write_picture(exhibit.draw(), out, suffix, tight=True)
     return out.getvalue()
 
 
@@ -54,16 +54,16 @@ def claims(exhibit: Exhibit) -> tuple[Claim, ...]:
     return tuple(claim() for claim in exhibit.claims)
 
 
-def page() -> str:
-    """Return the text of the page, Markdown."""
-    return "\n".join((_HEAD, *(_section(exhibit) for exhibit in EXHIBITS)))
+def page(suffix: str = ".png") -> str:
+    """Return the text of the page, Markdown, with pictures of this format."""
+    return "\n".join((_HEAD, *(_section(exhibit, suffix) for exhibit in EXHIBITS)))
 
 
-def _section(exhibit: Exhibit) -> str:
+def _section(exhibit: Exhibit, suffix: str) -> str:
     lines = [f"## {exhibit.title}", "", fill(exhibit.setting, 118), ""]
     if exhibit.scenes:
         lines += ["```", *(scene.command for scene in exhibit.scenes), "```", ""]
-    lines += [f"![{exhibit.title}]({picture_name(exhibit)})", ""]
+    lines += [f"![{exhibit.title}]({picture_name(exhibit, suffix)})", ""]
     lines += ["| the paper says | the model shows | agrees |", "|---|---|---|"]
     lines += [_row(claim) for claim in claims(exhibit)]
     return "\n".join((*lines, ""))

@@ -7,14 +7,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib.resources import files
 
 from sonarhw_sim.board.profile import load_board
-from sonarhw_sim.choices import Model, Receiver, Unit
+from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import PredictionOptions
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.room.model import load_room
 
 from sonarhw.readings import ScanOrder, headings_between
 
@@ -39,6 +38,7 @@ class PaperScene:
     unit: Unit = Unit.PASS
     receiver: Receiver = Receiver.FIRST_ECHO
     model: Model = Model.RAY_FOLLOWING
+    edge_strength: EdgeStrength | None = None  # None: that of the board
     seed: int | None = None
     reach: float | None = None  # largest range, m; None: that of the board
 
@@ -62,6 +62,8 @@ class PaperScene:
             words.append(f"--unit {self.unit.value}")
         if self.receiver is not Receiver.FIRST_ECHO:
             words.append(f"--receiver {self.receiver.value}")
+        if self.edge_strength is not None:
+            words.append(f"--edge-strength {self.edge_strength.value}")
         if self.model is not Model.RAY_FOLLOWING:
             words.append(f"--model {self.model.value}")
         if self.seed is not None:
@@ -81,12 +83,14 @@ class PaperScene:
 
 @lru_cache(maxsize=256)
 def _scan(scene: PaperScene) -> PredictedScan:
-    room, board = included_room(scene.room), load_board(scene.board)
+    room, board = load_room(scene.room), load_board(scene.board)
     if scene.reach is not None:
         board = replace(board, max_range=scene.reach)
     start, stop, step = scene.degrees
     order = ScanOrder(math.radians(start), math.radians(step), headings_between(start, stop, step))
-    options = PredictionOptions(unit=scene.unit, receiver=scene.receiver, seed=scene.seed)
+    options = PredictionOptions(
+        unit=scene.unit, edge_strength=scene.edge_strength, receiver=scene.receiver, seed=scene.seed
+    )
     return predict_with(scene.model, room, room.place(scene.place), board, order.angles(), options)
 
 
@@ -102,12 +106,6 @@ def _readings(scene: PaperScene) -> tuple[PredictedReading, ...]:
         )
         for heading, distance, winner in rows
     )
-
-
-@lru_cache(maxsize=32)
-def included_room(name: str) -> Room:
-    """Return the included room with this name."""
-    return parse_room((files("sonarhw_rooms") / f"{name}.toml").read_text(encoding="utf-8"), f"{name}.toml")
 
 
 def ranges(readings: Iterable[PredictedReading]) -> list[float]:

@@ -4,21 +4,30 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from sonarhw_sim.predict.by_heading import standpoints
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.room.model import Room
 
+from sonarhw.readings import Origin
 from sonarhw_compare.pictures.colours import MEASURED, PREDICTED, WALL
+from sonarhw_compare.pictures.picture_text import picture_text
 from sonarhw_compare.pictures.points import points_at
+from sonarhw_compare.pictures.shown_figure import new_figure
 
 
-def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (), title: str = "") -> Figure:
-    """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them."""
-    figure = Figure(figsize=(8, 7), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
+def draw_plan(
+    scan: PredictedScan,
+    measured: Sequence[tuple[float, float]] = (),
+    title: str = "",
+    origin: Origin = Origin.MEASURED,
+) -> Figure:
+    """Return a figure of the room with predicted points, and `measured` (heading rad, range m) over them.
+
+    `origin` names the measured points in the legend.
+    """
+    figure = new_figure(8, 7, 120)
     axes = figure.add_subplot()
     draw_room(axes, scan.room)
     x, y = scan.place.position
@@ -27,9 +36,10 @@ def draw_plan(scan: PredictedScan, measured: Sequence[tuple[float, float]] = (),
     if measured:
         headings, ranges = np.array(measured).T
         sensors = standpoints(scan.board, scan.place, headings)
-        axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label="measured")
+        axes.plot(*points_at(sensors, headings, ranges).T, ".", color=MEASURED, ms=6, label=origin.value)
     axes.plot(x, y, "^", color="black", ms=9, label="sensor")
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=title or f"{scan.room.name}, place {scan.place.name}")
+    named = picture_text(title or f"{scan.room.name}, place {scan.place.name}")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=named)
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
     axes.legend(loc="upper left", bbox_to_anchor=(1, 1))

@@ -8,15 +8,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
+from statistics import median
 
 from sonarhw_sim.board.profile import Board
 from sonarhw_sim.predict.prediction import PredictionOptions
 from sonarhw_sim.room.model import Place, Room
 
 from sonarhw.errors import InputError
+from sonarhw.harmless_text import harmless
 from sonarhw.log import Log, LogMetadata
-from sonarhw.readings import Reading
+from sonarhw.readings import Origin, Reading
 from sonarhw_compare.explain.sentences import explain_reading
+from sonarhw_compare.fit.plain_fit import Fit
 from sonarhw_compare.headings import heading_text, in_degrees
 from sonarhw_compare.matching.match import Comparison, Kind, Summary, compare_readings
 from sonarhw_compare.report.report_pictures import bscan_png, plan_svg, ranges_svg
@@ -47,6 +50,7 @@ class Report:
     comparison: Comparison
     log: Log | None = None
     link: Facts = ()  # statistics of the link, if known
+    fit: Fit | None = None  # how pose and offset were fitted
     left_out: int = 0  # number of older readings that are not listed
 
 
@@ -60,13 +64,25 @@ def report_of(
     *,
     log: Log | None = None,
     link: Facts = (),
+    fit: Fit | None = None,
 ) -> Report:
-    """Return the report on readings at a place; of more than 3600, the newest. Raises InputError without readings."""
+    """Return the report on readings at a place, or at that of a fit; of more than 3600, on the newest.
+
+    Raises InputError without readings.
+    """
     if not readings:
         raise InputError(f"{name}: no readings; a report needs at least one")
-    oriented_place = Place(place.name, place.position, board.heading_at(0.0, place.heading), place.height)
-    comparison = compare_readings(readings[-MOST_READINGS:], room, oriented_place, board, options=options)
-    return Report(name, comparison, log, link, max(0, len(readings) - MOST_READINGS))
+    comparison = compare_readings(
+        readings[-MOST_READINGS:],
+        room,
+        place if fit is None else fit.place,
+        board,
+        heading=board.heading_at(0.0, place.heading) if fit is None else fit.heading,
+        offset=0.0 if fit is None else fit.offset,
+        options=options,
+        origin=None if log is None else log.origin,
+    )
+    return Report(name, comparison, log, link, fit, max(0, len(readings) - MOST_READINGS))
 
 
 def report_html(report: Report) -> str:
@@ -77,7 +93,7 @@ def report_html(report: Report) -> str:
 
 
 def _head(report: Report) -> Iterator[str]:
-    yield f'<head><meta charset="utf-8"><title>{escape(_title(report))}</title><style>{_STYLE}</style></head>'
+    yield f'<head><meta charset="utf-8"><title>{_escaped(_title(report))}</title><style>{_STYLE}</style></head>'
 
 
 def _title(report: Report) -> str:
@@ -88,18 +104,24 @@ def _title(report: Report) -> str:
 def _body(report: Report) -> Iterator[str]:
     comparison, log = report.comparison, report.log
     summary = comparison.summary()
-    yield f"<h1>{escape(_title(report))}</h1>"
-    when = f", recorded {_date(log.metadata.started)}" if log and log.metadata.started else ""
-    yield f"<p>{escape(report.name)}{when}</p>"
+    yield f"<h1>{_escaped(_title(report))}</h1>"
+    made = "recorded" if comparison.origin is Origin.MEASURED else f"{comparison.origin} readings"
+    when = f", {made} {_date(log.metadata.started)}" if log and log.metadata.started else ""
+    yield f"<p>{_escaped(report.name)}{when}</p>"
     yield f'<p class="lead">{escape(_lead(summary))}</p>'
     yield "<h2>The scan in the room</h2>"
-    yield _picture("svg+xml", plan_svg(comparison), "Plan of the room with measured and predicted points")
+    both = f"{comparison.origin} and predicted"
+    yield _picture("svg+xml", plan_svg(comparison), f"Plan of the room with {both} points")
     yield "<h2>Range against heading</h2>"
-    yield _picture("svg+xml", ranges_svg(comparison), "Measured and predicted ranges and their residuals over heading")
+    yield _picture(
+        "svg+xml",
+        ranges_svg(comparison),
+        f"Ranges, {both}, and their residuals over heading",
+    )
     bscan = bscan_png(comparison)
     if bscan is not None:
         yield "<h2>B-scan</h2>"
-        yield _picture("png", bscan, "Traces side by side, measured and predicted, heading by range")
+        yield _picture("png", bscan, f"Traces side by side, {both}, heading by range")
     yield "<h2>Figures</h2>"
     yield _facts(_figures(summary))
     yield "<h2>Regions of constant depth</h2>"
@@ -131,7 +153,7 @@ def _figures(summary: Summary) -> Facts:
         facts.append(("median error", f"{summary.median_abs_error_m * 1000:.1f} mm"))
     facts.append(("turntable step 0 at", heading_text(math.radians(summary.heading_deg))))
     if summary.offset_m:
-        facts.append(("range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
+        facts.append(("fitted range offset", f"{summary.offset_m * 1000:+z.1f} mm"))
     return facts
 
 
@@ -152,7 +174,9 @@ def _settings(report: Report) -> Iterator[str]:
     versions = [("sonarhw", version("sonarhw")), ("Python", platform.python_version()), ("NumPy", version("numpy"))]
     for title, facts in (
         ("Place", where),
-        ("Air", weather),
+        ("Fit", _fit(report)),
+        ("Air of the prediction", weather),
+        ("Air of the ranges", _air_of_ranges(report)),
         ("Board", _board(board)),
         ("Prediction", reception),
         ("Log", _log(report)),
@@ -165,6 +189,30 @@ def _settings(report: Report) -> Iterator[str]:
     for name, text in (("room file", room.text), ("board profile", board.text)):
         if text:
             yield f"<details><summary>The {name}</summary><pre>{escape(text)}</pre></details>"
+
+
+def _fit(report: Report) -> Facts:
+    if report.fit is None:
+        return ()
+    edge = " and ".join(report.fit.at_edge)
+    facts = [("grid", report.fit.search), ("chosen", "the values with the most readings within 5 cm")]
+    return [*facts, ("warning", f"{edge} at the edge of the grid; a better fit may lie beyond")] if edge else facts
+
+
+def _air_of_ranges(report: Report) -> Facts:
+    """Return the speed of sound of the ranges, the temperature of air with this speed, and the thermometer's."""
+    readings = [row.reading for row in report.comparison.rows]
+    speeds = [reading.speed_of_sound for reading in readings if reading.speed_of_sound > 0]
+    measured = [reading.temperature_c for reading in readings if reading.temperature_c is not None]
+    facts = []
+    if speeds:
+        speed = median(speeds)
+        facts.append(("speed of sound", f"{speed:.2f} m/s"))
+        at = report.comparison.prediction.room.air.temperature_at(speed)
+        facts.append(("temperature for this speed", "outside -40 to 60 °C" if at is None else f"{at:.1f} °C"))
+    if measured:
+        facts.append(("thermometer", f"{median(measured):.1f} °C"))
+    return facts
 
 
 def _board(board: Board) -> Facts:
@@ -214,7 +262,7 @@ def _readings(report: Report) -> Iterator[str]:
     if report.left_out:
         yield f"<p>The newest {len(comparison.rows)}; {report.left_out} older ones are left out.</p>"
     yield '<table class="readings"><thead><tr>'
-    names = ("no.", "heading (°)", "measured (m)", "predicted (m)", "residual (mm)", "class", "explanation")
+    names = ("no.", "heading (°)", f"{comparison.origin} (m)", "predicted (m)", "residual (mm)", "class", "explanation")
     yield "".join(f"<th>{name}</th>" for name in names) + "</tr></thead><tbody>"
     for row in comparison.rows:
         cells = (
@@ -234,8 +282,13 @@ def _metres(length: float | None) -> str:
     return "" if length is None else f"{length:.3f}"
 
 
+def _escaped(name: str) -> str:
+    """Return a name as HTML. Control characters and the bytes of a file name that is not UTF-8 are escapes."""
+    return escape(harmless(name))
+
+
 def _facts(facts: Iterable[tuple[str, str]]) -> str:
-    rows = "".join(f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in facts)
+    rows = "".join(f"<tr><td>{_escaped(name)}</td><td>{_escaped(value)}</td></tr>" for name, value in facts)
     return f'<table class="facts">{rows}</table>'
 
 

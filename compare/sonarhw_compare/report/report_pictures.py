@@ -15,6 +15,7 @@ from sonarhw_compare.matching.match import TOLERANCE, Comparison, Kind, Matched
 from sonarhw_compare.pictures.bscan import BScan, RangeCells, bscan_of, cells_for, heading_key, predicted_row, trace_row
 from sonarhw_compare.pictures.colours import EXTRA, LONG, MEASURED, MISSED, PREDICTED, SHORT
 from sonarhw_compare.pictures.overlay_picture import draw_room
+from sonarhw_compare.pictures.picture_file import write_picture
 from sonarhw_compare.pictures.points import points_at
 from sonarhw_compare.pictures.trace_levels import floor_of, in_db
 
@@ -48,7 +49,7 @@ def plan_svg(comparison: Comparison) -> bytes:
     axes.set(xlabel="x (m)", ylabel="y (m)")
     axes.set_aspect("equal")
     _crop_to_room(axes, comparison, place)
-    axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
     return _saved(figure, "svg")
 
 
@@ -60,12 +61,12 @@ def ranges_svg(comparison: Comparison) -> bytes:
     ranges.plot(headings, prediction.ranges, "o", mfc="none", mec=PREDICTED, ms=6, label="predicted")
     _draw_classes(ranges, comparison.rows, _side_by_side, _drawn_at)
     ranges.set(ylabel="range (m)", ylim=(0, None))
-    ranges.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    ranges.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, title=f"{comparison.origin} readings")
     residuals.axhspan(-TOLERANCE * 1000, TOLERANCE * 1000, color="#EAF3F8")
     _draw_classes(residuals, comparison.rows, _side_by_side, _residual)
     residuals.set(
         xlabel="heading in the room (°)",
-        ylabel="measured minus\npredicted (mm)",
+        ylabel=f"{comparison.origin} minus\npredicted (mm)",
         ylim=(-1.1 * _MOST_RESIDUAL, 1.1 * _MOST_RESIDUAL),
         xlim=(-4, 364),
         xticks=range(0, 361, 45),
@@ -85,7 +86,7 @@ def bscan_png(comparison: Comparison) -> bytes | None:
     predicted = {key: predicted_row(prediction, row.heading, cells) for key, row in rows.items()}
     figure, panes = _figure((10, 6.4), 2)
     floor = floor_of(prediction.board)
-    for axes, name, levels in zip(panes, ("measured", "predicted"), (measured, predicted), strict=True):
+    for axes, name, levels in zip(panes, (comparison.origin.value, "predicted"), (measured, predicted), strict=True):
         image = axes.imshow(
             _image(bscan_of(levels, cells), floor),
             extent=(0, 360, 0, cells.reach),
@@ -127,8 +128,7 @@ def _figure(size: tuple[float, float], rows: int) -> tuple[Figure, Sequence[Axes
 
 def _saved(figure: Figure, kind: str) -> bytes:
     out = BytesIO()
-    # without a date the same report is the same file
-    figure.savefig(out, format=kind, metadata={"Date": None} if kind == "svg" else {"Software": None})
+    write_picture(figure, out, f".{kind}")
     return out.getvalue()
 
 
@@ -139,7 +139,8 @@ def _draw_classes(
     value: Callable[[Matched], float | None],
 ) -> None:
     for kind, (colour, marker) in CLASSES.items():
-        found = [(math.degrees(row.heading) % 360, at) for row in rows if row.kind is kind and (at := value(row))]
+        drawn = [(row.heading, value(row)) for row in rows if row.kind is kind]
+        found = [(math.degrees(heading) % 360, at) for heading, at in drawn if at is not None]
         if found:
             points = place(*np.array(found).T)
             axes.plot(*points.T, marker, color=colour, ms=5, ls="none", label=f"{kind.value} ({len(found)})")

@@ -5,7 +5,7 @@ from sonarhw_compare.study import load_study, read_study, run_study
 run_study(load_study(Path("study.toml")), Path("results"))
 results = read_study("results")  # an xarray.Dataset
 
-This package needs the extra `study`: pip install 'sonarhw[study]'.
+This package needs the extra `study`: pip install '.[study]' in the source folder.
 """
 
 import lazy_loader

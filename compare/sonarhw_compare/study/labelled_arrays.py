@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from sonarhw.errors import InputError
+from sonarhw.errors import MissingExtra
 from sonarhw.readings import Reading
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
     """Return range and number of echoes of a measured scan along its turntable angles `angle_deg`.
 
-    Raises InputError if xarray is not installed.
+    Raises MissingExtra if xarray is not installed.
     """
     ranges = [math.nan if reading.range is None else reading.range for reading in readings]
     variables = {
@@ -34,7 +34,7 @@ def scan_dataset(readings: Sequence[Reading]) -> "xr.Dataset":
 def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
     """Return a comparison along `heading_deg`: measured, predicted, residual, class and explaining path.
 
-    Raises InputError if xarray is not installed.
+    Raises MissingExtra if xarray is not installed.
     """
     rows, prediction = comparison.rows, comparison.prediction
     variables = {
@@ -50,8 +50,8 @@ def comparison_dataset(comparison: "Comparison") -> "xr.Dataset":
 
 
 def load_xarray() -> ModuleType:
-    """Return the module xarray. Raises InputError if it is not installed."""
+    """Return the module xarray. Raises MissingExtra if it is not installed."""
     try:
         return import_module("xarray")
     except ImportError as error:
-        raise InputError("xarray is not installed: pip install 'sonarhw[study]'") from error
+        raise MissingExtra("labelled results need xarray", "study") from error

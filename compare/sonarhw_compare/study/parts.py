@@ -6,7 +6,6 @@ so every part is complete. After an interruption, the existing parts are reused.
 
 import hashlib
 import json
-import os
 import platform
 import shutil
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from sonarhw.atomic_file import atomic_file
 from sonarhw.errors import InputError, OutputError
 from sonarhw_compare.study.arrow import pa, pq
 from sonarhw_compare.study.spec import Study
@@ -23,6 +23,7 @@ from sonarhw_compare.study.study_scans import predict_scans
 MANIFEST = "manifest.json"
 FORMAT = 1
 _MOST_PER_PART = 500
+_MOST_ROWS_PER_PART = 1_000_000  # headings, so that a part of fine scans fits into memory
 _PARTS = 40  # in a study of fewer than 20 000 scans
 _VERSIONS = ("sonarhw", "numpy", "numba", "scipy", "pyarrow")
 
@@ -39,7 +40,7 @@ class Part:
 
 def scans_per_part(study: Study) -> int:
     """Return the number of scans in a part. It depends on the study only, not on the number of workers."""
-    return min(_MOST_PER_PART, -(-study.scans // _PARTS))
+    return min(_MOST_PER_PART, -(-study.scans // _PARTS), max(1, _MOST_ROWS_PER_PART // study.headings_of_scan))
 
 
 def part_count(study: Study) -> int:
@@ -54,7 +55,7 @@ def make_part(study: Study, number: int) -> Part:
     return Part(number, _parquet(scans), _parquet(headings) if study.rows == "headings" else None, versions())
 
 
-def _parquet(table: pa.Table) -> bytes:
+def _parquet(table: "pa.Table") -> bytes:
     sink = BytesIO()
     pq.write_table(table, sink, compression="zstd")
     return sink.getvalue()
@@ -87,12 +88,12 @@ class StudyFolder:
         """
         if self.folder.exists():
             if not resume:
-                raise InputError(f"{self.folder}: exists already; choose another --out")
+                raise InputError(f"{self.folder}: exists already; choose another folder")
             self._check(self.folder)
             return []
         if self.unfinished.exists():
             if not resume:
-                raise InputError(f"{self.unfinished}: an interrupted study; add --resume, or remove it")
+                raise InputError(f"{self.unfinished}: an interrupted study; resume it, or remove it")
             self._check(self.unfinished)
         else:
             self._make()
@@ -105,13 +106,10 @@ class StudyFolder:
                 f"{self.unfinished}: a worker has {_named(part.versions)}, this computer has {_named(versions())}; "
                 "results could differ; install the same versions everywhere"
             )
-        try:
-            # the file of scans is last: it marks the part as complete
-            if part.headings is not None:
-                _write_whole(self._path("headings", part.number), part.headings)
-            _write_whole(self._path("scans", part.number), part.scans)
-        except OSError as error:
-            raise _unwritable(self.unfinished, error) from error
+        # the file of scans is last: it marks the part as complete
+        if part.headings is not None:
+            _write_whole(self._path("headings", part.number), part.headings)
+        _write_whole(self._path("scans", part.number), part.scans)
 
     def drop_if_empty(self) -> None:
         """Remove the unfinished folder if it contains no part."""
@@ -135,9 +133,9 @@ class StudyFolder:
         try:
             for kind in kinds:
                 (self.unfinished / kind).mkdir(parents=True)
-            _write_whole(self.unfinished / MANIFEST, json.dumps(self._manifest, indent=2).encode())
         except OSError as error:
             raise _unwritable(self.unfinished, error) from error
+        _write_whole(self.unfinished / MANIFEST, json.dumps(self._manifest, indent=2).encode())
 
     def _check(self, there: Path) -> None:
         """Raise InputError if the folder `there` belongs to another study."""
@@ -146,7 +144,7 @@ class StudyFolder:
         if changed:
             raise InputError(
                 f"{there}: belongs to another study, with different {' and '.join(changed)}; "
-                "restore them, or choose another --out"
+                "restore them, or choose another folder"
             )
 
 
@@ -182,16 +180,10 @@ def _named(pairs: tuple[tuple[str, str], ...]) -> str:
 
 
 def _write_whole(path: Path, content: bytes) -> None:
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with unfinished.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    # an interrupted study may have left the headings of a part
+    with atomic_file(path, overwrite=True) as file:
+        file.write(content)
 
 
 def _unwritable(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"{path}: {error.strerror or error}; choose another --out")
+    return OutputError(f"{path}: {error.strerror or error}; choose another folder")

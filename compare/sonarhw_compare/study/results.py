@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
+def read_tables(folder: Path | str) -> "tuple[pa.Table, pa.Table | None]":
     """Return a table of scans, and one of headings (None if the study kept figures only), in order of scans.
 
     Raises InputError if the folder is not a finished study.
@@ -23,13 +23,13 @@ def read_tables(folder: Path | str) -> tuple[pa.Table, pa.Table | None]:
     folder = Path(folder)
     unfinished = unfinished_of(folder)
     if not folder.exists() and unfinished.exists():
-        raise InputError(f"{folder}: not finished; continue with sonarhw study --resume")
+        raise InputError(f"{folder}: not finished; resume the study")
     read_manifest(folder)
     headings = folder / "headings"
     return _table(folder / "scans"), _table(headings) if headings.is_dir() else None
 
 
-def _table(folder: Path) -> pa.Table:
+def _table(folder: Path) -> "pa.Table":
     parts = sorted(folder.glob("part-*.parquet"))
     return pa.concat_tables([pq.read_table(part) for part in parts]).combine_chunks()
 
@@ -53,7 +53,7 @@ def read_study(folder: Path | str) -> "xr.Dataset":
     return cast("xr.Dataset", dataset if headings is None else dataset.assign(_arrays(headings, columns["n"])))
 
 
-def _arrays(headings: pa.Table, counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
+def _arrays(headings: "pa.Table", counts: np.ndarray[tuple[int], np.dtype[np.int64]]) -> "dict[str, xr.DataArray]":
     """Return each column of the readings as an array (scans, readings), padded with NaN."""
     xr = load_xarray()
     filled = np.arange(counts.max()) < counts[:, None]

@@ -13,7 +13,8 @@ import numpy as np
 from pydantic import Field, model_validator
 from sonarhw_sim.board.profile import Board, BoardFile, board_from, load_board
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver, Unit
-from sonarhw_sim.room.model import Room, parse_room
+from sonarhw_sim.named_file import is_file
+from sonarhw_sim.room.model import Room, load_room
 from sonarhw_sim.room.room_file import AirSection, Material
 from sonarhw_sim.toml_file import TomlModel, checked, parse_table, parse_toml, read_text
 
@@ -24,6 +25,7 @@ from sonarhw_compare.study.axes import Axis, Drawn, Listed, Value, WrittenAxis
 
 ANYWHERE = "anywhere"  # name of a place that is random in each draw
 MOST_SCANS = 100_000_000
+MOST_HEADINGS = 65_535  # as of a scan command
 
 _BY_NAME = Field(strict=False)  # a file has the name of a choice, which a strict model would reject
 
@@ -39,7 +41,11 @@ class HeadingsSection(TomlModel):
 
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
-        headings_between(self.start, self.stop, self.step)
+        count = headings_between(self.start, self.stop, self.step)
+        if count > MOST_HEADINGS:
+            raise ValueError(
+                f"step: a scan has {count:.6g} headings, at most {MOST_HEADINGS} are possible; use a larger step"
+            )
         return self
 
 
@@ -58,7 +64,7 @@ class OptionValues(TomlModel):
     model: Annotated[Model, _BY_NAME] = Model.RAY_FOLLOWING
     receiver: Annotated[Receiver, _BY_NAME] = Receiver.FIRST_ECHO
     unit: Annotated[Unit, _BY_NAME] = Unit.PASS
-    edge_strength: Annotated[EdgeStrength, _BY_NAME] = EdgeStrength.PAPER
+    edge_strength: Annotated[EdgeStrength | None, _BY_NAME] = None
     diffraction: bool = True
     max_bounces: Annotated[int, Field(ge=0, le=1000)] = 64
     rays: Annotated[int, Field(ge=8, le=1_000_000)] = 5760
@@ -132,6 +138,11 @@ class Study:
         return count
 
     @property
+    def headings_of_scan(self) -> int:
+        """The number of headings of a scan."""
+        return headings_between(*self.headings)
+
+    @property
     def scans(self) -> int:
         """The number of scans."""
         return self.draws * self.points
@@ -172,8 +183,7 @@ def _check_count(study: Study, where: str) -> None:
 
 def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom, Room]:
     try:
-        text = read_text(spec.parent / section.file, "room file")
-        room = parse_room(text, section.file)
+        room = load_room(_from_spec(section.file, spec))
     except InputError as error:
         raise InputError(f"{spec}: rooms[{number}].file: {error}") from error
     places = tuple(room.places) if section.places is None else section.places
@@ -190,7 +200,12 @@ def _read_room(section: RoomSection, spec: Path, number: int) -> tuple[StudyRoom
                 raise InputError(f"{where}: {error}") from error
     if ANYWHERE in places:
         _check_clearance(room, section.clearance, f"{spec}: rooms[{number}].clearance")
-    return StudyRoom(room.name, text, places, section.clearance), room
+    return StudyRoom(room.name, room.text, places, section.clearance), room
+
+
+def _from_spec(name: str, spec: Path) -> Path | str:
+    """Return the name of something shipped, or the file that the study names, relative to the study."""
+    return spec.parent / name if is_file(name) else name
 
 
 def _check_names(rooms: list[StudyRoom], spec: Path) -> None:
@@ -214,7 +229,7 @@ def _check_clearance(room: Room, clearance: float, where: str) -> None:
 
 def _read_board(name: str, spec: Path, number: int) -> Board:
     try:
-        return load_board(str(spec.parent / name) if name.endswith(".toml") else name)
+        return load_board(_from_spec(name, spec))
     except InputError as error:
         raise InputError(f"{spec}: boards[{number}]: {error}") from error
 

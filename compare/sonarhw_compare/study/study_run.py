@@ -5,6 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 from sonarhw_compare.cores import core_count
+from sonarhw_compare.study.arrow import check_arrow
 from sonarhw_compare.study.parts import StudyFolder, part_count
 from sonarhw_compare.study.spec import Study
 from sonarhw_compare.study.workers import parts_here, parts_on_cluster
@@ -23,8 +24,10 @@ def run_study(
 
     `progress` is called once for each existing part. Results are the same bit for bit with any number of workers, on
     machines of one kind. Raises InputError if the folder exists already or, with `resume`, belongs to another study.
-    Raises WorkersLost or OutputError if the study cannot finish; complete parts are kept.
+    Raises MissingExtra if Arrow is not installed. Raises WorkersLost or OutputError if the study cannot finish;
+    complete parts are kept.
     """
+    check_arrow()  # now, rather than after the first predictions
     target = StudyFolder(folder, study)
     numbers = target.begin(resume)
     for _ in range(part_count(study) - len(numbers)):

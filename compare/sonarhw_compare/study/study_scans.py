@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from sonarhw_sim.board.transducer import beam_gain
 from sonarhw_sim.choices import Model
-from sonarhw_sim.predict.levels import strengths
 from sonarhw_sim.predict.models import predict_with
 from sonarhw_sim.predict.predicted_scan import PredictedScan
 from sonarhw_sim.predict.prediction import paths_for, paths_serve_all_headings, received_by, search_for, weigh_paths
@@ -90,25 +88,11 @@ def columns_of(scan: PredictedScan) -> ScanColumns:
         np.asarray(np.round(np.degrees(scan.headings), 9), dtype=np.float64),
         scan.ranges,
         at_echoes(scan.paths.lengths[winners]),
-        at_echoes(_levels(scan, echo)),
+        at_echoes(np.array([scan.level_of_reading(int(k)) for k in np.flatnonzero(echo)])),
         at_echoes(scan.paths.bounces[winners].astype(np.float64)),
         at_echoes((scan.paths.edges[winners] >= 0).astype(np.float64)),
         _axis_distances(scan),
     )
-
-
-def _levels(scan: PredictedScan, echo: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
-    """Return the level of the winning path at each heading with one, dB relative to a perfect wall straight ahead."""
-    winners, headings = scan.winners[echo], scan.headings[echo]
-    paths = scan.paths.select(winners)
-    senders = headings if scan.sender_headings is None else scan.sender_headings[winners]
-    ka = scan.board.wavenumber(scan.room.air) * scan.board.aperture_radius
-    both = strengths(scan.room, scan.board, paths)
-    for vectors, towards in ((paths.leaving, senders), (paths.arriving, headings)):
-        cosines = vectors[:, 0] * np.cos(towards) + vectors[:, 1] * np.sin(towards)
-        both = both * beam_gain(np.arccos(np.clip(cosines, -1.0, 1.0)), ka)
-    with np.errstate(divide="ignore"):
-        return np.asarray(20 * np.log10(both))
 
 
 def _axis_distances(scan: PredictedScan) -> FloatArray:
@@ -135,7 +119,7 @@ def figures_of(columns: ScanColumns) -> dict[str, float]:
     }
 
 
-def predict_scans(study: Study, first: int, last: int) -> tuple[pa.Table, pa.Table]:
+def predict_scans(study: Study, first: int, last: int) -> "tuple[pa.Table, pa.Table]":
     """Return the tables of scans and of headings for scans `first` to `last` (excluded).
 
     Raises InputError if drawn values of a scan do not fit together.
@@ -158,12 +142,14 @@ def _description(case: Case) -> dict[str, object]:
     return {"scan": case.number, "draw": case.draw} | here | case.values
 
 
-def _scan_table(rows: list[dict[str, object]]) -> pa.Table:
+def _scan_table(rows: list[dict[str, object]]) -> "pa.Table":
     columns = {key: [row[key] for row in rows] for key in rows[0]}
     return pa.table({key: pa.array(np.array(values), from_pandas=True) for key, values in columns.items()})
 
 
-def _reading_table(numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[ScanColumns]) -> pa.Table:
+def _reading_table(
+    numbers: list[np.ndarray[tuple[int], np.dtype[np.int64]]], readings: list[ScanColumns]
+) -> "pa.Table":
     if not readings:
         return pa.table({})
     several = {key: np.concatenate([getattr(one, key) for one in readings]) for key in vars(readings[0])}

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
 
-from sonarhw.errors import InputError, WorkersLost
+from sonarhw.errors import InputError, MissingExtra, WorkersLost
 from sonarhw_compare.study.parts import Part, make_part
 from sonarhw_compare.study.spec import Study
 from sonarhw_compare.study.worker_process import begin_worker
@@ -45,7 +45,7 @@ def parts_here(study: Study, numbers: Sequence[int], workers: int) -> Generator[
             for done in as_completed(waiting):
                 yield done.result()
         except BrokenProcessPool as error:
-            raise WorkersLost("a process of the study was killed; complete parts are kept: add --resume") from error
+            raise WorkersLost("a process of the study was killed; complete parts are kept: resume the study") from error
         finally:
             # ends the workers at once; parts in progress are discarded
             sending.close()
@@ -95,7 +95,7 @@ def _one_thread_each() -> Iterator[None]:
 def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Generator[Part, None, None]:
     """Yield the parts, computed by the Dask cluster of a scheduler. Parts of a lost worker go to the others.
 
-    Raises InputError if Dask is not installed or the scheduler does not answer, WorkersLost if a part fails.
+    Raises MissingExtra without Dask, InputError if the scheduler does not answer, WorkersLost if a part fails.
     """
     distributed = _distributed()
     # a loss is reported here in one line; Dask would add tracebacks
@@ -104,7 +104,7 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
     try:
         client = distributed.Client(scheduler, timeout=_ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers; expected tcp://HOST:PORT") from error
+        raise InputError(f"scheduler {scheduler}: no Dask scheduler answers; expected tcp://HOST:PORT") from error
     with client:
         waiting = client.map(make_part, [study] * len(numbers), list(numbers), pure=False)
         finished: Any = distributed.as_completed(waiting, loop=client.loop)
@@ -115,7 +115,7 @@ def parts_on_cluster(study: Study, numbers: Sequence[int], scheduler: str) -> Ge
                 done.release()
         except (distributed.KilledWorker, CancelledError) as error:
             raise WorkersLost(
-                "the connection to the cluster or its workers was lost; complete parts are kept: add --resume"
+                "the connection to the cluster or its workers was lost; complete parts are kept: resume the study"
             ) from error
 
 
@@ -123,5 +123,5 @@ def _distributed() -> Any:
     try:
         import distributed
     except ImportError as error:
-        raise InputError("--scheduler: Dask is not installed: pip install 'sonarhw[study]'") from error
+        raise MissingExtra("a scheduler needs Dask", "study") from error
     return distributed

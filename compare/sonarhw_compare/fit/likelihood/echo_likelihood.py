@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sonarhw_sim.board.weighing import beam
-from sonarhw_sim.compiled import compiled
+from sonarhw_sim.compiled import compiled, compiled_part
 
 from sonarhw.readings import FloatArray
 from sonarhw_compare.fit.likelihood.echo_paths import BENT, ODD, displaced
@@ -145,7 +145,7 @@ def log_likelihoods(
     return likelihoods
 
 
-@compiled
+@compiled_part
 def _on_axis(
     out: FloatArray, back: FloatArray, rise: FloatArray, turn: FloatArray, kinds: NDArray[np.int8], board: BoardValues
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -167,7 +167,7 @@ def _on_axis(
     return reported, nearest, leaving, arriving
 
 
-@compiled
+@compiled_part
 def _legs(
     one: tuple[float, float, float, float], rise: FloatArray, turn: FloatArray, kind: int
 ) -> tuple[float, float, float, float]:
@@ -182,19 +182,19 @@ def _legs(
     return there, 0.0, -(turn[0] * ox + turn[1] * oy) / there, across if kind == ODD else -across
 
 
-@compiled
+@compiled_part
 def _turned(from_axis: tuple[float, float], x: float, y: float) -> tuple[float, float]:
     """Return a point given ahead and to the left of the axis, m, in room coordinates; the head points along x, y."""
     return from_axis[0] * x - from_axis[1] * y, from_axis[0] * y + from_axis[1] * x
 
 
-@compiled
+@compiled_part
 def _reach(board: BoardValues) -> float:
     """Return the larger distance of sender and listener from the axis, m."""
     return max(math.hypot(board.sender[0], board.sender[1]), math.hypot(board.listener[0], board.listener[1]))
 
 
-@compiled
+@compiled_part
 def _normal(x: float) -> float:
     """Return the share of a normal distribution below x standard deviations."""
     if abs(x) > _FAR:
@@ -203,7 +203,7 @@ def _normal(x: float) -> float:
     return share
 
 
-@compiled
+@compiled_part
 def _mass(reported: float, ranges: FloatArray, count: int, ends: bool, board: BoardValues, spread: float) -> float:
     """Return the share of an echo's normal distribution about `reported` inside the intervals of listening."""
     mass, begin = 0.0, board.opens
@@ -216,7 +216,7 @@ def _mass(reported: float, ranges: FloatArray, count: int, ends: bool, board: Bo
     return mass
 
 
-@compiled
+@compiled_part
 def _late(over: float, lateness: FloatArray) -> float:
     """Return the error in range, m, of the late detection of an echo `over` dB over the threshold."""
     if lateness.shape[0] == 0:

@@ -43,9 +43,7 @@ class Parameter:
         return self.quantity.name + (f":{self.of}" if self.of else "") + (f"@{self.label}" if self.label else "")
 
 
-def free_parameters(
-    free: Sequence[str], scans: Sequence[str], room: Room, board: Board, place: Place | None = None
-) -> tuple[Parameter, ...]:
+def free_parameters(free: Sequence[str], scans: Sequence[str], room: Room, board: Board) -> tuple[Parameter, ...]:
     """Return the parameters of words such as `position`, `offset` or `reflectance:shelving`.
 
     `scans` are the names of the scans. Each scan has its own position and heading; all other parameters are shared. The
@@ -58,7 +56,7 @@ def free_parameters(
             for parameter in _of_quantity(quantity, of, scans, room, board):
                 found[parameter.name] = parameter
     if {TEMPERATURE, SPEED} <= {parameter.quantity for parameter in found.values()}:
-        raise InputError("--free temperature,speed: each determines the other; free only one of them")
+        raise InputError("temperature,speed: each determines the other; free only one of them")
     return tuple(found.values())
 
 
@@ -66,7 +64,7 @@ def quantities_of(word: str) -> tuple[Quantity, ...]:
     """Return the quantities of a word such as `position` or `wall:east`. Raises InputError for unknown words."""
     head = word.strip().partition(":")[0]
     if head not in WORDS:
-        raise InputError(f"--free {word}: unknown quantity; expected some of {', '.join(WORDS)}")
+        raise InputError(f"free {word}: unknown quantity; expected some of {', '.join(WORDS)}")
     return WORDS[head]
 
 
@@ -75,14 +73,14 @@ def _of_quantity(quantity: Quantity, of: str, scans: Sequence[str], room: Room, 
     if isinstance(quantity, PlaceQuantity):
         if of:
             raise InputError(
-                f"--free {quantity}:{of}: {quantity} belongs to a scan, not to a part of the room; write {quantity}"
+                f"free {quantity}:{of}: {quantity} belongs to a scan, not to a part of the room; write {quantity}"
             )
         labels = scans if len(scans) > 1 else [""]
         return [Parameter(quantity, "", k, *bounds, label=label) for k, label in enumerate(labels)]
     known = quantity.parts(room) if isinstance(quantity, PartQuantity) else ()
     if of and of not in known:
         names = ", ".join(dict.fromkeys(known)) or "none"
-        raise InputError(f"--free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")
+        raise InputError(f"free {quantity}:{of}: unknown {quantity} {of!r}; room {room.name!r} has {names}")
     several = [of] if of else list(dict.fromkeys(known)) or [""]
     return [Parameter(quantity, one, None, *bounds) for one in several]
 

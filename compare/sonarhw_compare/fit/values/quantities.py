@@ -1,7 +1,7 @@
 """The quantities that a fit can determine, each defined once: name, unit, bounds, texts, effect on the model.
 
 To add one, add its definition here and list it in `QUANTITIES`; command line, window, result files and likelihood use
-that list. This module loads quickly, because the help of the command line lists the quantities.
+that list. This module loads quickly and without NumPy, because the help of the command line lists the quantities.
 """
 
 import math
@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from sonarhw_sim.air import Air
 
 if TYPE_CHECKING:
@@ -164,6 +163,8 @@ def _around(key: str) -> Bounds:
 
 
 def _with_reflectances(room: "Room", values: Mapping[str, float]) -> "Room":
+    import numpy as np
+
     present = {one: reflectance_of(room, one) for one in values}
     factors = {one: value / present[one] for one, value in values.items() if present[one]}
     by_surface = np.array([factors.get(one, 1.0) for one in room.materials])

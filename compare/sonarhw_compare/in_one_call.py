@@ -1,0 +1,191 @@
+"""Compare, fit, locate or report scans in one call, from files or objects, as functions of `sonarhw`.
+
+Each function does what the command of the same name does. Room, place and board are those given, else those in the log.
+"""
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import cast
+
+from sonarhw_sim.board.profile import Board
+from sonarhw_sim.choices import Model, Receiver
+from sonarhw_sim.predict.prediction import PredictionOptions
+from sonarhw_sim.room.doubts import place_doubts
+from sonarhw_sim.room.model import Place, Room
+
+from sonarhw.atomic_file import atomic_file
+from sonarhw.errors import InputError
+from sonarhw.log import Log
+from sonarhw.readings import Reading
+from sonarhw_compare.fit.fit_setting import fit_setting
+from sonarhw_compare.fit.fitting import fit_scans
+from sonarhw_compare.fit.plain_fit import Fit, fit_scan
+from sonarhw_compare.fit.values.fit_result import FitOptions, FitResult, Progress
+from sonarhw_compare.imports.given_scan import BoardInput, GivenScan, PlaceInput, RoomInput, ScanInput, given_scan
+from sonarhw_compare.locate.poses import Located, locate_scan
+from sonarhw_compare.matching.match import Comparison, compare_readings
+from sonarhw_compare.report.html_report import report_html, report_of
+
+
+def compare(
+    scan: ScanInput,
+    room: RoomInput | None = None,
+    place: PlaceInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    fit: str | Iterable[str] = "",
+    model: Model = Model.RAY_FOLLOWING,
+    receiver: Receiver | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> Comparison:
+    """Return each reading of a scan beside its prediction.
+
+    `scan` is a log, its file, or readings. Room, place and board are objects, names or files; by default those in the
+    log, and for readings the only place of the room and the default board. `fit` names quantities to fit first, such as
+    "heading,offset,position"; the position within 3 cm. The default `receiver` is that of the board profile.
+    `progress` receives the completed share of the fit, 0..1. Raises InputError. Emits a Python warning if a log is
+    damaged or names no board, or if the place is outside the room.
+    """
+    given = given_scan(scan)
+    known, profile = given.room(room), given.board(board)
+    here = given.place(known, place)
+    _warn_of_doubts([given] if board is None else [], known, [here])
+    options = PredictionOptions(receiver=receiver or profile.receiver)
+    free = frozenset(_words(fit))
+    return fitted_comparison(given, known, here, profile, free, model=model, options=options, tick=progress)[0]
+
+
+def fitted_comparison(
+    scan: GivenScan,
+    room: Room,
+    place: Place,
+    board: Board,
+    free: frozenset[str],
+    *,
+    model: Model,
+    options: PredictionOptions,
+    tick: Callable[[float], None],
+) -> tuple[Comparison, Fit | None]:
+    """Return what `compare` returns, and the fit of the `free` quantities; None if none are free. Raises InputError."""
+    heading, offset, found = board.heading_at(0.0, place.heading), 0.0, None
+    if free:
+        found = fit_scan(scan.readings, room, place, board, free, model=model, options=options, tick=tick)
+        heading, offset, place = found.heading, found.offset, found.place
+    comparison = compare_readings(
+        scan.readings,
+        room,
+        place,
+        board,
+        heading=heading,
+        offset=offset,
+        model=model,
+        options=options,
+        origin=scan.log.origin if scan.log else None,
+    )
+    return comparison, found
+
+
+def write_report(
+    scan: ScanInput,
+    path: Path | str,
+    room: RoomInput | None = None,
+    place: PlaceInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    fit: str | Iterable[str] = "",
+    receiver: Receiver | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Write one HTML file about a scan: pictures, a summary, every reading and the settings.
+
+    Scan, room, place, board, `fit` and `receiver` are given as in `compare`. Raises InputError if the file exists
+    already (unless `overwrite`), OutputError if it cannot be written. Emits the warnings of `compare`.
+    """
+    path, given = Path(path), given_scan(scan)
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; choose another name, or pass overwrite=True")
+    known, profile = given.room(room), given.board(board)
+    here = given.place(known, place)
+    _warn_of_doubts([given] if board is None else [], known, [here])
+    options = PredictionOptions(receiver=receiver or profile.receiver)
+    free = frozenset(_words(fit))
+    found = fit_scan(given.readings, known, here, profile, free, options=options) if free else None
+    report = report_of(Path(given.where).name, given.readings, known, here, profile, options, log=given.log, fit=found)
+    page = report_html(report).encode()
+    with atomic_file(path, overwrite=overwrite) as file:
+        file.write(page)
+
+
+def fit(
+    scans: ScanInput | Sequence[ScanInput],
+    room: RoomInput | None = None,
+    places: PlaceInput | Sequence[PlaceInput] | None = None,
+    board: BoardInput | None = None,
+    *,
+    free: str | Iterable[str] = "position,heading",
+    priors: Sequence[str] = (),
+    receiver: Receiver | None = None,
+    samples: int = 8000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Return the values of the `free` quantities that explain one or several scans best, with their uncertainties.
+
+    Scans, room, places (one for each scan) and board are given as in `compare`. `free` and `priors` are written as for
+    `sonarhw fit`: "position,heading", ["temperature=21+-1"]. A free position is searched within 25 cm of a given place,
+    else in the whole room. `samples` is the number of draws from the posterior; 0 uses the curvature of the likelihood.
+    `progress` receives the completed share and the name of the present step. Raises InputError.
+    """
+    given = list(map(given_scan, _scans(scans)))
+    setting = fit_setting(given, room, _places(places), board, _words(free), priors)
+    placed = [scan.place for scan in setting.scans]
+    _warn_of_doubts(given if board is None else [], setting.room, placed)
+    options = FitOptions(PredictionOptions(receiver=receiver or setting.board.receiver), seed, samples)
+    return fit_scans(setting.scans, setting.room, setting.board, setting.parameters, options=options, progress=progress)
+
+
+def locate(
+    scan: ScanInput,
+    room: RoomInput | None = None,
+    board: BoardInput | None = None,
+    *,
+    receiver: Receiver | None = None,
+    height: float | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> Located:
+    """Return the possible poses of a scan in a room, with their probabilities.
+
+    Scan, room and board are given as in `compare`. `height` (m) of the transducer includes floor and ceiling in the
+    prediction. `progress` receives the completed share, 0..1. Raises InputError.
+    """
+    given = given_scan(scan)
+    known, profile = given.room(room), given.board(board)
+    _warn_of_doubts([given] if board is None else [], known, [])
+    options = PredictionOptions(receiver=receiver or profile.receiver)
+    return locate_scan(given.readings, known, profile, prediction=options, height=height, tick=progress)
+
+
+def _warn_of_doubts(without_board: Iterable[GivenScan], room: Room, places: Iterable[Place]) -> None:
+    """Emit what the commands print as warnings: logs that name no board, and places outside the room."""
+    boards = (doubt for scan in without_board for doubt in scan.board_doubts)
+    for doubt in (*boards, *(doubt for place in places for doubt in place_doubts(room, place))):
+        warnings.warn(doubt, stacklevel=3)
+
+
+def _words(given: str | Iterable[str]) -> list[str]:
+    words = given.split(",") if isinstance(given, str) else given
+    return [word.strip() for word in words if word.strip()]
+
+
+def _scans(given: ScanInput | Sequence[ScanInput]) -> list[ScanInput]:
+    one_scan = isinstance(given, str | Path | Log | GivenScan) or all(isinstance(one, Reading) for one in given)
+    return [cast(ScanInput, given)] if one_scan else [*cast(Sequence[ScanInput], given)]
+
+
+def _places(given: PlaceInput | Sequence[PlaceInput] | None) -> list[PlaceInput]:
+    if given is None:
+        return []
+    if isinstance(given, str | tuple | Place):
+        return [given]
+    return [*given]

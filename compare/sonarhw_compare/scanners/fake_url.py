@@ -1,0 +1,99 @@
+"""Fake scanners: `fake:ROOM?place=NAME&seed=1`, and the device that answers there."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl
+
+from sonarhw_sim.board.profile import Board, load_board
+from sonarhw_sim.choices import DEFAULT_BOARD
+from sonarhw_sim.room.doubts import place_doubts, room_doubts
+from sonarhw_sim.room.model import Place, Room, load_room
+
+from sonarhw.device.device import Device
+from sonarhw.device.endpoint import Pace, read_pace, serve
+from sonarhw.device.fake_board import BoardIdentity, FakeBoard
+from sonarhw.device.fault_schedule import NO_FAULTS, Faults, read_faults
+from sonarhw.device.faulty_board import FaultyDevice, faulty_identity
+from sonarhw.errors import InputError
+
+if TYPE_CHECKING:
+    from sonarhw_sim.predict.room_echoes import RoomEchoes
+
+LOOPBACK = "127.0.0.1:0"
+SCHEME = "fake"
+_KEYS = ("place", "board", "seed", "pace", "faults")
+
+
+@dataclass(frozen=True)
+class FakeUrl:
+    """The settings in a `fake:` URL."""
+
+    room: str  # name or file
+    place: str | None
+    board: str
+    seed: int
+    pace: Pace
+    faults: Faults
+
+
+def is_fake(url: str) -> bool:
+    """Return whether this is the URL of a fake scanner."""
+    return url.startswith(f"{SCHEME}:")
+
+
+def read_fake_url(url: str) -> FakeUrl:
+    """Return the settings in `fake:ROOM?place=NAME&seed=1`. Raises InputError for unknown keys or invalid values."""
+    room, _, query = url.removeprefix(f"{SCHEME}:").partition("?")
+    if not room:
+        raise InputError(f"{url}: room missing; expected 'fake:NAME?place=NAME' or 'fake:FILE.toml?place=NAME'")
+    values = dict(parse_qsl(query, keep_blank_values=True))
+    if unknown := sorted(set(values) - set(_KEYS)):
+        raise InputError(f"{url}: unknown key {', '.join(unknown)}; known: {', '.join(_KEYS)}")
+    return FakeUrl(
+        room=room,
+        place=values.get("place"),
+        board=values.get("board", DEFAULT_BOARD),
+        seed=_read_seed(values.get("seed", "0")),
+        pace=read_pace(values.get("pace", "real")),
+        faults=read_faults(values.get("faults", "")),
+    )
+
+
+@contextmanager
+def serve_fake(url: str, warn: Callable[[str], None]) -> Iterator[Callable[[], str]]:
+    """Serve the fake scanner of a `fake:` URL, and yield a function that returns its present URL."""
+    settings = read_fake_url(url)
+    room = load_room(settings.room)
+    if settings.place is None and len(room.places) > 1:
+        raise InputError(f"{url}: the room has several places; add ?place=NAME, one of {', '.join(room.places)}")
+    place = room.place(settings.place)
+    for doubt in room_doubts(room):
+        warn(f"{settings.room}: {doubt}")
+    for doubt in place_doubts(room, place):
+        warn(doubt)
+    device, echoes = fake_device(room, place, load_board(settings.board), settings.seed, settings.faults)
+    echoes.prepare()
+    with serve(device, tcp=LOOPBACK, pace=settings.pace) as endpoint:
+        yield lambda: endpoint.url
+
+
+def fake_device(room: Room, place: Place, board: Board, seed: int, faults: Faults) -> "tuple[Device, RoomEchoes]":
+    """Return a fake board at a place of a room, and its echo source. Call `prepare` of the echo source."""
+    from sonarhw_sim.predict.room_echoes import RoomEchoes  # loads the kernels, which takes a second
+
+    echoes = RoomEchoes(room, place, board, seed)
+    identity = faulty_identity(BoardIdentity(serial=f"FAKE-{seed:04d}", profile=board.name), faults)
+
+    def started(boots: int) -> FakeBoard:
+        counted_identity = replace(identity, boot=1 + boots)
+        return FakeBoard(echoes, seed, board.blanking_end, counted_identity, ready=lambda: echoes.ready)
+
+    return started(0) if faults == NO_FAULTS else FaultyDevice(started, faults, seed), echoes
+
+
+def _read_seed(text: str) -> int:
+    if not text.isdecimal():
+        raise InputError(f"seed {text!r}: expected a whole number, 0 or more")
+    return int(text)
