@@ -4,19 +4,24 @@ Each subcommand has its own file and imports heavy modules inside its function, 
 """
 
 import errno
+import logging
 import os
 import sys
 from typing import Annotated
 
 import typer
+from sonarhw_sim.compilation import watch_compilation
 
-from sonarhw.errors import SonarError
+from sonarhw.errors import ExitStatus, SonarError
 from sonarhw_cli.comparison import compare_command as compare
 from sonarhw_cli.comparison import fit_command as fit
 from sonarhw_cli.comparison import locate_command as locate
 from sonarhw_cli.comparison import map_command
 from sonarhw_cli.comparison import report_command as report
 from sonarhw_cli.comparison import study_command as study
+from sonarhw_cli.console.lines import choose_verbosity, print_detail, print_error, print_help, print_line
+from sonarhw_cli.console.output import ClosedOutput
+from sonarhw_cli.console.progress import CompilationProgress
 from sonarhw_cli.instrument import bench_commands as bench
 from sonarhw_cli.instrument import board_command as board
 from sonarhw_cli.instrument import calibrate_command as calibrate
@@ -29,6 +34,7 @@ from sonarhw_cli.instrument import replay_command as replay
 from sonarhw_cli.instrument import scan_command as scan
 from sonarhw_cli.prediction import figures_command as figures
 from sonarhw_cli.prediction import paths_command as paths
+from sonarhw_cli.prediction import profile_command, room_command
 from sonarhw_cli.prediction import simulate_command as simulate
 from sonarhw_cli.window import demo_command as demo
 from sonarhw_cli.window import gui_command as gui
@@ -47,6 +53,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 app.command("demo")(demo.demo)
@@ -65,6 +72,8 @@ app.command("figures")(figures.figures)
 app.command("import")(import_csv.import_csv)
 app.command("replay")(replay.replay)
 app.add_typer(log_command.app, name="log")
+app.add_typer(room_command.app, name="room")
+app.add_typer(profile_command.app, name="profile")
 app.command("compare")(compare.compare)
 app.command("report")(report.report)
 app.command("locate")(locate.locate)
@@ -79,7 +88,7 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"sonarhw {version('sonarhw')}")
+        print_line(f"sonarhw {version('sonarhw')}")
         raise typer.Exit
 
 
@@ -88,12 +97,26 @@ def sonarhw(
     show_version: Annotated[
         bool, typer.Option("--version", "-v", help="Print the version.", is_eager=True, callback=_show_version)
     ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Print no warnings, progress or closing lines; only results and errors."),
+    ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", help="Also print what is read and chosen, and the class of an error."),
+    ] = False,
 ) -> None:
     """Scan a room with an ultrasonic ranging board, and compare the scan with its prediction."""
+    choose_verbosity(quiet=quiet, verbose=verbose)
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run a command line and return its exit status: 0 done, 1 run-time error, 2 bad usage or input, 130 Ctrl-C."""
+    """Run a command line and return its exit status, one of `ExitStatus`."""
+    if sys.stdout is None:  # the shell closed it
+        sys.stdout = ClosedOutput()
+    watch_compilation(CompilationProgress())
+    # matplotlib reports on its own cache of fonts, which is of no concern to the user
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         return _status(arguments)
     finally:
@@ -108,19 +131,19 @@ def _status(arguments: list[str] | None) -> int:
         # command.main() is not used: it gives Ctrl-C and a closed pipe other exit statuses
         with command.make_context("sonarhw", sys.argv[1:] if arguments is None else arguments) as context:
             status = command.invoke(context)
-        if sys.stdout is not None:  # it is None if the shell closed it
-            sys.stdout.flush()
-        return status or 0
+        sys.stdout.flush()
+        return status or ExitStatus.DONE
     except typer.Exit as exit_wanted:
         return exit_wanted.exit_code
     except SonarError as error:
+        print_detail(f"this is {type(error).__name__}, exit status {error.exit_status}; see docs/reference/errors.md")
         return _report(str(error), error.exit_status)
     except typer.TyperException as error:
-        return _report(_reworded(error.format_message()), error.exit_code)
+        return _refuse(_with_help(_reworded(error.format_message()), error), error.exit_code)
     except KeyboardInterrupt:
-        return 130
+        return ExitStatus.INTERRUPTED
     except BrokenPipeError:
-        return 0
+        return ExitStatus.DONE
     except OSError as error:
         # an error about a file contains its name; without a name, the full disk is that of standard output
         where = error.filename or ("standard output" if error.errno == errno.ENOSPC else "")
@@ -133,16 +156,30 @@ def _reworded(message: str) -> str:
     return message
 
 
+def _with_help(message: str, error: typer.TyperException) -> str:
+    """Return the message with the command that lists arguments and options, if one is missing or unknown."""
+    context = getattr(error, "ctx", None)
+    if context is None or message.endswith("?") or not message.startswith(("Missing ", "No such ", "Got unexpected ")):
+        return message
+    return f"{message.rstrip('.')}; see `{context.command_path} --help`"
+
+
+def _refuse(message: str, status: int) -> int:
+    # without a command, the message is the help
+    if not message.startswith("Usage:"):
+        return _report(message, status)
+    print_help(message)
+    return status
+
+
 def _report(message: str, status: int) -> int:
-    # without a command, the message is the help, which keeps its line breaks
-    typer.echo(message if message.startswith("Usage:") else f"sonarhw: {' '.join(message.split())}", err=True)
+    print_error(message)
     return status
 
 
 def _discard_unwritten() -> None:
     """Discard output that standard output does not accept. Python would flush it at exit, fail, and exit with 120."""
     try:
-        if sys.stdout is not None:  # it is None if the shell closed it
-            sys.stdout.flush()
+        sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,8 +1,11 @@
 """The entry point of the `sonarhw` command. Ctrl-C ends it at any time, without a traceback and with status 130.
 
+SIGTERM and SIGHUP do the same, so that files which are being written are removed.
+
 KeyboardInterrupt alone does not ensure this. It may be raised during an import, and libraries that compile or unpickle
-wrap it in other errors, print it or swallow it. This module therefore stores that Ctrl-C was pressed, and treats every
-later error as its consequence. It imports almost nothing, so that its handler is installed before other modules load.
+wrap it in other errors, print it or swallow it. This module therefore stores that a signal has arrived, and treats
+every later error as its consequence. It imports almost nothing, so that its handler is installed before other modules
+load.
 """
 
 import _thread  # threading takes locks, which the interrupted code may hold
@@ -11,14 +14,17 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from io import TextIOWrapper
 from types import FrameType
 
-INTERRUPTED = 130
+from sonarhw_cli.console.interruption import SIGNALS
+
+INTERRUPTED = 130  # ExitStatus.INTERRUPTED, which is not imported before the handler is installed
 UNWINDING = 3.0  # s for cleaning up after Ctrl-C; only a library that swallowed the KeyboardInterrupt takes longer
 
 
 class Interrupt:
-    """Handler of Ctrl-C outside `console.interruption`. The first Ctrl-C unwinds the command, the second exits."""
+    """Handler of SIGNALS outside `console.interruption`. The first signal unwinds the command, the second exits."""
 
     def __init__(self) -> None:
         self.received = False
@@ -28,9 +34,9 @@ class Interrupt:
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
         """Handle a signal."""
         if self.received or not self.started:
-            os._exit(INTERRUPTED)
+            _exit_at_once()
         self.received = True
-        # errors in destructors and callbacks are consequences of Ctrl-C: do not print them
+        # errors in destructors and callbacks are consequences of the signal: do not print them
         sys.unraisablehook = lambda _: None
         sys.excepthook = lambda *_: None
         self._threads = [_started(_end_later), _started(_end_at_next, _next_signal())]
@@ -70,25 +76,44 @@ def _next_signal() -> int:
 
 def _end_at_next(signal_pipe: int) -> None:
     os.read(signal_pipe, 1)
-    os._exit(INTERRUPTED)
+    _exit_at_once()
 
 
 def _end_later() -> None:
     time.sleep(UNWINDING)
+    _exit_at_once()
+
+
+def _exit_at_once() -> None:
+    """Exit without unwinding. Unfinished files are removed, if the module that writes them is loaded."""
+    remove = getattr(sys.modules.get("sonarhw.atomic_file"), "remove_unfinished", None)
+    if remove is not None:
+        remove()
     os._exit(INTERRUPTED)
+
+
+def _occupy_closed_streams() -> None:
+    """Open the null device in place of standard streams that the shell has closed.
+
+    Otherwise a file that is opened later would get the number of a standard stream, and what libraries print.
+    """
+    while (number := os.open(os.devnull, os.O_RDONLY)) <= 2:
+        pass
+    os.close(number)
 
 
 def main() -> None:
     """Run the `sonarhw` command and exit with its status."""
+    _occupy_closed_streams()
     interrupt = Interrupt()
-    # respect an inherited SIG_IGN
-    handled = signal.getsignal(signal.SIGINT) != signal.SIG_IGN
-    if handled:
-        signal.signal(signal.SIGINT, interrupt)
+    # respect an inherited SIG_IGN, such as that of nohup
+    handled = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+    for number in handled:
+        signal.signal(number, interrupt)
     status = _run(interrupt)
-    if handled:
-        # the work is complete: a late Ctrl-C must not change the status
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in handled:
+        # the work is complete: a late signal must not change the status
+        signal.signal(number, signal.SIG_IGN)
     interrupt.wait_for_threads()
     sys.exit(INTERRUPTED if interrupt.received else status)
 
@@ -96,6 +121,9 @@ def main() -> None:
 def _run(interrupt: Interrupt) -> int:
     from sonarhw_cli.app import run
 
+    if isinstance(sys.stdout, TextIOWrapper):
+        # a terminal with few characters shows the others as escapes
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         interrupt.started = True
         return run()

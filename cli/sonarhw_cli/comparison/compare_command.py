@@ -1,19 +1,23 @@
 """`sonarhw compare`: compare a log with the prediction of a room, reading by reading and as a whole."""
 
-import json
 import math
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 from sonarhw_compare.headings import heading_text
+from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import Model, Receiver
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.log_input import LogFile, open_in_room, recorded_place
+from sonarhw_cli.comparison.plain_fit_option import FitOption
+from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
+    PICTURE_FILE,
     BoardOfLog,
     Force,
     ModelChoice,
@@ -21,121 +25,113 @@ from sonarhw_cli.console.options import (
     ReceiverChoice,
     RoomOfLog,
     checked_out,
-    chosen_place,
     chosen_receiver,
+    print_place,
 )
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 
 if TYPE_CHECKING:
+    from sonarhw_compare.fit.plain_fit import Fit
     from sonarhw_compare.matching.match import Comparison, Summary
     from sonarhw_compare.matching.regions import Region
+
+    from sonarhw.readings import Origin
 
 
 def compare(
     log_file: LogFile,
-    room_file: RoomOfLog = None,
+    room_name: RoomOfLog = None,
     place: PlaceName = None,
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     model: ModelChoice = Model.RAY_FOLLOWING,
-    fit: Annotated[
-        str,
-        typer.Option(
-            help="Quantities to fit before the comparison; the position within 3 cm.", metavar="heading,offset,position"
-        ),
-    ] = "",
+    fit: FitOption = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     explained: Annotated[
         bool,
         typer.Option("--explain", help="With --json: add every reading, all its echoes and what would change it."),
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the measured scan over the prediction.", metavar="FILE.png")
+        Path | None, typer.Option(help="Draw the measured scan over the prediction.", metavar=PICTURE_FILE)
     ] = None,
     force: Force = False,
 ) -> None:
     """Compare a log with its prediction. The class and path of every reading are printed, then a summary."""
     if explained and not as_json:
         raise InputError("--explain: needs --json; without both, every reading is explained in a sentence")
+    suffix = "" if plot is None else checked_out(plot, PICTURES, force, log_file, room_name, board, option="--plot")
+    comparison, found = compare_log(log_file, room_name, place, board, model, fit, receiver)
     if plot is not None:
-        checked_out(plot, (".png",), force, log_file, room_file, board, option="--plot")
-    comparison = compare_log(log_file, room_file, place, board, model, fit, receiver)
-    if plot is not None:
-        with atomic_file(plot, "--plot") as file:
-            draw_comparison(comparison, file)
+        with atomic_file(plot, overwrite=force) as file:
+            save_comparison(comparison, file, suffix)
     if as_json:
-        typer.echo(json.dumps(_figures(comparison, explained), indent=2))
+        print_json(_figures(comparison, found, explained))
     else:
-        _print(comparison)
+        _print(comparison, found)
 
 
 def compare_log(
     log_file: Path,
-    room_file: Path | None = None,
+    room_name: str | None = None,
     place: str | None = None,
     board: str | None = None,
     model: Model = Model.RAY_FOLLOWING,
     fit: str = "",
     receiver: Receiver | None = None,
-) -> "Comparison":
-    """Compare a log with its prediction.
+) -> "tuple[Comparison, Fit | None]":
+    """Compare a log with its prediction. Return the fit too, if quantities are fitted.
 
     Room, place and board that are not given are taken from the log. Raises InputError if it does not contain them.
     """
-    from sonarhw_compare.fit.plain_fit import fit_scan
-    from sonarhw_compare.matching.match import compare_readings
+    from sonarhw_compare.in_one_call import fitted_comparison
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    log, room, chosen = open_in_room(log_file, room_file, board)
-    here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
-    if not log.readings:
-        raise InputError(f"{log_file}: contains no readings; nothing to compare")
-    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
-    heading, offset = chosen.heading_at(0.0, here.heading), 0.0
-    if fit:
-        free = frozenset(name.strip() for name in fit.split(","))
-        with progress_of_share() as show:
-            found = fit_scan(
-                log.readings,
-                room,
-                here,
-                chosen,
-                free,
-                model=model,
-                options=options,
-                tick=lambda share: show(share, "fitting"),
-            )
-        heading, offset, here = found.heading, found.offset, found.place
-    return compare_readings(
-        log.readings, room, here, chosen, heading=heading, offset=offset, model=model, options=options
-    )
+    scan, room, chosen = open_in_room(log_file, room_name, board)
+    here = scan.place(room, place)
+    print_place(room, here)
+    with progress_of_share() if fit else nullcontext(lambda _share, _doing: None) as show:
+        return fitted_comparison(
+            scan,
+            room,
+            here,
+            chosen,
+            frozenset(word.strip() for word in fit.split(",") if word.strip()),
+            model=model,
+            options=PredictionOptions(receiver=chosen_receiver(receiver, chosen)),
+            tick=lambda share: show(share, "fitting"),
+        )
 
 
-def draw_comparison(comparison: "Comparison", out: BinaryIO) -> None:
-    """Draw the measured scan over the prediction in the plan of the room, as PNG."""
-    from sonarhw_compare.pictures.overlay_picture import draw_plan
+def save_comparison(comparison: "Comparison", out: BinaryIO, suffix: str = ".png") -> None:
+    """Write the picture of the scan over its prediction."""
+    from sonarhw_compare.matching.comparison_picture import draw_comparison
+    from sonarhw_compare.pictures.picture_file import write_picture
 
-    measured = [(row.heading, row.measured) for row in comparison.rows if row.measured is not None]
-    draw_plan(comparison.prediction, measured).savefig(out, format="png")
+    write_picture(draw_comparison(comparison), out, suffix)
 
 
-def _figures(comparison: "Comparison", explained: bool) -> dict[str, object]:
+def _figures(comparison: "Comparison", found: "Fit | None", explained: bool) -> dict[str, object]:
     from sonarhw_compare.explain.details import details
 
-    return asdict(comparison.summary()) | (details(comparison) if explained else {})
+    fitted = None
+    if found is not None:
+        fitted = {"free": list(found.free), "search": found.search, "at_edge": list(found.at_edge)}
+    return asdict(comparison.summary()) | {"fit": fitted} | (details(comparison) if explained else {})
 
 
-def _print(comparison: "Comparison") -> None:
+def _print(comparison: "Comparison", found: "Fit | None") -> None:
     from sonarhw_compare.explain.sentences import explain_reading
 
     for row in comparison.rows:
-        typer.echo(f"{row.kind.replace('_', ' '):11}  {explain_reading(comparison, row.index)}")
-    typer.echo()
+        print_line(f"{row.kind.replace('_', ' '):11}  {explain_reading(comparison, row.index)}")
+    print_line()
     for line in summary_lines(comparison.summary()):
-        typer.echo(line)
+        print_line(line)
+    for line in () if found is None else found.lines():
+        print_line(line)
     for line in _more_lines(comparison):
-        typer.echo(line)
+        print_line(line)
 
 
 def _more_lines(comparison: "Comparison") -> list[str]:
@@ -147,7 +143,7 @@ def _more_lines(comparison: "Comparison") -> list[str]:
         lines.append(f"of all {echoes.echoes} echoes, including later ones, {echoes.explained:.1%} are predicted")
     if echoes.bias_m is not None and echoes.spread_m is not None:
         lines.append(
-            f"measured minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
+            f"{comparison.origin} minus predicted echo: {round(echoes.bias_m * 1000, 1) + 0.0:+.1f} mm (median; "
             f"spread {echoes.spread_m * 1000:.1f} mm)"
         )
     return [*lines, *region_lines(comparison)]
@@ -159,15 +155,15 @@ def region_lines(comparison: "Comparison") -> list[str]:
     from sonarhw_compare.matching.region_match import compare_regions
 
     found = compare_regions(comparison)
-    lines = [f"regions of constant depth: {region_counts(found)}"]
+    lines = [f"regions of constant depth: {region_counts(found, comparison.origin)}"]
     for measured, predicted in found.by_bearing():
         path = "" if predicted is None else path_suffix(comparison, predicted)
-        lines.append(f"  {_pair(measured, predicted)}{path}")
+        lines.append(f"  {_pair(comparison.origin, measured, predicted)}{path}")
     return lines
 
 
-def _pair(measured: "Region | None", predicted: "Region | None") -> str:
-    both = (("measured", measured), ("predicted", predicted))
+def _pair(origin: "Origin", measured: "Region | None", predicted: "Region | None") -> str:
+    both = ((origin.value, measured), ("predicted", predicted))
     found = [f"{scan} {_depth(region)}" for scan, region in both if region is not None]
     return ", ".join(found + [f"not {scan}" for scan, region in both if region is None])
 
@@ -178,8 +174,11 @@ def _depth(region: "Region") -> str:
 
 def summary_lines(summary: "Summary") -> list[str]:
     """Return the summary of a comparison as lines of text."""
+    from sonarhw.readings import Origin
+
     classes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in summary.classes.items() if count)
-    lines = [f"{counted(summary.n, 'reading')}, {summary.n_echo} with an echo: {classes}"]
+    what = "reading" if summary.origin == Origin.MEASURED else f"{summary.origin} reading"
+    lines = [f"{counted(summary.n, what)}, {summary.n_echo} with an echo: {classes}"]
     if summary.within_5cm is not None and summary.explained is not None:
         lines.append(
             f"within 5 cm of the prediction: {summary.within_5cm:.1%} of the echoes; "

@@ -1,17 +1,17 @@
 """`sonarhw locate`: find the pose of a scan in a known room."""
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.headings import heading_text, in_degrees
+from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 from sonarhw_sim.choices import Receiver
 
-from sonarhw.errors import InputError
+from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, open_in_room
-from sonarhw_cli.console.options import BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out, chosen_receiver
+from sonarhw_cli.console.options import PICTURE_FILE, BoardOfLog, Force, ReceiverChoice, RoomOfLog, checked_out
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 
@@ -25,7 +25,7 @@ _RIVAL = 0.25  # a second pose with more than this share of the first's probabil
 
 def locate(
     log_file: LogFile,
-    room_file: RoomOfLog = None,
+    room_name: RoomOfLog = None,
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
     height: Annotated[
@@ -37,29 +37,28 @@ def locate(
     near: Annotated[
         float, typer.Option(help="Distance within which a pose counts as a place of the room, metres.", min=0)
     ] = 0.1,
-    out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar="FILE.png")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the posterior in the plan.", metavar=PICTURE_FILE)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the poses as JSON.")] = False,
     force: Force = False,
 ) -> None:
     """Find the pose of a scan in a known room. Each possible pose is printed with its probability."""
-    if out is not None:
-        checked_out(out, (".png",), force, log_file, room_file, board)
-    located = locate_log(log_file, room_file, board, receiver, height)
+    suffix = "" if out is None else checked_out(out, PICTURES, force, log_file, room_name, board)
+    located = locate_log(log_file, room_name, board, receiver, height)
     if out is not None:
         from sonarhw_compare.locate.locate_picture import draw_located
 
-        with atomic_file(out) as file:
-            draw_located(located).savefig(file, format="png")
+        with atomic_file(out, overwrite=force) as file:
+            write_picture(draw_located(located), file, suffix)
     figures = _figures(located, near)
     if as_json:
-        typer.echo(json.dumps(figures, indent=2))
+        print_json(figures)
     else:
         _print(figures)
 
 
 def locate_log(
     log_file: Path,
-    room_file: Path | None = None,
+    room_name: str | None = None,
     board: str | None = None,
     receiver: Receiver | None = None,
     height: float | None = None,
@@ -68,21 +67,17 @@ def locate_log(
 
     Room and board that are not given are taken from the log. Raises InputError if it does not contain them.
     """
-    from sonarhw_compare.locate.poses import locate_scan
-    from sonarhw_sim.predict.prediction import PredictionOptions
+    from sonarhw_compare.in_one_call import locate
 
-    log, room, chosen = open_in_room(log_file, room_file, board)
-    if not log.readings:
-        raise InputError(f"{log_file}: contains no readings; nothing to locate")
-    options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
+    scan, room, chosen = open_in_room(log_file, room_name, board)
     with progress_of_share() as show:
-        return locate_scan(
-            log.readings,
+        return locate(
+            scan,
             room,
             chosen,
-            prediction=options,
+            receiver=receiver,
             height=height,
-            tick=lambda share: show(share, "locating"),
+            progress=lambda share: show(share, "locating"),
         )
 
 
@@ -138,18 +133,18 @@ def _named(place: str | None) -> str:
 def _print(figures: dict[str, Any]) -> None:
     for pose in figures["poses"]:
         along_x, along_y = (_leading(pose[key] * 1000, 0) for key in ("x_deviation_m", "y_deviation_m"))
-        typer.echo(
+        print_line(
             f"{pose['probability']:6.1%}  at {pose['x_m']:.3f}, {pose['y_m']:.3f} m "
             f"(± {along_x}, {along_y} mm), turntable step 0 at "
             f"{_heading(pose['heading_deg'], pose['heading_deviation_deg'])}, "
             f"range offset {_signed(round(pose['offset_m'] * 1000))} mm{_named(pose['place'])}"
         )
-    typer.echo(f"{figures['explained']:.0%} of the echoes are within 5 cm of an echo predicted for the first pose")
+    print_line(f"{figures['explained']:.0%} of the echoes are within 5 cm of an echo predicted for the first pose")
     if not figures["fits_room"]:
-        typer.echo("warning: this scan does not fit this room; check the room, the board and the scan")
+        print_line("warning: this scan does not fit this room; check the room, the board and the scan")
     probabilities = [pose["probability"] for pose in figures["poses"]]
     if len(probabilities) > 1 and probabilities[1] > _RIVAL * probabilities[0]:
-        typer.echo("the scan cannot distinguish these poses: the room looks nearly the same from them")
+        print_line("the scan cannot distinguish these poses: the room looks nearly the same from them")
     if figures["place"] is not None:
         shares = ", ".join(f"{name} {share:.1%}" for name, share in figures["places"].items() if share >= 0.001)
-        typer.echo(f"assuming one of the room's places: {shares}")
+        print_line(f"assuming one of the room's places: {shares}")

@@ -1,29 +1,30 @@
 """`sonarhw map`: estimate a room from one or several scans."""
 
-import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from sonarhw_compare.headings import in_degrees
+from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.log_input import LogFiles, open_log, recorded_board, recorded_room
+from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.log_input import LogFiles, open_scan
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import BoardOfLog, Force, checked_out
+from sonarhw_cli.console.options import PICTURE_FILE, ROOM_NAME, BoardOfLog, Force, checked_out, print_place
 from sonarhw_cli.console.output import atomic_file
 from sonarhw_cli.console.progress import progress_of_share
 from sonarhw_cli.console.room_input import open_room
+from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_compare.fit import PlacedScan
+    from sonarhw_compare.imports.given_scan import GivenScan
     from sonarhw_compare.map import RoomMap
     from sonarhw_sim.room.model import Place, Room
-
-    from sonarhw.log import Log
 
 
 def map_logs(
@@ -36,13 +37,13 @@ def map_logs(
         list[str] | None,
         typer.Option("--pose", help="Position, and heading of turntable step 0; once for each log.", metavar="X,Y,DEG"),
     ] = None,
-    room_file: Annotated[
-        Path | None,
-        typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar="ROOM"),
+    room_name: Annotated[
+        str | None,
+        typer.Option("--room", help="Follow sound in this room; default: the walls found.", metavar=ROOM_NAME),
     ] = None,
     board: BoardOfLog = None,
     offset: Annotated[float, typer.Option(help="Added to every measured range, metres.", min=-1, max=1)] = 0.0,
-    out: Annotated[Path | None, typer.Option(help="Draw the maps.", metavar="FILE.png")] = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the maps.", metavar=PICTURE_FILE)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print walls, corners and edges as JSON.")] = False,
     force: Force = False,
 ) -> None:
@@ -53,44 +54,49 @@ def map_logs(
     following sound in the room.
     """
     from sonarhw_compare.map import map_scans
+    from sonarhw_compare.map.features import CONFIRMING
     from sonarhw_sim.board.profile import load_board
 
-    if out is not None:
-        checked_out(out, (".png",), force, room_file, board, *log_files)
-    room = None if room_file is None else open_room(room_file)
-    logs = [open_log(file) for file in log_files]
-    chosen = load_board(board) if board else recorded_board(log_files[0], logs[0].metadata)
-    scans = _placed(log_files, logs, room, places or [], poses or [])
+    suffix = "" if out is None else checked_out(out, PICTURES, force, room_name, board, *log_files)
+    room = None if room_name is None else open_room(room_name)
+    given = [open_scan(file, board) for file in log_files]
+    chosen = load_board(board) if board else given[0].board()
+    scans = _placed(given, room, places or [], poses or [])
     moved = replace(chosen, range_offset=chosen.range_offset - offset)
     with progress_of_share() as show:
         found = map_scans(scans, moved, room, lambda share: show(share, "mapping"))
+    if found.places < CONFIRMING:
+        warn(
+            f"scans from {counted(found.places, 'place')} only: walls, corners and edges are confirmed by "
+            f"{CONFIRMING} places; until then they are possible, or missing"
+        )
     if out is not None:
         from sonarhw_compare.map.map_picture import draw_map
 
-        with atomic_file(out) as file:
-            draw_map(found, room).savefig(file, format="png")
+        with atomic_file(out, overwrite=force) as file:
+            write_picture(draw_map(found, room), file, suffix)
     if as_json:
-        typer.echo(json.dumps(_figures(found), indent=2))
+        print_json(_figures(found))
     else:
-        _print(found)
+        _print(found, room is not None)
 
 
 def _placed(
-    files: Sequence[Path], logs: "Sequence[Log]", room: "Room | None", places: Sequence[str], poses: Sequence[str]
+    given: "Sequence[GivenScan]", room: "Room | None", places: Sequence[str], poses: Sequence[str]
 ) -> "list[PlacedScan]":
     from sonarhw_compare.fit import PlacedScan
 
     if places and poses:
         raise InputError("--place, --pose: give only one of them, once for each log")
-    for option, given in (("--place", places), ("--pose", poses)):
-        if given and len(given) != len(files):
-            raise InputError(f"{option}: expected one for each of {counted(len(files), 'log')}, got {len(given)}")
+    for option, values in (("--place", places), ("--pose", poses)):
+        if values and len(values) != len(given):
+            raise InputError(f"{option}: expected one for each of {counted(len(given), 'log')}, got {len(values)}")
     scans = []
-    for k, (file, log) in enumerate(zip(files, logs, strict=True)):
-        if not log.readings:
-            raise InputError(f"{file}: contains no readings; nothing to map")
-        place = _pose(poses[k]) if poses else _place(file, log, room, places[k] if places else None)
-        scans.append(PlacedScan(log.readings, place, file.stem))
+    for k, scan in enumerate(given):
+        place = _pose(poses[k]) if poses else _place(scan, room, places[k] if places else None)
+        if room is not None or not poses:
+            print_place(scan.room(room), place)
+        scans.append(PlacedScan(scan.readings, place, Path(scan.where).stem))
     return scans
 
 
@@ -106,14 +112,16 @@ def _pose(text: str) -> "Place":
     return Place(text, (x, y), math.radians(degrees))
 
 
-def _place(file: Path, log: "Log", room: "Room | None", wanted: str | None) -> "Place":
+def _place(scan: "GivenScan", room: "Room | None", wanted: str | None) -> "Place":
     """Return the place of --place, else the recorded place. Raises InputError if there is neither."""
-    known = room or recorded_room(file, log.metadata)
-    recorded = log.metadata.place
-    if wanted is None and (recorded in known.places or ("," in recorded and log.metadata.room_text == known.text)):
+    known = scan.room(room)
+    own = scan.log is not None and scan.log.metadata.room_text == known.text
+    recorded = scan.recorded_place(known)
+    # X,Y of another room may be anywhere in this one
+    if wanted is None and recorded is not None and (own or recorded in known.places):
         wanted = recorded
     if wanted is None:
-        raise InputError(f"{file}: contains no place in room {known.name!r}; give --place or --pose")
+        raise InputError(f"{scan.where}: contains no place in room {known.name!r}; give --place or --pose")
     return known.place(wanted)
 
 
@@ -121,7 +129,10 @@ def _figures(found: "RoomMap") -> dict[str, Any]:
     layers = {"all": found.plain, "direct": found.direct}
     return {
         "readings": sum(len(scan.readings) for scan in found.scans),
+        "places": found.places,
+        "confirmed": found.plain.features.confirmed,
         "rejected": found.rejected,
+        "undetermined": found.undetermined,
         **{
             name: {
                 "regions": len(layer.features.arcs),
@@ -153,17 +164,38 @@ def _rounded(point: tuple[float, float]) -> list[float]:
     return [round(point[0], 6), round(point[1], 6)]
 
 
-def _print(found: "RoomMap") -> None:
-    for title, layer in (("all readings", found.plain), ("direct readings", found.direct)):
+def _print(found: "RoomMap", given: bool) -> None:
+    layers = [("all readings", found.plain)]
+    if found.followed_room is not None:
+        layers.append(("direct readings", found.direct))
+    for title, layer in layers:
         features = layer.features
         corners = sum(point.is_corner for point in features.points)
+        maybe = "" if features.confirmed else "possible "
         counts = (
-            counted(len(features.walls), "wall"),
-            counted(corners, "corner"),
-            counted(len(features.points) - corners, "edge"),
+            counted(len(features.walls), f"{maybe}wall"),
+            counted(corners, f"{maybe}corner"),
+            counted(len(features.points) - corners, f"{maybe}edge"),
         )
-        typer.echo(
+        print_line(
             f"{title}: {counted(len(features.arcs), 'region')} of constant depth, {', '.join(counts)}; "
             f"{counted(len(features.alone), 'region')} unexplained"
         )
-    typer.echo(f"{counted(found.rejected, 'reading')} removed: they came by several reflections")
+    for line in _multipath_lines(found, given):
+        print_line(line)
+
+
+def _multipath_lines(found: "RoomMap", given: bool) -> Iterator[str]:
+    """Yield what is known about readings by several reflections, and what is not."""
+    from sonarhw_compare.map.features import CONFIRMING
+
+    if found.followed_room is None:
+        yield (
+            f"not determined which of {counted(found.echoes, 'reading')} came by several reflections: there are "
+            f"no confirmed walls to follow sound in; give the room with --room, or scans from {CONFIRMING} places"
+        )
+        return
+    where = "this room" if given else "a room of the walls found"
+    yield f"{counted(found.rejected, 'reading')} removed: in {where}, they came by several reflections"
+    if found.undetermined:
+        yield f"{counted(found.undetermined, 'reading')} kept but not determined: no path in {where} explains the echo"

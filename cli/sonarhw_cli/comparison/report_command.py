@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from sonarhw_sim.choices import Receiver
 
-from sonarhw_cli.console.log_input import LogFile, open_in_room, recorded_place
+from sonarhw_cli.comparison.plain_fit_option import FitOption, plain_fit
+from sonarhw_cli.console.log_input import LogFile, open_in_room
 from sonarhw_cli.console.options import (
     BoardOfLog,
     Force,
@@ -14,8 +15,8 @@ from sonarhw_cli.console.options import (
     ReceiverChoice,
     RoomOfLog,
     checked_out,
-    chosen_place,
     chosen_receiver,
+    print_place,
 )
 from sonarhw_cli.console.output import atomic_file
 
@@ -26,23 +27,29 @@ if TYPE_CHECKING:
 def report(
     log_file: LogFile,
     out: Annotated[Path, typer.Option("--out", help="File to write.", metavar="FILE.html")],
-    room_file: RoomOfLog = None,
+    room_name: RoomOfLog = None,
     place: PlaceName = None,
     board: BoardOfLog = None,
     receiver: ReceiverChoice = None,
+    fit: FitOption = "",
     force: Force = False,
 ) -> None:
     """Write one HTML file about a scan. It has pictures, a summary, every reading and the settings."""
     from sonarhw_compare.report.html_report import report_html
 
-    checked_out(out, (".html",), force, log_file, room_file, board)
-    page = report_html(report_on(log_file, room_file, place, board, receiver))
-    with atomic_file(out) as file:
+    checked_out(out, (".html",), force, log_file, room_name, board)
+    page = report_html(report_on(log_file, room_name, place, board, receiver, fit))
+    with atomic_file(out, overwrite=force) as file:
         file.write(page.encode())
 
 
 def report_on(
-    log_file: Path, room_file: Path | None, place: str | None, board: str | None, receiver: Receiver | None
+    log_file: Path,
+    room_name: str | None,
+    place: str | None,
+    board: str | None,
+    receiver: Receiver | None,
+    fit: str = "",
 ) -> "Report":
     """Return the report on a log.
 
@@ -51,7 +58,9 @@ def report_on(
     from sonarhw_compare.report.html_report import report_of
     from sonarhw_sim.predict.prediction import PredictionOptions
 
-    log, room, chosen = open_in_room(log_file, room_file, board)
-    here = chosen_place(room, place if place is not None else recorded_place(log.metadata, room))
+    scan, room, chosen = open_in_room(log_file, room_name, board)
+    here = scan.place(room, place)
+    print_place(room, here)
     options = PredictionOptions(receiver=chosen_receiver(receiver, chosen))
-    return report_of(log_file.name, log.readings, room, here, chosen, options, log=log)
+    found = plain_fit(scan.readings, room, here, chosen, fit, options)
+    return report_of(log_file.name, scan.readings, room, here, chosen, options, log=scan.log, fit=found)

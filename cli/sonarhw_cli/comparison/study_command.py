@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.lines import print_error, print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.progress import progress
 
@@ -34,14 +34,12 @@ def study(
         raise InputError("--workers, --scheduler: a cluster has its own workers; give only one of them")
     folder = Path(spec.stem) if out is None else out
     plan = load_study(spec)
-    with sigterm_raises(), progress(part_count(plan), lambda: "Predicting") as advance:
+    with progress(part_count(plan), lambda: "Predicting") as advance:
         try:
             run_study(plan, folder, workers=workers, scheduler=scheduler, resume=resume, progress=advance)
         except KeyboardInterrupt:
             unfinished = unfinished_of(folder)
             if unfinished.exists():
-                typer.echo(
-                    f"sonarhw: interrupted; finished parts are in {unfinished}: continue with --resume", err=True
-                )
+                print_error(f"interrupted; finished parts are in {unfinished}: continue with --resume")
             raise
-    typer.echo(f"{counted(plan.scans, 'scan')} in {folder}")
+    print_line(f"{counted(plan.scans, 'scan')} in {folder}")

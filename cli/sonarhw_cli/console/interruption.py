@@ -1,14 +1,15 @@
-"""Handling of Ctrl-C, SIGTERM and SIGHUP during work that must be completed or cleaned up, such as a recording."""
+"""Handling of Ctrl-C, SIGTERM and SIGHUP during work that must be completed or cleaned up, such as a recording.
+
+It imports little, because `entry` needs SIGNALS before it imports other modules.
+"""
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 # Windows has no SIGHUP
-ENDINGS = (signal.SIGTERM, signal.SIGHUP) if hasattr(signal, "SIGHUP") else (signal.SIGTERM,)
-SIGNALS = (signal.SIGINT, *ENDINGS)
+SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class Interruption:
@@ -51,18 +52,26 @@ def interruption(stop: Callable[[], None]) -> Iterator[Interruption]:
 
 
 @contextmanager
-def sigterm_raises(error: type[BaseException] = KeyboardInterrupt) -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the program as Ctrl-C does; with SystemExit its exit status is 0."""
+def sigterm_exits() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end a server with exit status 0, cleaned up."""
+    received = False
 
     def unwind(_number: int, _frame: FrameType | None) -> None:
-        raise error
+        nonlocal received
+        received = True
+        raise SystemExit
 
-    with handled_by(unwind, ENDINGS):
-        yield
+    with handled_by(unwind, [number for number in SIGNALS if number != signal.SIGINT]):
+        try:
+            yield
+        except Exception:
+            if received:  # a library that compiles wraps the error in another one
+                raise SystemExit from None
+            raise
 
 
 @contextmanager
-def handled_by(handler: Callable[[int, FrameType | None], Any], signals: tuple[int, ...] = SIGNALS) -> Iterator[None]:
+def handled_by(handler: Callable[[int, FrameType | None], object], signals: Sequence[int] = SIGNALS) -> Iterator[None]:
     """Install `handler` for `signals` until the block ends. A SIGHUP that nohup ignores stays ignored."""
     hangup = getattr(signal, "SIGHUP", None)
     taken = [number for number in signals if number != hangup or signal.getsignal(number) != signal.SIG_IGN]

@@ -5,14 +5,14 @@ import math
 from collections.abc import Iterable
 from typing import TextIO
 
-from sonarhw.export.csv_rows import number
+from sonarhw.export.csv_rows import number, text_cell
 
 
 def written(value: float | int | str | None) -> str:
     """Return one CSV field; None and NaN are empty."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
-    return number(value) if isinstance(value, float) else str(value)
+    return number(value) if isinstance(value, float) else text_cell(str(value))
 
 
 def counted(count: int, noun: str) -> str:

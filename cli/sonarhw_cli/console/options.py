@@ -1,33 +1,74 @@
 """Options that several commands share, and their conversion from degrees and names to SI values and objects."""
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from urllib.parse import parse_qsl
 
 import typer
 from sonarhw_sim.choices import EdgeStrength, Model, Receiver
 
 from sonarhw.atomic_file import is_special
 from sonarhw.errors import InputError
-from sonarhw.readings import ScanOrder, headings_between
+from sonarhw_cli.console.completions import complete_board, complete_place, complete_room
+from sonarhw_cli.console.lines import print_detail
 from sonarhw_cli.console.warning_line import warn
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
     from sonarhw_sim.room.model import Place, Room
 
-RoomFile = Annotated[Path, typer.Argument(help="Room file (*.toml).", metavar="ROOM")]
+    from sonarhw.readings import ScanOrder
+
+ROOM_NAME = "NAME|FILE.toml"
+RoomName = Annotated[
+    str,
+    typer.Argument(help="Room: name of a shipped room, or file.", metavar="ROOM", autocompletion=complete_room),
+]
 PlaceName = Annotated[
-    str | None, typer.Option("--place", help="Place of the room file, or X,Y in metres.", metavar="NAME|X,Y")
+    str | None,
+    typer.Option(
+        "--place",
+        help="Place of the room file, or X,Y in metres.",
+        metavar="NAME|X,Y",
+        autocompletion=complete_place,
+    ),
+]
+RoomToStore = Annotated[
+    str | None,
+    typer.Option(
+        "--room", help="Room: name or file; stored in the log.", metavar=ROOM_NAME, autocompletion=complete_room
+    ),
 ]
 RoomOfLog = Annotated[
-    Path | None, typer.Option("--room", help="Room file; default: the room inside the log.", metavar="ROOM")
+    str | None,
+    typer.Option(
+        "--room",
+        help="Room: name or file; default: the room inside the log.",
+        metavar=ROOM_NAME,
+        autocompletion=complete_room,
+    ),
 ]
-BoardName = Annotated[str, typer.Option("--board", help="Board profile: name or file.", metavar="NAME|FILE.toml")]
+BoardName = Annotated[
+    str,
+    typer.Option(
+        "--board", help="Board profile: name or file.", metavar="NAME|FILE.toml", autocompletion=complete_board
+    ),
+]
+Profile = Annotated[
+    str,
+    typer.Argument(help="Board profile: name or file.", metavar="PROFILE", autocompletion=complete_board),
+]
 BoardOfLog = Annotated[
     str | None,
-    typer.Option("--board", help="Board profile: name or file; default: the log's.", metavar="NAME|FILE.toml"),
+    typer.Option(
+        "--board",
+        help="Board profile: name or file; default: the log's.",
+        metavar="NAME|FILE.toml",
+        autocompletion=complete_board,
+    ),
 ]
 FromDegrees = Annotated[float, typer.Option("--from", help="First heading, degrees.")]
 ToDegrees = Annotated[float, typer.Option("--to", help="End of the headings, degrees; excluded.")]
@@ -37,10 +78,13 @@ ToAngle = Annotated[float, typer.Option("--to", help="End of the turntable angle
 StepAngle = Annotated[float, typer.Option("--step", help="Step from one turntable angle to the next, degrees.")]
 
 EdgeStrengthChoice = Annotated[
-    EdgeStrength,
+    EdgeStrength | None,
     typer.Option(
         "--edge-strength",
-        help="Diffraction at edges. paper: equal in all directions; keller: depends on the angles to the edge's faces.",
+        help="Diffraction at edges. uniform: by angles, distances and reflectances, continuous with reflection; "
+        "keller: by the angles to the edge's faces; paper: equal in all directions. Default: the board profile's, "
+        "else uniform.",
+        show_default=False,
     ),
 ]
 
@@ -60,15 +104,20 @@ PtyLink = Annotated[
 TcpAddress = Annotated[
     str | None, typer.Option("--tcp", help="Serve on TCP; port 0 selects a free port.", metavar="HOST:PORT")
 ]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON; docs/reference/command_line.md lists the keys.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+ForceFiles = Annotated[bool, typer.Option("--force", help="Overwrite files of these names.")]
+PICTURE_FILE = "FILE.png|pdf|svg"
 STDOUT = "-"
 LOG = ".mcap"
 MOST_DEGREES = 2147.0  # largest angle that fits into a frame
 MOST_HEADINGS = 65535  # largest number that fits into the scan command
 
 
-def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> ScanOrder:
+def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pings: int = 1) -> "ScanOrder":
     """Return the scan from `start` to `stop`, degrees; `stop` is excluded. Raises InputError if it has no heading."""
+    from sonarhw.readings import ScanOrder, headings_between
+
     for option, degrees in (("--from", start), ("--to", stop), ("--step", step)):
         if not abs(degrees) <= MOST_DEGREES:
             raise InputError(f"{option} {degrees:g}: expected degrees between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
@@ -89,10 +138,17 @@ def order_in_degrees(start: float, stop: float, step: float, sweeps: int = 1, pi
 def chosen_place(room: "Room", wanted: str | None) -> "Place":
     """Return the place of a room that --place names, with a warning if it is outside. Raises InputError."""
     place = room.place(wanted)
-    if room.is_outside(place.position) or room.is_far_from(place.position):
-        x, y = place.position
-        warn(f"place {place.name!r} at {x:g}, {y:g} m is outside room {room.name!r}")
+    print_place(room, place)
     return place
+
+
+def print_place(room: "Room", place: "Place") -> None:
+    """Print the place with --verbose, and a warning if it is outside the room."""
+    from sonarhw_sim.room.doubts import place_doubts
+
+    print_detail(f"place {place.name!r} at {place.position[0]:g}, {place.position[1]:g} m in room {room.name!r}")
+    for doubt in place_doubts(room, place):
+        warn(doubt)
 
 
 def chosen_receiver(name: Receiver | None, board: "Board") -> Receiver:
@@ -121,9 +177,11 @@ def checked_out(
     existing file (without `force`) or one of the `inputs`, or if its folder does not exist.
     """
     if str(out) == STDOUT and STDOUT in suffixes:
+        refuse_overwriting(Path("/dev/stdout"), *inputs, option=option)
         return STDOUT
     path = Path(out)
     if is_special(path):
+        refuse_overwriting(path, *inputs, option=option)
         return suffixes[0]
     suffix = path.suffix.lower()
     if suffix not in suffixes:
@@ -146,14 +204,29 @@ def refuse_existing(path: Path, force: bool, option: str = "--out") -> None:
         raise InputError(f"{path}: no such folder: {path.parent}; create it first")
 
 
+def refuse_existing_in(folder: Path, files: Sequence[Path], force: bool, option: str) -> None:
+    """Raise InputError if `folder` is a file, or if one of its `files` exists and may not be overwritten."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; give the name of a folder")
+    for file in files if folder.exists() else ():
+        refuse_existing(file, force, option)
+
+
 def refuse_overwriting(out: Path, *inputs: str | Path | None, option: str = "--out") -> None:
     """Raise InputError if `out` is one of the files that the command reads, perhaps under another name.
 
-    Inputs that are not files are ignored: None, URLs, and names of shipped profiles.
+    Inputs that are not files are ignored: None, URLs, and names of shipped rooms and boards.
     """
     for given in inputs:
-        text = "" if given is None else str(given)
-        # a URL fake:ROOM?place=NAME makes the command read the file ROOM
-        read = Path(text.removeprefix("fake:").partition("?")[0] if text.startswith("fake:") else text)
-        if text and read.exists() and out.exists() and out.samefile(read):
-            raise InputError(f"{option} {out}: is the input file {read}; choose another name")
+        for read in _files_read("" if given is None else str(given)):
+            # these functions return False where a Path raises, for example for a folder that may not be read
+            if os.path.isfile(read) and os.path.exists(out) and os.path.samefile(out, read):
+                raise InputError(f"{option} {out}: is the input file {read}; choose another name")
+
+
+def _files_read(given: str) -> list[Path]:
+    """Return the files that an argument may name: itself, or room and board of `fake:ROOM?board=FILE`."""
+    if not given.startswith("fake:"):
+        return [Path(given)] if given else []
+    room, _, query = given.removeprefix("fake:").partition("?")
+    return [Path(room), *(Path(value) for key, value in parse_qsl(query) if key == "board")]

@@ -7,7 +7,7 @@ reading, and are readable after any interruption.
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from io import StringIO
+from io import StringIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -17,7 +17,7 @@ from sonarhw_cli.console.options import STDOUT
 
 
 @contextmanager
-def text_output(out: str) -> Iterator[TextIO]:
+def text_output(out: str, overwrite: bool) -> Iterator[TextIO]:
     """Yield standard output for `-`, else a buffer that is written to the file `out` if the block succeeds.
 
     Raises OutputError.
@@ -28,24 +28,34 @@ def text_output(out: str) -> Iterator[TextIO]:
         return
     text = StringIO(newline="")
     yield text
-    with atomic_file(Path(out)) as file:
+    with atomic_file(Path(out), overwrite=overwrite) as file:
         file.write(text.getvalue().encode())
 
 
 @contextmanager
-def binary_output(out: str) -> Iterator[BinaryIO]:
+def binary_output(out: str, overwrite: bool) -> Iterator[BinaryIO]:
     """Yield standard output for `-`, else the file `out`, kept only if the block succeeds. Raises OutputError."""
     if out != STDOUT:
-        with atomic_file(Path(out)) as file:
+        with atomic_file(Path(out), overwrite=overwrite) as file:
             yield file
         return
     with _flushed(standard_output()) as text:
         yield text.buffer
 
 
+class ClosedOutput(TextIOBase):
+    """Standard output that was closed before the command started. Writing raises OutputError."""
+
+    def write(self, text: str) -> int:
+        """Raise OutputError, unless the text is empty."""
+        if text:
+            raise OutputError("standard output: is closed; leave it open, or redirect it to a file")
+        return 0
+
+
 def standard_output() -> TextIO:
     """Return standard output. Raises OutputError if it was closed before the command started."""
-    if sys.stdout is None:
+    if sys.stdout is None or isinstance(sys.stdout, ClosedOutput):
         raise OutputError("standard output: is closed; leave it open, or name a file with --out")
     return sys.stdout
 

@@ -1,8 +1,8 @@
 """Warnings: one line on standard error; the command continues."""
 
-import typer
+from sonarhw_cli.console.lines import print_note
 
 
 def warn(message: str) -> None:
-    """Print a warning."""
-    typer.echo(f"sonarhw: warning: {message}", err=True)
+    """Print a warning, unless --quiet is given."""
+    print_note(f"sonarhw: warning: {message}")

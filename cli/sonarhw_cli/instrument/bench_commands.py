@@ -2,26 +2,30 @@
 
 import math
 import time
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import ScannerUrl, connect, resolve
-from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.lines import print_line, print_note
+from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import MOST_DEGREES
 
 if TYPE_CHECKING:
     from sonarhw.link.serial_link import Link
     from sonarhw.wire.frames import Frame, Rejected
+    from sonarhw.wire.messages import Outcome
 
 _SHOWN = 24  # bytes of a rejected block
 
 
 def home(url: ScannerUrl) -> None:
     """Find the zero of the turntable."""
-    with sigterm_raises(), connect(url) as scanner:
-        scanner.home()
+    with connect(url) as scanner:
+        outcome = scanner.home()
+    print_note(f"{url}: {_ended(outcome, 'the turntable is at its zero')}")
 
 
 def turn(
@@ -31,53 +35,91 @@ def turn(
     """Turn to an angle. If the zero of the turntable is unknown, it is found first."""
     if not abs(degrees) <= MOST_DEGREES:
         raise InputError(f"{degrees:g} degrees: expected an angle between -{MOST_DEGREES:g} and {MOST_DEGREES:g}")
-    with sigterm_raises(), connect(url) as scanner:
-        scanner.turn(math.radians(degrees))
+    with connect(url) as scanner:
+        outcome = scanner.turn(math.radians(degrees))
+    print_note(f"{url}: {_ended(outcome, f'turned to {degrees:.1f}°')}")
 
 
 def stop(url: ScannerUrl) -> None:
     """Stop turning and pinging."""
-    with sigterm_raises(), connect(url) as scanner:
+    with connect(url) as scanner:
         scanner.stop()
+    print_note(f"{url}: stopped")
+
+
+def _ended(outcome: "Outcome", done: str) -> str:
+    """Return what an action did: `done`, or that it was stopped."""
+    return "stopped before it had finished" if outcome else done
 
 
 def monitor(url: ScannerUrl) -> None:
-    """Print frames and rejected bytes as they arrive, until Ctrl-C. The scanner is stopped first."""
+    """Print frames and rejected bytes as they arrive, until Ctrl-C. Their numbers follow at the end.
+
+    The scanner is stopped first.
+    """
     from sonarhw.link.serial_link import Link
 
-    with sigterm_raises(), resolve(url) as find, Link(find()) as link:
-        _show(link)
+    with resolve(url) as find, Link(find()) as link:
+        arrived = _Arrived()
+        try:
+            _show(link, arrived)
+        finally:
+            print_note(f"{url}: {arrived}")
 
 
-def _show(link: "Link") -> NoReturn:
+@dataclass
+class _Arrived:
+    """The number of frames and rejected blocks since the start."""
+
+    began: float = field(default_factory=time.monotonic)  # s
+    frames: int = 0
+    rejected: int = 0
+
+    def __str__(self) -> str:
+        after = f"in {self.seconds:.1f} s"
+        if not self.frames:
+            return f"no frame {after}, {counted(self.rejected, 'rejected block')}; check that this is a scanner"
+        return f"{counted(self.frames, 'frame')} and {counted(self.rejected, 'rejected block')} {after}"
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self.began
+
+
+def _show(link: "Link", arrived: _Arrived) -> NoReturn:
     from sonarhw.host.driver import SIGN_OF_LIFE
     from sonarhw.wire.frames import DELIMITER, Frame, FrameDecoder, encode_frame
     from sonarhw.wire.limits import PROTOCOL_MAJOR, PROTOCOL_MINOR
     from sonarhw.wire.messages import AskStatistics, Hello, Info, Message
 
-    decoder, began = FrameDecoder(), time.monotonic()
-    sequence, next_message, greeted = 0, began + link.quiet, False
+    decoder = FrameDecoder()
+    sequence, next_message, greeted = 0, arrived.began + link.quiet, False
     while True:
         now = time.monotonic()
         if now >= next_message:
             # a scanner that receives nothing releases its motor and stops sending
-            message: Message = AskStatistics() if greeted else Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR)
-            link.write(DELIMITER + encode_frame(Frame(message.TYPE, sequence, 0, message.pack())))
+            sent: Message = AskStatistics() if greeted else Hello(PROTOCOL_MAJOR, PROTOCOL_MINOR)
+            link.write(DELIMITER + encode_frame(Frame(sent.TYPE, sequence, 0, sent.pack())))
             sequence, next_message = (sequence + 1) % 0x10000, now + SIGN_OF_LIFE
         for item in decoder.feed(link.read()):
-            greeted = greeted or (isinstance(item, Frame) and item.type == Info.TYPE)
-            seconds = time.monotonic() - began
-            typer.echo(f"{seconds:10.3f}  {_described(item) if isinstance(item, Frame) else _rejected(item)}")
+            if isinstance(item, Frame):
+                greeted = greeted or item.type == Info.TYPE
+                arrived.frames += 1
+                shown = _described(item)
+            else:
+                arrived.rejected += 1
+                shown = _rejected(item)
+            print_line(f"{arrived.seconds:10.3f}  {shown}")
 
 
 def _described(frame: "Frame") -> str:
     from sonarhw.wire.messages import MessageError, unpack_message
 
     try:
-        message = unpack_message(frame.type, frame.payload)
+        content = unpack_message(frame.type, frame.payload)
     except MessageError as error:
         return f"#{frame.sequence} type 0x{frame.type:02x} malformed: {error}"
-    what = message if message is not None else f"type 0x{frame.type:02x} unknown, payload {frame.payload.hex(' ')}"
+    what = content if content is not None else f"type 0x{frame.type:02x} unknown, payload {frame.payload.hex(' ')}"
     return f"#{frame.sequence} {frame.time_us / 1e6:.6f} s  {what}"
 
 

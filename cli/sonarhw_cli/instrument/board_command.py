@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw_cli.console.connect import read_pace
-from sonarhw_cli.console.demo_room import PLACE, demo_room
-from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.demo_room import PLACE, ROOM
+from sonarhw_cli.console.interruption import sigterm_exits
+from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import PtyLink
 
 
@@ -25,12 +25,12 @@ def board(
     from sonarhw_sim.room.model import load_room
 
     from sonarhw.device.emulated_board import emulated_board
+    from sonarhw.device.endpoint import read_pace
 
-    with demo_room() as room_file:
-        room = load_room(room_file)
+    room = load_room(ROOM)
     echoes = RoomEchoes(room, room.place(PLACE), load_board(DEFAULT_BOARD), seed)
     # now, before a client can connect: the emulated board stops while it waits for the echoes of a ping
     echoes.prepare()
-    with sigterm_raises(SystemExit), emulated_board(echoes, pty, read_pace(pace)) as running:
-        typer.echo(running.url)
+    with sigterm_exits(), emulated_board(echoes, pty, read_pace(pace)) as running:
+        print_line(running.url)
         running.wait()

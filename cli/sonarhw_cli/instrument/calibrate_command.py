@@ -1,16 +1,16 @@
 """`sonarhw calibrate`: measure range offset and home angle with a flat plate, and write a board profile."""
 
 import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw.errors import InputError, OutputError
+from sonarhw.errors import InputError
 from sonarhw_cli.console.connect import ScannerUrl, connect
-from sonarhw_cli.console.interruption import interruption, sigterm_raises
+from sonarhw_cli.console.interruption import interruption
+from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     BoardName,
@@ -19,15 +19,17 @@ from sonarhw_cli.console.options import (
     checked_out,
     order_in_degrees,
 )
+from sonarhw_cli.console.output import atomic_file
 
 if TYPE_CHECKING:
     from sonarhw_sim.board.profile import Board
 
-    from sonarhw.calibration import Calibration
     from sonarhw.host.scanner import Scanner
     from sonarhw.readings import Reading, ScanOrder
+    from sonarhw.scanning.calibration import Calibration
 
 PROFILE = ".toml"
+_LEVEL_DB = 6.0  # by which the threshold of a profile may be wrong, and a plate may be fainter than a perfect one
 
 
 def calibrate_scanner(
@@ -60,17 +62,29 @@ def calibrate_scanner(
         )
     order = order_in_degrees(direction - width / 2, direction + width / 2, step, pings=pings)
     _check_sector(order, width, step)
-    with sigterm_raises(), connect(url) as scanner:
+    with connect(url) as scanner:
         readings = _scan(scanner, order, profile, temperature)
-    from sonarhw.calibration import calibrate
+    from sonarhw.scanning.calibration import calibrate
 
-    found = calibrate(readings, distance, math.radians(direction))
-    _write(out, _with_calibration(profile.text, out.stem, found))
-    typer.echo(_result_line(found, distance))
+    found = calibrate(readings, distance, math.radians(direction), arcs=_arcs(profile, distance, step))
+    name = out.stem.encode(errors="replace").decode()
+    text = _with_calibration(profile.text, name, found)
+    with atomic_file(out, overwrite=force) as file:
+        file.write(text.encode())
+    print_line(_result_line(found, distance))
+
+
+def _arcs(board: "Board", distance: float, step: float) -> tuple[float, float]:
+    """Return the smallest and the largest plausible arc of a plate, rad; its ends are known within a step."""
+    from sonarhw_sim.air import Air
+    from sonarhw_sim.board.plate_arc import plate_arc
+
+    low, high = (plate_arc(board, Air(), distance, stronger) for stronger in (-_LEVEL_DB, _LEVEL_DB))
+    return low - math.radians(step), high + math.radians(step)
 
 
 def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
-    from sonarhw.calibration import FEWEST
+    from sonarhw.scanning.calibration import FEWEST
 
     needed = FEWEST + 2
     if order.headings < needed:
@@ -81,35 +95,34 @@ def _check_sector(order: "ScanOrder", width: float, step: float) -> None:
 
 
 def _scan(scanner: "Scanner", order: "ScanOrder", board: "Board", temperature: float | None) -> "list[Reading]":
-    from sonarhw_sim.air import Air
+    from sonarhw.sound_speed import ScanAir
 
-    from sonarhw.scan_recording import ScanAir
-
-    speed = ScanAir(Air().speed_at, Air().temperature_c, temperature).speed_of_sound(scanner)
+    speed = ScanAir(chosen_temperature=temperature).speed_of_sound(scanner.info.temperature_c)
     scanner.configure(2 * board.max_range / speed, board.blanking_end, False, speed)
     with interruption(scanner.stop):
         return list(scanner.scan(order))
 
 
 def _with_calibration(text: str, name: str, found: "Calibration") -> str:
-    """Return the text of the profile with a new name and the two measured keys, otherwise unchanged."""
-    values = {
-        "name": f'"{name}"',
-        "range_offset": f"{found.range_offset:.5f}       # m, measured minus true",
-        "home_angle_deg": f"{math.degrees(found.home_angle):.3f}     # direction of the turntable's zero",
-    }
-    for key, value in values.items():
-        line = f"{key} = {value}"
-        text, replaced = re.subn(rf"^{key}\s*=.*$", lambda _, line=line: line, text, flags=re.M)  # type: ignore[misc]
-        text = text if replaced else f"{text.rstrip()}\n{line}\n"
-    return text
+    """Return the text of the profile with a new name and the two measured keys, otherwise unchanged.
 
+    Raises InputError if the text cannot be changed.
+    """
+    import tomlkit
+    from sonarhw_sim.board.profile import parse_board
+    from tomlkit.exceptions import TOMLKitError
 
-def _write(out: Path, text: str) -> None:
+    # + 0.0 turns -0.0 into 0.0
+    offset = tomlkit.item(round(found.range_offset, 5) + 0.0)
+    home = tomlkit.item(round(math.degrees(found.home_angle), 3) + 0.0)
     try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{out}: cannot be written: {error.strerror or error}") from error
+        document = tomlkit.parse(text)
+        document["name"] = name
+        document["range_offset"] = offset.comment("m, measured minus true")
+        document["home_angle_deg"] = home.comment("direction of the turntable's zero")
+        return parse_board(tomlkit.dumps(document), f"profile {name!r}").text
+    except TOMLKitError as error:
+        raise InputError(f"the board profile cannot be changed: {error}; give another --board") from error
 
 
 def _result_line(found: "Calibration", distance: float) -> str:

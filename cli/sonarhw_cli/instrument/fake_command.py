@@ -8,20 +8,22 @@ from typing import Annotated
 import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
-from sonarhw_cli.console.connect import fake_device, read_pace
-from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.interruption import sigterm_exits
+from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.options import (
     BoardName,
     PlaceName,
     PtyLink,
-    RoomFile,
+    RoomName,
     TcpAddress,
     check_one_line,
+    chosen_place,
 )
+from sonarhw_cli.console.room_input import open_room
 
 
 def fake(
-    room_file: RoomFile,
+    room_name: RoomName,
     place: PlaceName = None,
     board: BoardName = DEFAULT_BOARD,
     pty: PtyLink = None,
@@ -41,24 +43,24 @@ def fake(
     unplug, move=SECONDS; wedge=SECONDS, slip=MICROSTEPS of the turntable. Faults with SECONDS or MICROSTEPS start
     @SECONDS, @rPINGS or, repeatedly, @~SECONDS. After `move` the new URL is printed.
     """
+    from sonarhw_compare.scanners.fake_url import fake_device
     from sonarhw_sim.board.profile import load_board
-    from sonarhw_sim.room.model import load_room
 
-    from sonarhw.device.endpoint import Endpoint, open_server_port
+    from sonarhw.device.endpoint import Endpoint, open_server_port, read_pace
     from sonarhw.device.fault_schedule import read_faults
     from sonarhw.device.server_ports import host_and_port
 
     check_one_line(pty, tcp)
     if tcp is not None:
         host_and_port(tcp)
-    load_board(board)
-    load_room(room_file).place(place)
+    profile, room = load_board(board), open_room(room_name)
+    here = chosen_place(room, place)
     chosen_pace, schedule = read_pace(pace), read_faults(faults)
-    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
-        typer.echo(port.url)
+    with sigterm_exits(), open_server_port(pty, tcp) as port:
+        print_line(port.url)
         # clients can connect from now on, during the slow preparation
-        device, echoes = fake_device(room_file, place, board, seed, schedule)
-        endpoint = Endpoint(device, port, chosen_pace, moved=typer.echo)
+        device, echoes = fake_device(room, here, profile, seed, schedule)
+        endpoint = Endpoint(device, port, chosen_pace, moved=print_line)
         with _prepared_meanwhile(echoes.prepare, endpoint.stop):
             endpoint.run()
 

@@ -2,17 +2,19 @@
 
 import math
 import time
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sonarhw.errors import CommandRefused
+from sonarhw.errors import CommandRefused, InputError
 from sonarhw_cli.console.connect import ScannerUrl, connect
-from sonarhw_cli.console.interruption import sigterm_raises
+from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import AsJson
 
 if TYPE_CHECKING:
-    from sonarhw.host.device_info import DeviceInfo
+    from sonarhw.host.device_info import DeviceCapabilities, DeviceInfo
     from sonarhw.host.scanner import Scanner
     from sonarhw.link.link_statistics import LinkStatistics
     from sonarhw.wire.messages import Statistics
@@ -25,18 +27,24 @@ def info(
     watch: Annotated[
         bool, typer.Option("--watch", help="Also print the link statistics once a second, until Ctrl-C.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Print identity, capabilities and link quality of a scanner."""
-    with sigterm_raises(), connect(url) as scanner:
+    if watch and as_json:
+        raise InputError("--watch, --json: give only one of them")
+    with connect(url) as scanner:
         device = _exercise_link(scanner)
+        if as_json:
+            print_json(_figures(scanner, device))
+            return
         facts = [*_identity(scanner.info), *_capabilities(scanner.info), *_link(scanner, device)]
         for name, value in facts:
-            typer.echo(f"{name:<14}{value}")
+            print_line(f"{name:<14}{value}")
         while watch:
             time.sleep(1.0)
             device = _device_statistics(scanner)
             clock = f"; clock drift {scanner.clock_drift * 1e6:+.0f} ppm"
-            typer.echo(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
+            print_line(f"{scanner.state:<14}{_host_counts(scanner.statistics)}{_device_counts(device)}{clock}")
 
 
 def _exercise_link(scanner: "Scanner") -> "Statistics | None":
@@ -57,6 +65,47 @@ def _device_statistics(scanner: "Scanner") -> "Statistics | None":
         return None
 
 
+def _figures(scanner: "Scanner", device: "Statistics | None") -> dict[str, Any]:
+    """Return the scanner under the keys of `info --json`; angles in degrees, None for what it does not state."""
+    from sonarhw.wire.origin import origin_of
+
+    info, can = scanner.info, scanner.info.capabilities
+    return {
+        "url": scanner.url,
+        "origin": origin_of("scan", info.firmware, info.serial),
+        "firmware": info.firmware,
+        "protocol": f"{info.protocol[0]}.{info.protocol[1]}",
+        "serial": info.serial or None,
+        "starts": info.boot or None,
+        "board": info.board or None,
+        "trace_rate_hz": info.trace_rate or None,
+        "microsteps": info.microsteps or None,
+        "temperature_c": info.temperature_c,
+        "capabilities": None
+        if can is None
+        else {
+            "features": _features(can),
+            "lowest_angle_deg": round(math.degrees(can.lowest_angle), 6),
+            "highest_angle_deg": round(math.degrees(can.highest_angle), 6),
+            "fastest_deg_s": round(math.degrees(can.fastest), 6),
+            "longest_listen_s": round(can.longest_listen, 6),
+            "ping_period_s": round(can.ping_period, 6),
+            "fastest_baud": can.fastest_baud or None,
+        },
+        "baud": scanner.baud,
+        "link": asdict(scanner.statistics),
+        "device": None
+        if device is None
+        else {"frames": device.frames, "rejected": device.rejected, "overruns": device.overruns},
+    }
+
+
+def _features(can: "DeviceCapabilities") -> list[str]:
+    from sonarhw.wire.messages import Feature
+
+    return [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
+
+
 def _identity(device: "DeviceInfo") -> list[tuple[str, str]]:
     return [
         ("firmware", device.firmware),
@@ -71,15 +120,12 @@ def _identity(device: "DeviceInfo") -> list[tuple[str, str]]:
 
 
 def _capabilities(device: "DeviceInfo") -> list[tuple[str, str]]:
-    from sonarhw.wire.messages import Feature
-
     can = device.capabilities
     if can is None:
         return [("capabilities", "not stated")]
-    features = [(feature.name or "").lower().replace("_", " ") for feature in Feature if feature in can.features]
     low, high = math.degrees(can.lowest_angle), math.degrees(can.highest_angle)
     return [
-        ("capabilities", ", ".join(features) or "none"),
+        ("capabilities", ", ".join(_features(can)) or "none"),
         ("turns", f"{low:.6g} to {high:.6g} degrees, at most {math.degrees(can.fastest):.4g} degrees a second"),
         ("listens", f"{can.longest_listen * 1000:.4g} ms, a ping every {can.ping_period * 1000:.4g} ms"),
         ("line", f"up to {can.fastest_baud} baud" if can.fastest_baud else "no baud rate"),

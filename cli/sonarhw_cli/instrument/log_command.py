@@ -3,14 +3,15 @@
 import math
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sonarhw.export.export_formats import FORMATS, export_format, export_suffixes
+from sonarhw_cli.console.lines import print_json, print_line
 from sonarhw_cli.console.log_input import LogFile, load_log, open_log
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import LOG, STDOUT, Force, checked_out
+from sonarhw_cli.console.options import LOG, STDOUT, AsJson, Force, checked_out
 from sonarhw_cli.console.output import binary_output
 
 if TYPE_CHECKING:
@@ -20,16 +21,23 @@ app = typer.Typer(help="Describe, export or recover a log.", no_args_is_help=Tru
 
 
 @app.command("info")
-def log_info(log: LogFile) -> None:
+def log_info(log: LogFile, as_json: AsJson = False) -> None:
     """Describe a log: its origin, its device and its scans."""
+    if as_json:
+        print_json(_figures(log, open_log(log)))
+        return
     for name, text in _described(open_log(log)):
-        typer.echo(f"{name:<9} {text}")
+        print_line(f"{name:<9} {text}")
 
 
 _FORMATS = ", ".join(f"{known.suffix} ({known.title})" for known in FORMATS)
 
 
-@app.command("export", help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (Copy of the log).")
+@app.command(
+    "export",
+    help=f"Write a log to a file. Formats: {_FORMATS}, {LOG} (Copy of the log). In CSV, heading_deg is the turntable "
+    "angle.",
+)
 def log_export(
     log: LogFile,
     out: Annotated[str, typer.Option("--out", help=f"File to write; - writes {FORMATS[0].suffix} to standard output.")],
@@ -44,7 +52,7 @@ def log_export(
         copy_log(recorded, Path(out), overwrite=force)
         return
     chosen = FORMATS[0] if kind == STDOUT else export_format(kind)
-    with binary_output(out) as file:
+    with binary_output(out, force) as file:
         chosen.write(recorded, file)
 
 
@@ -64,7 +72,7 @@ def log_recover(
     lost = f"nothing was lost, {log} was whole"
     if recorded.torn:
         lost = f"{_lost(recorded)}; {log} was {recorded.condition}: {recorded.torn}"
-    typer.echo(f"{kept}; {lost}")
+    print_line(f"{kept}; {lost}")
 
 
 def _lost(log: "Log") -> str:
@@ -76,12 +84,57 @@ def _lost(log: "Log") -> str:
     return f"{missing} of {counted(sum(made), 'reading')} {'is' if missing == 1 else 'are'} missing"
 
 
+def _figures(file: Path, log: "Log") -> dict[str, Any]:
+    """Return a log under the keys of `log info --json`; None for what it does not contain."""
+    made, device = log.metadata, log.info
+    return {
+        "file": str(file),
+        "origin": log.origin,
+        "made_by": made.made_by,
+        "product_version": made.product_version,
+        "started": datetime.fromtimestamp(made.started, UTC).isoformat() if made.started else None,
+        "room_file": made.room_file or None,
+        "place": made.place or None,
+        "board": made.board or (device.board if device else "") or None,
+        "device": None
+        if device is None
+        else {
+            "firmware": device.firmware,
+            "serial": device.serial or None,
+            "protocol": f"{device.major}.{device.minor}",
+        },
+        "speed_of_sound": log.settings.speed_of_sound / 1000 if log.settings else None,
+        "scans": [_scan_figures(scan) for scan in log.scans],
+        "frames": len(log.frames),
+        "condition": log.condition,
+        "damage": log.torn,
+    }
+
+
+def _scan_figures(scan: "RecordedScan") -> dict[str, Any]:
+    readings = scan.readings
+    angles = [round(math.degrees(reading.angle), 6) for reading in readings]
+    return {
+        "readings": len(readings),
+        "expected": scan.expected,
+        "echoes": sum(reading.range is not None for reading in readings),
+        "traces": sum(reading.trace is not None for reading in readings),
+        "lowest_angle_deg": min(angles, default=None),
+        "highest_angle_deg": max(angles, default=None),
+        "sweeps": readings[-1].sweep + 1 if readings else 0,
+        "duration_s": round(readings[-1].time - scan.began, 6) if readings else None,
+        "finished": scan.finished is not None,
+        "angle_warning": scan.angle_warning,
+    }
+
+
 def _described(log: "Log") -> list[tuple[str, str]]:
     made, device = log.metadata, log.info
     started = f"{datetime.fromtimestamp(made.started, UTC):%Y-%m-%d %H:%M:%S} UTC"
     lines = [
         ("made by", f"{made.made_by}, sonarhw {made.product_version}" if made.started else "unknown"),
         ("started", started if made.started else "unknown"),
+        ("readings", log.origin),
         ("room", made.room_file or "not recorded"),
         ("place", made.place or "not recorded"),
         ("board", made.board or (device.board if device else "") or "not recorded"),

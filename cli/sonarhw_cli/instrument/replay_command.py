@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from sonarhw.errors import InputError
+from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.log_input import LogFile, open_log
 from sonarhw_cli.console.options import PtyLink, TcpAddress, check_one_line
 
@@ -22,7 +23,7 @@ def replay(
     """Serve a log as a live scanner. Each scan command replays it. The first line of standard output is its URL."""
     from sonarhw.device.endpoint import Endpoint, open_server_port
     from sonarhw.replay.replayed_log import ReplayDevice
-    from sonarhw_cli.console.interruption import sigterm_raises
+    from sonarhw_cli.console.interruption import sigterm_exits
 
     check_one_line(pty, tcp)
     if not speed > 0:
@@ -33,7 +34,7 @@ def replay(
     # for inf the endpoint does not wait, and the readings keep their recorded times
     at_once = math.isinf(speed)
     device = ReplayDevice(recorded, 1.0 if at_once else speed, loop)
-    with sigterm_raises(SystemExit), open_server_port(pty, tcp) as port:
+    with sigterm_exits(), open_server_port(pty, tcp) as port:
         endpoint = Endpoint(device, port, "max" if at_once else "real")
-        typer.echo(port.url)
+        print_line(port.url)
         endpoint.run()

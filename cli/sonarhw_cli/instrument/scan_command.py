@@ -14,15 +14,16 @@ from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
 from sonarhw.export.csv_rows import HEADER, row
-from sonarhw.readings import Reading, ScanOrder
 from sonarhw_cli.console.connect import RECONNECT, ScannerUrl, connect
-from sonarhw_cli.console.interruption import Interruption, interruption, sigterm_raises
+from sonarhw_cli.console.interruption import Interruption, interruption
+from sonarhw_cli.console.lines import print_detail, print_error, print_note
 from sonarhw_cli.console.number_format import counted
 from sonarhw_cli.console.options import (
     LOG,
     Force,
     FromAngle,
     PlaceName,
+    RoomToStore,
     StepAngle,
     ToAngle,
     check_temperature,
@@ -41,14 +42,15 @@ if TYPE_CHECKING:
 
     from sonarhw.host.scanner import Scanner
     from sonarhw.log import LogMetadata
-    from sonarhw.scan_recording import ScanPlan
+    from sonarhw.readings import Reading, ScanOrder
+    from sonarhw.scanning.scan_recording import ScanPlan
 
 
 @dataclass(frozen=True)
 class _Request:
     """The options of a scan."""
 
-    order: ScanOrder
+    order: "ScanOrder"
     out: Path
     force: bool
     board: str | None
@@ -61,7 +63,7 @@ class _Request:
 def scan(
     url: ScannerUrl,
     out: Annotated[Path, typer.Option(help="Log to write.", metavar="LOG.mcap")],
-    room: Annotated[Path | None, typer.Option(help="Room file, stored in the log.", metavar="ROOM")] = None,
+    room: RoomToStore = None,
     place: PlaceName = None,
     board: Annotated[
         str | None, typer.Option(help="Board profile; default: the scanner's.", metavar="NAME|FILE.toml")
@@ -77,7 +79,12 @@ def scan(
         typer.Option(help="Temperature of the air, °C; default: the scanner's thermometer, else the room's, else 20."),
     ] = None,
     traces: Annotated[bool, typer.Option("--traces", help="Record the receive signal of every ping.")] = False,
-    show: Annotated[bool, typer.Option("--print", help="Write each reading to standard output as CSV.")] = False,
+    show: Annotated[
+        bool,
+        typer.Option(
+            "--print", help="Write each reading to standard output as CSV; heading_deg is the turntable angle."
+        ),
+    ] = False,
     reconnect: Annotated[
         float, typer.Option(help="Time for reconnecting to a lost scanner, seconds.", metavar="S", min=0)
     ] = RECONNECT,
@@ -90,24 +97,24 @@ def scan(
     checked_out(out, (LOG,), force, url, room, board)
     _check(request)
     metadata, air = _room(room, place)
-    with sigterm_raises(), connect(url, reconnect) as scanner:
+    with connect(url, reconnect) as scanner:
         _record(scanner, request, metadata, air)
 
 
 def _check(request: _Request) -> None:
-    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.board.profile import MOST_RANGE, load_board
 
     _check_order(request.order)
     if request.show:
         standard_output()
     if request.board is not None:
         load_board(request.board)
-    if request.max_range is not None and not 0 < request.max_range < math.inf:
-        raise InputError(f"--max-range {request.max_range:g}: expected metres above 0")
+    if request.max_range is not None and not 0 < request.max_range <= MOST_RANGE:
+        raise InputError(f"--max-range {request.max_range:g}: expected metres above 0, at most {MOST_RANGE:g}")
     check_temperature(request.temperature)
 
 
-def _check_order(order: ScanOrder) -> None:
+def _check_order(order: "ScanOrder") -> None:
     """Raise InputError for an order that does not fit into a frame. The scanner checks the limits of the turntable."""
     from sonarhw.wire.limits import MOST_READINGS
     from sonarhw.wire.units import microdegrees_of
@@ -121,30 +128,36 @@ def _check_order(order: ScanOrder) -> None:
         )
 
 
-def _room(room_file: Path | None, place: str | None) -> "tuple[LogMetadata, Air]":
+def _room(room_name: str | None, place: str | None) -> "tuple[LogMetadata, Air]":
     """Return the metadata of the log, with the room, and the air in the room."""
     from sonarhw_sim.air import Air
+    from sonarhw_sim.named_file import file_name
 
     from sonarhw.log import LogMetadata
 
-    if room_file is None:
+    if room_name is None:
         if place is not None:
             raise InputError("--place needs --room: it is a place of a room file")
         return LogMetadata(made_by="scan", started=time.time()), Air()
-    room = open_room(room_file)
+    room = open_room(room_name)
     here = chosen_place(room, place)
     metadata = LogMetadata(
-        made_by="scan", started=time.time(), room_file=room_file.name, room_text=room.text, place=here.name
+        made_by="scan", started=time.time(), room_file=file_name(room_name), room_text=room.text, place=here.name
     )
     return metadata, room.air
 
 
 def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air: "Air") -> None:
     from sonarhw.log import LogWriter
-    from sonarhw.scan_recording import record_scan
+    from sonarhw.scanning.scan_recording import record_scan
 
     board = _board(scanner, request)
     metadata = replace(metadata, board=board.name, board_text=board.text)
+    if request.max_range is not None and request.max_range > board.max_range:
+        warn(
+            f"--max-range {request.max_range:g}: board {board.name!r} detects echoes to {board.max_range:g} m; "
+            f"each ping now takes at least {2 * request.max_range / air.speed_of_sound:.2g} s"
+        )
     if request.traces and not scanner.info.trace_rate:
         warn(f"{scanner.url}: the scanner sends no traces; only echo times are recorded")
     with ExitStack() as exit_stack:
@@ -152,8 +165,12 @@ def _record(scanner: "Scanner", request: _Request, metadata: "LogMetadata", air:
         exit_stack.enter_context(_interruption_reported(request, terminal))
         terminal.interrupted = exit_stack.enter_context(interruption(scanner.stop))
         log = LogWriter(request.out, metadata, overwrite=request.force, warn=warn)
-        record_scan(scanner, _plan(request, board, air), log, terminal)
-    typer.echo(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}", err=True)
+        plan = _plan(request, board, air)
+        print_detail(
+            f"board {board.name!r}; speed of sound {plan.air.speed_of_sound(scanner.info.temperature_c):.2f} m/s"
+        )
+        record_scan(scanner, plan, log, terminal)
+    print_note(f"{counted(terminal.count, 'reading')}, {terminal.echoes} with an echo, in {request.out}")
     _warn_of_another_count(terminal.count, request)
     _warn_of_the_link(scanner)
 
@@ -166,7 +183,8 @@ def _board(scanner: "Scanner", request: _Request) -> "Board":
 
 
 def _plan(request: _Request, board: "Board", air: "Air") -> "ScanPlan":
-    from sonarhw.scan_recording import ScanAir, ScanPlan
+    from sonarhw.scanning.scan_recording import ScanPlan
+    from sonarhw.sound_speed import ScanAir
 
     return ScanPlan(
         request.order,
@@ -202,7 +220,7 @@ class _Terminal:
         if self._request.show:
             self._print(HEADER)
 
-    def reading(self, reading: Reading) -> None:
+    def reading(self, reading: "Reading") -> None:
         self.count += 1
         self.echoes += bool(reading.echo_times)
         if self._began is None:
@@ -231,7 +249,7 @@ def _interruption_reported(request: _Request, terminal: _Terminal) -> Iterator[N
         are = "is" if count == 1 else "are"
         kept = f"{counted(count, 'reading')} {are} kept in {request.out}" if count else "nothing was recorded"
         with suppress(OSError):  # the terminal may be closed
-            typer.echo(f"sonarhw: interrupted; {kept}", err=True)
+            print_error(f"interrupted; {kept}")
         raise
 
 

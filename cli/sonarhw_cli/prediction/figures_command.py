@@ -1,44 +1,50 @@
 """`sonarhw figures`: draw every figure of the paper, and check the claims of the paper about it."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarhw.errors import InputError
+from sonarhw_cli.console.lines import print_line
 from sonarhw_cli.console.number_format import counted
-from sonarhw_cli.console.options import refuse_existing
+from sonarhw_cli.console.options import ForceFiles, refuse_existing_in
 from sonarhw_cli.console.output import atomic_file, made_folder
 from sonarhw_cli.console.progress import progress
 
 
+class PictureFormat(StrEnum):
+    """The formats of `sonarhw_compare.pictures.picture_file.PICTURES`."""
+
+    PNG = "png"
+    PDF = "pdf"
+    SVG = "svg"
+
+
 def figures(
     folder: Annotated[Path, typer.Argument(help="Folder for the pictures and figures.md.", metavar="DIR")],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files of these names.")] = False,
+    picture_format: Annotated[PictureFormat, typer.Option("--format", help="Format of the pictures.")] = (
+        PictureFormat.PNG
+    ),
+    force: ForceFiles = False,
 ) -> None:
     """Draw the paper's figures again and check each. DIR/figures.md states whether each agrees with the paper."""
     from sonarhw_compare.paper.page import EXHIBITS, PAGE, claims, page, picture, picture_name
 
+    suffix = f".{picture_format.value}"
     text = folder / PAGE
-    pictures = [folder / picture_name(exhibit) for exhibit in EXHIBITS]
-    _check(folder, [text, *pictures], force)
+    pictures = [folder / picture_name(exhibit, suffix) for exhibit in EXHIBITS]
+    refuse_existing_in(folder, [text, *pictures], force, "DIR")
     held = []
     with made_folder(folder), progress(len(EXHIBITS), lambda: "Drawing") as advance:
         for exhibit, out in zip(EXHIBITS, pictures, strict=True):
             held += [claim.holds for claim in claims(exhibit)]
-            _write(out, picture(exhibit))
+            _write(out, picture(exhibit, suffix), force)
             advance()
-    _write(text, page().encode())
-    typer.echo(f"{counted(len(pictures), 'figure')}; {sum(held)} of {counted(len(held), 'claim')} hold: {text}")
+    _write(text, page(suffix).encode(), force)
+    print_line(f"{counted(len(pictures), 'figure')}; {sum(held)} of {counted(len(held), 'claim')} hold: {text}")
 
 
-def _check(folder: Path, files: list[Path], force: bool) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; give the name of a folder")
-    for file in files if folder.exists() else ():
-        refuse_existing(file, force, "DIR")
-
-
-def _write(out: Path, content: bytes) -> None:
-    with atomic_file(out, "DIR") as file:
+def _write(out: Path, content: bytes, force: bool) -> None:
+    with atomic_file(out, "folder", overwrite=force) as file:
         file.write(content)

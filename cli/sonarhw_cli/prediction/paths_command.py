@@ -12,7 +12,7 @@ from sonarhw_cli.console.options import (
     EdgeStrengthChoice,
     Force,
     PlaceName,
-    RoomFile,
+    RoomName,
     checked_out,
     chosen_place,
 )
@@ -23,7 +23,7 @@ HEADER = "length_m,departure_deg,arrival_deg,gain,bounces,via"
 
 
 def paths(
-    room_file: RoomFile,
+    room_name: RoomName,
     place: PlaceName = None,
     max_bounces: Annotated[int, typer.Option(min=0, max=1000, help="Largest number of reflections.")] = 64,
     max_range: Annotated[
@@ -31,7 +31,7 @@ def paths(
         typer.Option(min=0, max=1000, help="List paths up to twice this length, metres; default: the board's range."),
     ] = None,
     no_diffraction: Annotated[bool, typer.Option("--no-diffraction", help="Omit paths around edges.")] = False,
-    edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
+    edge_strength: EdgeStrengthChoice = None,
     faintest: Annotated[
         float,
         typer.Option(
@@ -47,8 +47,8 @@ def paths(
     from sonarhw_sim.rays.paths import PathSearch
     from sonarhw_sim.vertical.sections import paths_from
 
-    checked_out(out, (".csv", STDOUT), force, room_file)
-    room = open_room(room_file)
+    checked_out(out, (".csv", STDOUT), force, room_name)
+    room = open_room(room_name)
     here, board = chosen_place(room, place), load_board(DEFAULT_BOARD)
     reach = board.max_range if max_range is None else max_range
     search = PathSearch(
@@ -56,10 +56,10 @@ def paths(
         board.wavelength(room.air),
         max_bounces,
         not no_diffraction,
-        edge_strength=EdgeStrength(edge_strength.value),
+        edge_strength=edge_strength or EdgeStrength.UNIFORM,
         faintest_diffraction=10 ** (faintest / 20),
     )
-    with text_output(out) as file:
+    with text_output(out, force) as file:
         found = paths_from(room, here, search)
         rows = (
             (

@@ -1,9 +1,11 @@
 """Output of `sonarhw simulate`: a predicted scan as rows, arrays, picture or log, also with receive signals."""
 
 import math
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,8 @@ from sonarhw_cli.console.output import atomic_file
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from sonarhw_sim.air import Air
+    from sonarhw_sim.board.profile import Board
     from sonarhw_sim.predict.predicted_scan import PredictedScan
 
     from sonarhw.readings import Trace
@@ -33,6 +37,9 @@ class TraceForm(StrEnum):
 
 USUAL_RATES = {TraceForm.RF: 1e6, TraceForm.SAMPLED: 16e6 / 16 / 13, TraceForm.ENVELOPE: 50e3}  # Hz
 SLOWEST, FASTEST = 1e3, 1e6  # Hz
+_SAMPLE_BYTES = {TraceForm.RF: 4, TraceForm.SAMPLED: 1, TraceForm.ENVELOPE: 4}  # in an .npz file
+_MOST_BYTES = 4e9  # of all traces in a file
+_MOST_BYTES_IN_MEMORY = 5e8  # of all traces for a log, which is encoded from memory
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,23 @@ def trace_settings(kind: TraceForm | None, rate: float | None, suffix: str) -> T
     return TraceSettings(kind, chosen)
 
 
+def check_trace_size(traces: TraceSettings, suffix: str, listening: float, headings: int) -> None:
+    """Raise InputError if traces of `listening` s are too long for a log, or too large together."""
+    samples = math.ceil(listening * traces.rate)
+    if suffix == LOG and samples > _MOST_SAMPLES:
+        most = math.floor(_MOST_SAMPLES / listening)
+        raise InputError(
+            f"--rate {traces.rate:g}: a trace in a log has at most {_MOST_SAMPLES} samples; give {most} or less"
+        )
+    sample, most_bytes = (8, _MOST_BYTES_IN_MEMORY) if suffix == LOG else (_SAMPLE_BYTES[traces.kind], _MOST_BYTES)
+    needed = headings * samples * sample
+    if needed > most_bytes:
+        raise InputError(
+            f"--traces {traces.kind}: {headings} traces of {samples} samples need {needed / 1e9:.1f} GB, "
+            f"at most {most_bytes / 1e9:g} GB are possible; give a larger --step or a lower --rate"
+        )
+
+
 def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str | None, ...]]:
     """Yield the columns of HEADER, one row for each heading; None for an unknown value."""
     bounces, ranges = scan.paths.bounces, scan.ranges
@@ -67,23 +91,32 @@ def prediction_rows(scan: "PredictedScan") -> Iterator[tuple[float | int | str |
             yield math.degrees(heading), distance, None, None, None, None
             continue
         # the directivity straight ahead is 1 except for rounding: write 0 dB, not -1e-13
-        length, level = float(scan.paths.lengths[winner]), round(float(scan.levels_at(k)[winner]), 9) + 0.0
+        length, level = float(scan.paths.lengths[winner]), round(scan.level_of_reading(k), 9) + 0.0
         via = ">".join(scan.paths.via(int(winner), scan.room))
         yield math.degrees(heading), distance, length, level, int(bounces[winner]), via
 
 
-def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out: Path) -> None:
-    """Write the columns as arrays; with traces also `trace`, one row for each heading, and `trace_rate_hz`."""
+def write_predicted_npz(scan: "PredictedScan", traces: TraceSettings | None, out: Path, force: bool) -> None:
+    """Write the columns as arrays; with traces also `trace`, one row for each heading, and `trace_rate_hz`.
+
+    Traces are computed and written one by one, because those of a fine scan do not fit into memory.
+    """
     import numpy as np
+
+    from sonarhw.export.npz import write_array
 
     *numbers, via = zip(*prediction_rows(scan), strict=True)
     columns = [np.array(column, dtype=float) for column in numbers] + [np.array([touched or "" for touched in via])]
     named = dict(zip(HEADER.split(","), columns, strict=True))
     if traces is not None:
-        named |= {"trace": np.stack([_samples(scan, k, traces) for k in range(len(scan.headings))])}
         named |= {"trace_rate_hz": np.array(traces.rate)}
-    with atomic_file(out) as file:
-        np.savez(file, allow_pickle=False, **named)
+    with atomic_file(out, overwrite=force) as file, zipfile.ZipFile(file, "w") as archive:
+        for name, column in named.items():
+            write_array(archive, name, column.shape, column.dtype, [column])
+        if traces is not None:
+            first = _samples(scan, 0, traces)
+            others = (_samples(scan, k, traces) for k in range(1, len(scan.headings)))
+            write_array(archive, "trace", (len(scan.headings), *first.shape), first.dtype, chain([first], others))
 
 
 def _samples(scan: "PredictedScan", index: int, traces: TraceSettings) -> "NDArray[np.generic]":
@@ -100,35 +133,35 @@ def _samples(scan: "PredictedScan", index: int, traces: TraceSettings) -> "NDArr
             return signal.envelope(traces.rate).samples.astype(np.float32)
 
 
-def _listening(scan: "PredictedScan") -> float:
+def listening_time(board: "Board", air: "Air") -> float:
     """Return the listening time of a ping for the range of the board, s."""
-    return 2 * scan.board.max_range / scan.room.air.speed_of_sound
+    return 2 * board.max_range / air.speed_of_sound
 
 
-def write_predicted_picture(scan: "PredictedScan", out: Path) -> None:
-    """Write the plan of the room with the prediction as PNG."""
+def _listening(scan: "PredictedScan") -> float:
+    return listening_time(scan.board, scan.room.air)
+
+
+def write_predicted_picture(scan: "PredictedScan", out: Path, suffix: str, force: bool) -> None:
+    """Write the plan of the room with the prediction as a picture in the format of `suffix`."""
     from sonarhw_compare.pictures.overlay_picture import draw_plan
+    from sonarhw_compare.pictures.picture_file import write_picture
 
     figure = draw_plan(scan, title=f"{scan.room.name}, place {scan.place.name}, board {scan.board.name}")
-    with atomic_file(out) as file:
-        figure.savefig(file, format="png")
+    with atomic_file(out, overwrite=force) as file:
+        write_picture(figure, file, suffix)
 
 
 def write_predicted_log(
     scan: "PredictedScan", traces: TraceSettings | None, room_file: str, out: Path, force: bool
 ) -> None:
-    """Write the log of a scanner that measures exactly the prediction. Raises InputError if traces are too long."""
+    """Write the log of a scanner that measures exactly the prediction."""
     import time
 
     from sonarhw.export.encoded_log import write_scan
     from sonarhw.log import LogMetadata
     from sonarhw.readings import Reading
 
-    if traces is not None and math.ceil(_listening(scan) * traces.rate) > _MOST_SAMPLES:
-        most = math.floor(_MOST_SAMPLES / _listening(scan))
-        raise InputError(
-            f"--rate {traces.rate:g}: a trace in a log has at most {_MOST_SAMPLES} samples; give {most} or less"
-        )
     air = scan.room.air
     readings = [
         Reading(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from sonarhw_compare.pictures.picture_file import PICTURES
 from sonarhw_sim.choices import DEFAULT_BOARD, EdgeStrength, Model, Receiver, Unit
 
 from sonarhw.errors import InputError
@@ -19,7 +20,7 @@ from sonarhw_cli.console.options import (
     ModelChoice,
     PlaceName,
     ReceiverChoice,
-    RoomFile,
+    RoomName,
     StepDegrees,
     ToDegrees,
     checked_out,
@@ -34,6 +35,8 @@ from sonarhw_cli.prediction.predicted_files import (
     HEADER,
     TraceForm,
     TraceSettings,
+    check_trace_size,
+    listening_time,
     prediction_rows,
     trace_settings,
     write_predicted_log,
@@ -50,11 +53,11 @@ if TYPE_CHECKING:
     from sonarhw.readings import FloatArray, ScanOrder
 
 WHOLE_CIRCLE = (0.0, 360.0, 5.0)  # degrees: from, to, step
-_FORMATS = (".csv", ".npz", ".png", LOG, STDOUT)
+_FORMATS = (".csv", ".npz", *PICTURES, LOG, STDOUT)
 
 
 def simulate(
-    room_file: RoomFile,
+    room_name: RoomName,
     place: PlaceName = None,
     start: FromDegrees = WHOLE_CIRCLE[0],
     stop: ToDegrees = WHOLE_CIRCLE[1],
@@ -62,7 +65,7 @@ def simulate(
     board: BoardName = DEFAULT_BOARD,
     receiver: ReceiverChoice = None,
     unit: Annotated[Unit, typer.Option(help="Effect of the transducer's face on sound that passes it.")] = (Unit.PASS),
-    edge_strength: EdgeStrengthChoice = EdgeStrength.PAPER,
+    edge_strength: EdgeStrengthChoice = None,
     sections: Annotated[
         int,
         typer.Option(min=1, max=99, help="Horizontal sections across the face, for a place with a height."),
@@ -88,7 +91,9 @@ def simulate(
         int | None,
         typer.Option(min=0, help="Seed of random values; without one, --model nearest has no random errors."),
     ] = None,
-    out: Annotated[str, typer.Option(help="FILE.csv, .npz, .png, .mcap, or - for CSV on standard output.")] = "-",
+    out: Annotated[
+        str, typer.Option(help="FILE.csv, .npz, .png, .pdf, .svg, .mcap, or - for CSV on standard output.")
+    ] = "-",
     force: Force = False,
 ) -> None:
     """Predict a scan as CSV, NPZ, picture or log.
@@ -99,29 +104,34 @@ def simulate(
     for each sensor, at the heading of that sensor, and --from, --to and --step are refused.
     """
     from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.named_file import file_name
     from sonarhw_sim.predict.models import predict_with
 
-    kind = checked_out(out, _FORMATS, force, room_file, board)
+    kind = checked_out(out, _FORMATS, force, room_name, board)
     settings = trace_settings(traces, rate, kind)
     order = order_in_degrees(start, stop, step)
-    room = open_room(room_file)
+    room = open_room(room_name)
     here, chosen = chosen_place(room, place), load_board(board)
     options = replace(_options(chosen, receiver, unit, edge_strength, noise, seed), sections=sections)
     _check_noise(options, settings)
     _check_effect(model, options, here)
-    scan = predict_with(model, room, here, chosen, _headings(order, chosen, here), options)
+    headings = _headings(order, chosen, here)
+    if settings is not None:
+        check_trace_size(settings, kind, listening_time(chosen, room.air), len(headings))
+    scan = predict_with(model, room, here, chosen, headings, options)
     if model.follows_sound:
         _warn_of_near_field(scan)
     _warn_of_face_outside(scan)
+    _warn_of_silence(scan)
     match kind:
         case ".npz":
-            write_predicted_npz(scan, settings, Path(out))
-        case ".png":
-            write_predicted_picture(scan, Path(out))
+            write_predicted_npz(scan, settings, Path(out), force)
+        case suffix if suffix in PICTURES:
+            write_predicted_picture(scan, Path(out), suffix, force)
         case ".mcap":
-            write_predicted_log(scan, settings, room_file.name, Path(out), force)
+            write_predicted_log(scan, settings, file_name(room_name), Path(out), force)
         case _:
-            with text_output(out) as file:
+            with text_output(out, force) as file:
                 write_rows(file, HEADER, prediction_rows(scan))
 
 
@@ -129,7 +139,7 @@ def _options(
     board: "Board",
     receiver: Receiver | None,
     unit: Unit,
-    edge_strength: EdgeStrength,
+    edge_strength: EdgeStrength | None,
     noise: float,
     seed: int | None,
 ) -> "PredictionOptions":
@@ -171,6 +181,15 @@ def _warn_of_near_field(scan: "PredictedScan") -> None:
             f"{counted(near, 'reading')} nearer than {begins:.3f} m, where the far field of the "
             "transducer begins: their beam loss is approximate"
         )
+
+
+def _warn_of_silence(scan: "PredictedScan") -> None:
+    """Warn if no heading has an echo, with the reason; that the place is outside the room is printed already."""
+    import numpy as np
+    from sonarhw_sim.check.no_echo import reason_for_silence
+
+    if np.isnan(scan.ranges).all() and not scan.room.is_outside(scan.place.position):
+        warn(f"no echo: {reason_for_silence(scan.room, scan.place, scan.board)}")
 
 
 def _warn_of_face_outside(scan: "PredictedScan") -> None:

@@ -1,61 +1,79 @@
 """`sonarhw demo`: scan the demo room with a fake scanner, and show the scan over its prediction."""
 
-import json
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sonarhw_cli.console.demo_room import PLACE, demo_room, demo_url
+from sonarhw.errors import InputError, MissingExtra
+from sonarhw.json_text import json_text
+from sonarhw_cli.console.demo_room import PLACE, ROOM, demo_url
+from sonarhw_cli.console.lines import print_line
+from sonarhw_cli.console.options import ForceFiles, refuse_existing_in
 from sonarhw_cli.console.output import atomic_file, made_folder
 from sonarhw_cli.window.gui_command import show_demo
 
-RESULT = Path("demo-result")  # folder of the demo's files when there is no display
+RESULT = "demo-result"  # folder of the demo's files when there is no display
+OPTION = "--headless"
+FILES = ("scan.mcap", "overlay.png", "summary.json")
 STEP_DEGREES = 3.0
 
 
 def demo(
     headless: Annotated[
         Path | None,
-        typer.Option(help="Without a window: write scan.mcap, overlay.png and summary.json to DIR.", metavar="DIR"),
+        typer.Option(help=f"Without a window: write {FILES[0]}, {FILES[1]} and {FILES[2]} to DIR.", metavar="DIR"),
     ] = None,
+    force: ForceFiles = False,
 ) -> int:
     """Scan the demo room with a fake scanner and show the overlay.
 
-    The overlay is the scan drawn over its prediction. Files of an earlier demo are overwritten. The seed is fixed, so
-    each run gives the same result.
+    The overlay is the scan drawn over its prediction. Without a display and without --headless, the files are written
+    to a new folder demo-result, demo-result-2 and so on. The seed is fixed, so each run gives the same result.
     """
-    if headless is None and _has_display():
+    if force and headless is None:
+        raise InputError(f"--force: needs {OPTION} DIR; without it, the demo overwrites nothing")
+    if headless is None and _can_open_window():
         return show_demo()
-    folder = headless or RESULT
-    with demo_room() as room_file, made_folder(folder):
-        _write_result(room_file, folder)
+    folder = _free_folder() if headless is None else headless
+    refuse_existing_in(folder, [folder / name for name in FILES], force, OPTION)
+    with made_folder(folder):
+        _write_result(folder, force)
     return 0
 
 
-def _has_display() -> bool:
+def _free_folder() -> Path:
+    names = (Path(RESULT if number == 1 else f"{RESULT}-{number}") for number in count(1))
+    return next(name for name in names if not (name.exists() or name.is_symlink()))
+
+
+def _can_open_window() -> bool:
     from sonarhw_gui.shell.display import NoDisplay, check_display
 
     try:
         check_display()
     except NoDisplay:
-        typer.echo("There is no display: the demo runs without a window.")
+        print_line("There is no display: the demo runs without a window.")
+        return False
+    except MissingExtra as error:
+        print_line(f"The demo runs without a window: {error}")
         return False
     return True
 
 
-def _write_result(room_file: Path, folder: Path) -> None:
-    from sonarhw_cli.comparison.compare_command import compare_log, draw_comparison, summary_lines
+def _write_result(folder: Path, force: bool) -> None:
+    from sonarhw_cli.comparison.compare_command import compare_log, save_comparison, summary_lines
     from sonarhw_cli.instrument.scan_command import scan
 
-    log, picture, figures = folder / "scan.mcap", folder / "overlay.png", folder / "summary.json"
-    scan(demo_url(room_file, "max"), log, room_file, PLACE, step=STEP_DEGREES, traces=True, force=True)
-    comparison = compare_log(log, room_file, PLACE)
-    with atomic_file(picture, "--headless") as file:
-        draw_comparison(comparison, file)
-    with atomic_file(figures, "--headless") as file:
-        file.write((json.dumps(asdict(comparison.summary()), indent=2) + "\n").encode())
+    log, picture, figures = (folder / name for name in FILES)
+    scan(demo_url("max"), log, ROOM, PLACE, step=STEP_DEGREES, traces=True, force=force)
+    comparison, _ = compare_log(log, ROOM, PLACE)
+    with atomic_file(picture, OPTION, overwrite=force) as file:
+        save_comparison(comparison, file)
+    with atomic_file(figures, OPTION, overwrite=force) as file:
+        file.write((json_text(asdict(comparison.summary())) + "\n").encode())
     for line in summary_lines(comparison.summary()):
-        typer.echo(line)
-    typer.echo(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")
+        print_line(line)
+    print_line(f"The picture is in {picture}, the scan in {log}, the summary in {figures}.")

@@ -3,17 +3,19 @@
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from sonarhw_sim.choices import DEFAULT_BOARD
 
 from sonarhw.errors import InputError
-from sonarhw_cli.console.connect import FAKE, Find, read_fake_url, resolve
-from sonarhw_cli.console.demo_room import demo_room, demo_url
-from sonarhw_cli.console.options import LOG, PlaceName
+from sonarhw_cli.console.connect import resolve
+from sonarhw_cli.console.demo_room import demo_url
+from sonarhw_cli.console.options import LOG, ROOM_NAME, PlaceName
 
 if TYPE_CHECKING:
+    from sonarhw_compare.scanners.scanner_url import Find
     from sonarhw_gui.live.scanner_jobs import ScannerOpener
     from sonarhw_gui.scene.scene import Scene
     from sonarhw_gui.session.scanner_choice import ScannerTarget
@@ -29,7 +31,7 @@ _SCAN, _ROOM = ".csv", ".toml"
 class _Request:
     """Room, place and board of the options; None if not given."""
 
-    room: Path | None
+    room: str | None
     place: str | None
     board: str | None
 
@@ -41,11 +43,11 @@ def gui(
     sources: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Log, CSV scan, room file, serial port, socket://HOST:PORT or fake:ROOM?place=NAME.",
+            help="Log, CSV scan, room (name or file), serial port, socket://HOST:PORT or 'fake:ROOM?place=NAME'.",
             metavar="LOG|CSV|URL|ROOM",
         ),
     ] = None,
-    room: Annotated[Path | None, typer.Option(help="Room file; default: the log's.", metavar="ROOM")] = None,
+    room: Annotated[str | None, typer.Option(help="Room: name or file; default: the log's.", metavar=ROOM_NAME)] = None,
     place: PlaceName = None,
     board: Annotated[
         str | None, typer.Option(help="Board profile; default: the log's.", metavar="NAME|FILE.toml")
@@ -65,17 +67,15 @@ def gui(
         return _scan(source, request)
     if room_named is not None:
         return _show_room(room_named, request)
-    with demo_room() as room_file:
-        return _scan(demo_url(room_file), request, resume=request == _NOTHING)
+    return _scan(demo_url(), request, resume=request == _NOTHING)
 
 
 def show_demo() -> int:
     """Open the window on a fake scanner in the demo room."""
-    with demo_room() as room_file:
-        return _scan(demo_url(room_file), _NOTHING)
+    return _scan(demo_url(), _NOTHING)
 
 
-def _source_and_room(sources: list[str], room: Path | None) -> tuple[str | None, Path | None]:
+def _source_and_room(sources: list[str], room: str | None) -> tuple[str | None, str | None]:
     """Return the source and the room to open, or None. Raises InputError for several sources or several rooms."""
     rooms = [source for source in sources if _kind(source) == _ROOM]
     others = [source for source in sources if source not in rooms]
@@ -83,13 +83,19 @@ def _source_and_room(sources: list[str], room: Path | None) -> tuple[str | None,
         raise InputError(f"{' '.join(others)}: expected one log, scan or scanner at a time")
     if len(rooms) + (room is not None) > 1:
         raise InputError(f"{' '.join([*rooms, *([f'--room {room}'] if room else [])])}: expected one room")
-    return (others[0] if others else None), (Path(rooms[0]) if rooms else None)
+    return (others[0] if others else None), (rooms[0] if rooms else None)
 
 
 def _kind(source: str) -> str:
     """Return the suffix of a file that can be opened; empty for a URL. Raises InputError for any other file."""
-    if source.startswith(FAKE) or "://" in source:
+    from sonarhw_compare.scanners.fake_url import is_fake
+
+    if is_fake(source) or "://" in source:
         return ""
+    from sonarhw_sim.room.model import room_names
+
+    if source in room_names():
+        return _ROOM
     path = Path(source)
     if path.suffix.lower() in (LOG, _SCAN, _ROOM):
         return path.suffix.lower()
@@ -107,13 +113,16 @@ def _replay(path: Path, request: _Request) -> int:
 
     log = open_log(path)
     scene = _log_scene(log, request)
-    check_display()
+    named = quote(str(path))
+    check_display(
+        f"`sonarhw report {named} --out FILE.html` and `sonarhw compare {named} --plot FILE.png` work without a window"
+    )
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
     with ExitStack() as exit_stack:
         scanners = _Scanners(exit_stack)
-        start = WindowStart(scene, log, source_name=path.name, source_file=path, used=_used(request.room, path))
+        start = WindowStart(scene, log, source_name=path.name, source_file=path, used=(*_used(request.room), path))
         return run_window(replace(start, find_scanner=scanners.find, memory=memory_file()))
 
 
@@ -122,18 +131,20 @@ def _show_csv(path: Path, request: _Request) -> int:
 
     scene = _scene(request, begin_at="")
     read_foreign_scan(path, *guess_columns(path))  # raises InputError before the window opens
-    return _show(scene, request.room, path)
+    instead = f"`sonarhw import {quote(str(path))}` makes a log, and `sonarhw report` works without a window"
+    return _show(scene, request.room, path, instead)
 
 
-def _show_room(path: Path, request: _Request) -> int:
-    return _show(_scene(request, begin_at=""), path)
+def _show_room(room: str, request: _Request) -> int:
+    instead = f"`sonarhw simulate {quote(room)} --out FILE.png` works without a window"
+    return _show(_scene(request, begin_at=""), room, None, instead)
 
 
-def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
-    """Open the window on a scene without a scanner, and open `file` in it."""
+def _show(scene: "Scene", room: str | None, file: Path | None, instead: str) -> int:
+    """Open the window on a scene without a scanner, and open `file` in it. `instead` is for a missing display."""
     from sonarhw_gui.shell.display import check_display
 
-    check_display()
+    check_display(instead)
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
@@ -143,16 +154,20 @@ def _show(scene: "Scene", room: Path | None, file: Path | None = None) -> int:
         return run_window(start)
 
 
-def _used(*named: Path | None) -> tuple[Path, ...]:
-    return tuple(path for path in named if path is not None)
+def _used(room: str | None) -> tuple[Path, ...]:
+    """Return the file of the room, for the list of recent files; nothing for a shipped room."""
+    from sonarhw_sim.named_file import is_file
+
+    return (Path(room),) if room is not None and is_file(room) else ()
 
 
 def _scan(url: str, request: _Request, resume: bool = False) -> int:
-    from sonarhw_gui.shell.display import check_display
+    from sonarhw_compare.scanners.fake_url import is_fake
+    from sonarhw_gui.shell.display import DEMO, check_display
 
-    fake = url.startswith(FAKE)
+    fake = is_fake(url)
     scene = _fake_scene(url, request) if fake else _scene(request)
-    check_display()
+    check_display(DEMO if fake else f"`sonarhw scan {quote(url)} --out LOG.mcap` works without a window")
     from sonarhw_gui.session.memory import memory_file
     from sonarhw_gui.shell.application import WindowStart, run_window
 
@@ -173,9 +188,10 @@ class _Scanners:
 
     def find(self, url: str) -> "ScannerTarget":
         """Return the scanner at `url`, not yet opened. Raises InputError for an invalid URL."""
+        from sonarhw_compare.scanners.fake_url import is_fake
         from sonarhw_gui.session.scanner_choice import ScannerTarget
 
-        scene = _fake_scene(url, _NOTHING) if url.startswith(FAKE) else None
+        scene = _fake_scene(url, _NOTHING) if is_fake(url) else None
         return ScannerTarget(url, self.opener(url), scene)
 
     def opener(self, url: str) -> "ScannerOpener":
@@ -201,6 +217,7 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
     """
     from sonarhw_gui.scene.scene import first_place, scene_with
     from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.named_file import file_name
     from sonarhw_sim.room.model import load_room
 
     board = load_board(request.board or DEFAULT_BOARD)
@@ -213,13 +230,15 @@ def _scene(request: _Request, begin_at: str | None = None) -> "Scene":
         place = room.places.get(begin_at) or first_place(room)
     else:
         place = room.place(request.place)
-    return scene_with(board, room, place, request.room.name)
+    return scene_with(board, room, place, file_name(request.room))
 
 
 def _fake_scene(url: str, request: _Request) -> "Scene":
     """Return the scene of the fake scanner, or that with the requested room. Check every part of the URL."""
+    from sonarhw_compare.scanners.fake_url import read_fake_url
+
     fake = read_fake_url(url)
-    own = _Request(fake.room_file, fake.place, fake.board)
+    own = _Request(fake.room, fake.place, fake.board)
     scene = _scene(own)
     if request.room is None:
         request = replace(own, place=request.place or own.place, board=request.board or own.board)
@@ -227,7 +246,7 @@ def _fake_scene(url: str, request: _Request) -> "Scene":
 
 
 def _log_scene(log: "Log", request: _Request) -> "Scene":
-    from sonarhw_compare.imports.recorded_board import board_of_log
+    from sonarhw_compare.imports.recorded_setting import board_of_log
     from sonarhw_gui.scene.scene import scene_of_log
     from sonarhw_sim.board.profile import load_board
 

@@ -1,0 +1,114 @@
+"""`sonarhw room`: list the shipped rooms, write a template, check a room file, print its JSON Schema."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from sonarhw_compare.pictures.picture_file import PICTURES, write_picture
+from sonarhw_sim.choices import DEFAULT_BOARD
+
+from sonarhw_cli.console.lines import print_json, print_line
+from sonarhw_cli.console.number_format import counted
+from sonarhw_cli.console.options import BoardName, Force, RoomName, checked_out
+from sonarhw_cli.console.output import atomic_file
+from sonarhw_cli.prediction.new_file import NewFile, write_template
+
+if TYPE_CHECKING:
+    from sonarhw_sim.check.finding import Finding
+    from sonarhw_sim.room.model import Room
+
+REFUSED = 2  # exit status
+
+app = typer.Typer(help="List, write and check room files.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_rooms() -> None:
+    """List the shipped rooms with their places."""
+    from sonarhw_sim.room.model import load_room, room_names
+
+    for name in room_names():
+        print_line(f"{name:15} places: {', '.join(load_room(name).places) or 'none'}")
+
+
+@app.command("new")
+def new(file: NewFile) -> None:
+    """Write an annotated room file to start from. An existing file is never overwritten."""
+    write_template("sonarhw_sim.room", file)
+    print_line(f"{file}: edit it, then run: sonarhw room check {file}")
+
+
+@app.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of room files, for completion and checks in an editor."""
+    from sonarhw_sim.room.room_file import RoomFile
+    from sonarhw_sim.toml_file import json_schema
+
+    print_json(json_schema(RoomFile))
+
+
+@app.command("check")
+def check(
+    room_name: RoomName,
+    board: BoardName = DEFAULT_BOARD,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw the room, with the findings marked.", metavar="FILE.png|.pdf|.svg"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    force: Force = False,
+) -> int:
+    """Check a room for probable mistakes, such as a wrong unit or walls that nearly meet.
+
+    Prints one line for each finding. Exit status: 0 without findings, 1 with findings, 2 if the other commands would
+    refuse the file.
+    """
+    from sonarhw_sim.board.profile import load_board
+    from sonarhw_sim.check.room_check import check_room, refusals_of
+    from sonarhw_sim.room.model import SHIPPED_ROOMS, parse_room
+
+    picture = checked_out(plot, PICTURES, force, room_name, board, option="--plot") if plot is not None else ""
+    profile = load_board(board)
+    text, where = SHIPPED_ROOMS.read(room_name)
+    if refusals := refusals_of(text, where):
+        _print_refusals(where, refusals, as_json)
+        return REFUSED
+    room = parse_room(text, where)
+    findings = check_room(room, profile)
+    if plot is not None:
+        _draw(room, findings, plot, picture, force)
+    if as_json:
+        print_json({"file": where, "refused": [], "findings": [asdict(finding) for finding in findings]})
+    else:
+        _print(where, room, findings)
+    return 1 if findings else 0
+
+
+def _print_refusals(where: str, refusals: list[str], as_json: bool) -> None:
+    if as_json:
+        print_json({"file": where, "refused": refusals, "findings": []})
+        return
+    for line in refusals:
+        print_line(f"{where}: {line}")
+    print_line(f"{where}: {counted(len(refusals), 'error')}; no command accepts this file")
+
+
+def _print(where: str, room: "Room", findings: "list[Finding]") -> None:
+    for number, finding in enumerate(findings, 1):
+        print_line(f"{number}: {finding.line}")
+    content = ", ".join(
+        (
+            counted(len(room.walls), "wall"),
+            counted(len(room.posts), "post"),
+            counted(len(room.places), "place"),
+        )
+    )
+    print_line(f"{where}: {counted(len(findings), 'finding') if findings else 'no findings'}; {content}")
+
+
+def _draw(room: "Room", findings: "list[Finding]", plot: Path, kind: str, force: bool) -> None:
+    from sonarhw_compare.pictures.room_picture import draw_checked_room
+
+    with atomic_file(plot, overwrite=force) as file:
+        write_picture(draw_checked_room(room, findings), file, kind)
